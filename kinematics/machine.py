@@ -1,0 +1,193 @@
+"""A machine tool: a serial chain of axes from the workpiece `w` over the bed `b` to the tool `t`.
+
+The chain is written as in ISO 10791-6, `w C B b X Y Z t`. Positive means, as in ISO 841, the *tool relative to the
+workpiece*, also for axes that carry the workpiece: a table turns or travels the other way.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from kinematics.errors import UserError
+from kinematics.transforms import Array
+
+Vector = tuple[float, float, float]
+
+ISO_DIRECTION: Mapping[str, Vector] = {
+    "X": (1, 0, 0), "U": (1, 0, 0), "A": (1, 0, 0),
+    "Y": (0, 1, 0), "V": (0, 1, 0), "B": (0, 1, 0),
+    "Z": (0, 0, 1), "W": (0, 0, 1), "C": (0, 0, 1),
+}  # fmt: skip
+_AXIS_NAME = re.compile(r"[XYZUVWABC]\d?")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of the chain; lengths in mm, angles in degrees, as in the machine's file."""
+
+    name: str
+    kind: Literal["linear", "rotary"]
+    side: Literal["workpiece", "tool"]
+    direction: Vector
+    """Of the tool relative to the workpiece for a positive command; for a rotary axis, what it turns about. Any length."""
+    point: Vector
+    """Machine frame: a point on a rotary axis, or the carriage point, at axis position 0, that angular errors turn about."""
+    travel: tuple[float, float]
+    resolution: float
+
+    @property
+    def unit_direction(self) -> Array:
+        """Direction of length 1, shape (3,)."""
+        d = np.asarray(self.direction, float)
+        return np.asarray(d / np.linalg.norm(d))
+
+    @property
+    def rotary(self) -> bool:
+        """True for A, B and C."""
+        return self.kind == "rotary"
+
+    @property
+    def unit(self) -> str:
+        """Unit of its positions in files and on screens."""
+        return "deg" if self.rotary else "mm"
+
+    @cached_property
+    def error_frame(self) -> Array:
+        """Rotation (3, 3) from the axis' error frame to the machine frame.
+
+        The six error motions are counted in the machine's x, y, z; for a slanting axis (B of the DMU 50) in that
+        frame turned by the smallest rotation that lays the axis' ISO letter direction on its line, so that
+        E_BB is still the angular positioning error of B.
+        """
+        letter = np.asarray(ISO_DIRECTION[self.name[0]], float)
+        line = self.unit_direction
+        if letter @ line < 0:
+            line = -line
+        v, c = np.cross(letter, line), float(letter @ line)
+        k = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+        return np.asarray(np.eye(3) + k + k @ k / (1.0 + c))
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A named chain of axes, in order from the workpiece to the tool, with its defaults for reading NC programs."""
+
+    name: str
+    description: str
+    axes: tuple[Axis, ...]
+    integer_words: Literal["units", "increments"] = "units"
+    """Meaning of a coordinate without decimal point: 10 is 10 mm, or 10 least increments of the control."""
+    increment: float = 0.001
+    """Least input increment (mm or degrees) that `integer_words = "increments"` counts in."""
+    work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Offsets by name (G54, or a preset number) and axis, mm or degrees."""
+    tools: Mapping[str, float] = field(default_factory=dict)
+    """Tool lengths, mm, by number as text."""
+
+    @property
+    def chain(self) -> str:
+        """The ISO 10791-6 notation, `w C B b X Y Z t`."""
+        workpiece = [a.name for a in self.axes if a.side == "workpiece"]
+        tool = [a.name for a in self.axes if a.side == "tool"]
+        return " ".join(["w", *workpiece, "b", *tool, "t"])
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Axis names in chain order: the order of every array of axis positions."""
+        return tuple(a.name for a in self.axes)
+
+    @cached_property
+    def rotary(self) -> NDArrayBool:
+        """Mask (axes,) of the rotary axes."""
+        return np.array([a.rotary for a in self.axes], bool)
+
+    @cached_property
+    def scale(self) -> Array:
+        """Factors (axes,) from file units (mm, degrees) to internal ones (mm, rad)."""
+        return np.where(self.rotary, math.pi / 180.0, 1.0)
+
+    @cached_property
+    def travel(self) -> Array:
+        """Lower and upper ends (2, axes), mm and rad."""
+        return np.array([a.travel for a in self.axes], float).T * self.scale
+
+    @cached_property
+    def translators(self) -> tuple[int, ...]:
+        """Columns of the linear axes that place the tool: the first independent ones, X Y Z before U V W.
+
+        Raises UserError when the linear axes do not span space.
+        """
+        linear = [i for i, a in enumerate(self.axes) if not a.rotary]
+        linear.sort(key=lambda i: "XYZUVW".index(self.axes[i].name[0]))
+        chosen: list[int] = []
+        for i in linear:
+            span = np.array([self.axes[j].unit_direction for j in (*chosen, i)])
+            if np.linalg.matrix_rank(span) > len(chosen):
+                chosen.append(i)
+        if len(chosen) < 3:
+            raise UserError(f"machine {self.name}: its linear axes do not span space, so it can't place a tool point")
+        return tuple(sorted(chosen))
+
+    def index(self, name: str) -> int:
+        """Column of the axis; UserError when the machine has none of that name."""
+        if name not in self.names:
+            raise UserError(f"machine {self.name} ({self.chain}) has no axis {name}")
+        return self.names.index(name)
+
+    @cached_property
+    def chain_hash(self) -> str:
+        """Identifies the geometry (not travels or defaults): what a calibration and a derived transform belong to."""
+        geometry = [(a.name, a.side, *map(float, (*a.direction, *a.point))) for a in self.axes]
+        return hashlib.sha256(repr(geometry).encode()).hexdigest()[:16]
+
+
+NDArrayBool = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+
+
+def split_chain(chain: str) -> list[tuple[str, Literal["workpiece", "tool"]]]:
+    """Axis names and sides of an ISO 10791-6 chain; UserError when it is not one."""
+    links = chain.split()
+    if len(links) < 3 or links[0] != "w" or links[-1] != "t" or links.count("b") != 1:
+        raise UserError(f"chain {chain!r} is not of the form 'w ... b ... t' (ISO 10791-6), e.g. 'w C B b X Y Z t'")
+    names = [link for link in links[1:-1] if link != "b"]
+    for name in names:
+        if not _AXIS_NAME.fullmatch(name):
+            raise UserError(f"chain {chain!r}: {name!r} is no axis name (X Y Z U V W A B C, with an optional digit)")
+        if names.count(name) > 1:
+            raise UserError(f"chain {chain!r}: axis {name} appears twice")
+    bed = links.index("b")
+    return [(n, "workpiece" if links.index(n) < bed else "tool") for n in names]
+
+
+def make_axis(
+    name: str,
+    side: Literal["workpiece", "tool"],
+    travel: Sequence[float],
+    *,
+    direction: Sequence[float] | None = None,
+    point: Sequence[float] = (0.0, 0.0, 0.0),
+    resolution: float = 1e-4,
+) -> Axis:
+    """An axis from its file entries, checked; UserError says what is wrong with which entry."""
+    where = f"axis {name}"
+    d = tuple(float(v) for v in (direction if direction is not None else ISO_DIRECTION[name[0]]))
+    p = tuple(float(v) for v in point)
+    if not all(map(math.isfinite, d)) or math.hypot(*d) == 0:
+        raise UserError(f"{where}: direction {list(d)} is no direction")
+    if not all(map(math.isfinite, p)):
+        raise UserError(f"{where}: point {list(p)} is not finite")
+    low, high = (float(v) for v in travel)
+    if math.isnan(low) or math.isnan(high) or low >= high:
+        raise UserError(f"{where}: travel {list(travel)} must go from a lower to a higher position")
+    if not (resolution > 0 and math.isfinite(resolution)):
+        raise UserError(f"{where}: resolution {resolution} must be positive")
+    kind: Literal["linear", "rotary"] = "rotary" if name[0] in "ABC" else "linear"
+    return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution))

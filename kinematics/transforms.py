@@ -1,0 +1,62 @@
+"""Rigid transforms in batches: rotations `(n, 3, 3)` and translations `(n, 3)`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """A batch of rigid transforms p -> rotation p + translation; either part may have one row for all."""
+
+    rotation: Array
+    translation: Array
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Compose: `(a @ b)` applies b first."""
+        return Pose(self.rotation @ other.rotation, self.apply(other.translation))
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Transform points `(n, 3)` or `(3,)`, mm."""
+        return turn(self.rotation, points) + self.translation
+
+
+IDENTITY = Pose(np.eye(3)[None], np.zeros((1, 3)))
+
+
+def turn(rotation: Array, vectors: ArrayLike) -> Array:
+    """Rotate vectors `(n, 3)` or `(3,)` by rotations `(n, 3, 3)`, row by row."""
+    return np.asarray((rotation @ np.atleast_2d(np.asarray(vectors, float))[..., None])[..., 0])
+
+
+def rotation_about(direction: ArrayLike, angle: ArrayLike) -> Array:
+    """Rotation matrices `(n, 3, 3)` about one unit direction `(3,)` by angles `(n,)`, rad (Rodrigues)."""
+    d = np.asarray(direction, float)
+    a = np.atleast_1d(np.asarray(angle, float))
+    k = np.array([[0.0, -d[2], d[1]], [d[2], 0.0, -d[0]], [-d[1], d[0], 0.0]])
+    s, versed = np.sin(a)[:, None, None], 2.0 * np.sin(a / 2.0)[:, None, None] ** 2
+    return np.asarray(np.eye(3) + s * k + versed * (k @ k))
+
+
+def rotation_vector_matrix(vectors: ArrayLike) -> Array:
+    """Rotation matrices `(n, 3, 3)` of rotation vectors `(n, 3)`, rad; exact at and near zero."""
+    v = np.atleast_2d(np.asarray(vectors, float))
+    angle = np.linalg.norm(v, axis=1)[:, None, None]
+    k = np.zeros((len(v), 3, 3))
+    k[:, 0, 1], k[:, 0, 2], k[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    k[:, 1, 0], k[:, 2, 0], k[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
+    # numpy's sinc is sin(pi x)/(pi x)
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * k + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (k @ k))
+
+
+def rotation_vector(rotation: Array) -> Array:
+    """Rotation vectors `(n, 3)`, rad, of rotation matrices `(n, 3, 3)` with angles below pi."""
+    r = np.asarray(rotation)
+    sine = 0.5 * np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
+    s = np.linalg.norm(sine, axis=1)
+    angle = np.arctan2(s, (np.trace(r, axis1=1, axis2=2) - 1.0) / 2.0)
+    return np.asarray(sine / np.sinc(angle / np.pi)[:, None])

@@ -1,0 +1,105 @@
+"""The machines: TOML definitions beside this module, found by name; a user's own, by path."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from kinematics.errors import UserError
+from kinematics.machine import Machine, make_axis, split_chain
+
+FOLDER = Path(__file__).parent
+
+
+class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
+    travel: tuple[float, float]
+    direction: tuple[float, float, float] | None = None
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    resolution: float = 1e-4
+
+
+class _ControlEntry(msgspec.Struct, forbid_unknown_fields=True):
+    integer_words: Literal["units", "increments"] = "units"
+    increment: float = 1e-3
+
+
+class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
+    name: str
+    chain: str
+    axes: dict[str, _AxisEntry]
+    description: str = ""
+    control: _ControlEntry = msgspec.field(default_factory=_ControlEntry)
+    work_offsets: dict[str, dict[str, float]] = {}
+    tools: dict[str, float] = {}
+
+
+def names() -> list[str]:
+    """Names of the shipped machines."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def load(name_or_path: str) -> Machine:
+    """The machine of a shipped name or of a TOML file; UserError says what is wrong and where."""
+    path = Path(name_or_path)
+    if path.suffix.lower() != ".toml" and not path.is_file():
+        if name_or_path not in names():
+            raise UserError(
+                f"unknown machine {name_or_path!r}: shipped are {', '.join(names())}; or give the path of a .toml file"
+            )
+        path = FOLDER / f"{name_or_path}.toml"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as fault:
+        raise UserError(f"machine file {path}: {fault.strerror or fault}") from None
+    except UnicodeDecodeError:
+        raise UserError(f"machine file {path}: not UTF-8 text") from None
+    return parse(text, str(path))
+
+
+def parse(text: str, source: str) -> Machine:
+    """The machine written in TOML; `source` names the text in error messages."""
+    try:
+        entries = msgspec.convert(tomllib.loads(text), _MachineFile)
+        return _build(entries)
+    except (tomllib.TOMLDecodeError, msgspec.ValidationError, UserError) as fault:
+        raise UserError(f"machine file {source}: {fault}") from None
+
+
+def default_calibration(machine: Machine) -> Path | None:
+    """The shipped calibration of a shipped machine, None where there is none."""
+    path = FOLDER / "calibrations" / f"{machine.name}.json"
+    return path if path.is_file() else None
+
+
+def _build(entries: _MachineFile) -> Machine:
+    links = split_chain(entries.chain)
+    chained = {name for name, _ in links}
+    for name in entries.axes:
+        if name not in chained:
+            raise UserError(f"axes.{name} is not in the chain {entries.chain!r}")
+    axes = []
+    for name, side in links:
+        entry = entries.axes.get(name)
+        if entry is None:
+            raise UserError(f"axis {name} of the chain {entries.chain!r} has no [axes.{name}] with its travel")
+        axes.append(
+            make_axis(
+                name, side, entry.travel, direction=entry.direction, point=entry.point, resolution=entry.resolution
+            )
+        )
+    for offset, values in entries.work_offsets.items():
+        unknown = set(values) - chained
+        if unknown:
+            raise UserError(f"work_offsets.{offset}: no axis {', '.join(sorted(unknown))} in the chain")
+    return Machine(
+        entries.name,
+        entries.description,
+        tuple(axes),
+        entries.control.integer_words,
+        entries.control.increment,
+        entries.work_offsets,
+        entries.tools,
+    )

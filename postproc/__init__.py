@@ -1,0 +1,1 @@
+"""NC programs in; corrected programs out; the command line."""
