@@ -69,5 +69,5 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
 
 
 def tool_point(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0), errors: Array | None = None) -> Array:
-    """Positions `(n, 3)`, mm, workpiece frame, of a point at `tool` `(3,)` or `(n, 3)` from the tool reference point."""
+    """Positions `(n, 3)`, mm, workpiece frame, of the point `tool` `(3,)` or `(n, 3)` from the tool reference point."""
     return forward(machine, q, errors).apply(tool)

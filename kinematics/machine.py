@@ -37,9 +37,9 @@ class Axis:
     kind: Literal["linear", "rotary"]
     side: Literal["workpiece", "tool"]
     direction: Vector
-    """Of the tool relative to the workpiece for a positive command; for a rotary axis, what it turns about. Any length."""
+    """Of the tool relative to the workpiece for a positive command; for a rotary axis, its turn. Any length."""
     point: Vector
-    """Machine frame: a point on a rotary axis, or the carriage point, at axis position 0, that angular errors turn about."""
+    """Machine frame: a point on a rotary axis; the carriage point, at position 0, that angular errors turn about."""
     travel: tuple[float, float]
     resolution: float
 
