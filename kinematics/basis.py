@@ -1,0 +1,128 @@
+"""How a function of an axis position is written: columns of basis functions, linear in their parameters.
+
+Positions are in file units (mm or degrees). Outside its interval a function keeps the value it has at the nearer end,
+as the compensation tables of controls do, so no basis extrapolates.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from numpy.polynomial import legendre
+
+from kinematics.transforms import Array
+
+Interval = tuple[float, float]
+Degree = Annotated[int, msgspec.Meta(ge=0, le=50)]
+
+
+class _Scaled(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A basis on an interval; subclasses see positions scaled to u = 0 at its lower and 1 at its upper end."""
+
+    interval: Interval
+
+    def __post_init__(self) -> None:
+        low, high = self.interval
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise ValueError(f"interval [{low}, {high}] must go from a lower to a higher position")
+
+    def _scaled(self, x: Array) -> Array:
+        low, high = self.interval
+        return np.asarray((np.clip(x, low, high) - low) / (high - low))
+
+
+class Polynomial(_Scaled, frozen=True, tag_field="kind", tag="polynomial"):
+    """1, u, u^2, ... u^degree with u = 0..1 over the interval."""
+
+    degree: Degree
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return self.degree + 1
+
+    def columns(self, x: Array) -> Array:
+        """Basis functions `(n, size)` at positions `(n,)`."""
+        return np.vander(self._scaled(x), self.size, increasing=True)
+
+
+class Legendre(_Scaled, frozen=True, tag_field="kind", tag="legendre"):
+    """Legendre polynomials P_0 ... P_degree over the interval taken as -1..1."""
+
+    degree: Degree
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return self.degree + 1
+
+    def columns(self, x: Array) -> Array:
+        """Basis functions `(n, size)` at positions `(n,)`."""
+        return np.asarray(legendre.legvander(2.0 * self._scaled(x) - 1.0, self.degree))
+
+
+class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
+    """1, u, then sin(n pi u), cos(n pi u) per harmonic n: the errors of the virtual calibration paper, Table 1."""
+
+    harmonics: tuple[float, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return 2 + 2 * len(self.harmonics)
+
+    def columns(self, x: Array) -> Array:
+        """Basis functions `(n, size)` at positions `(n,)`."""
+        u = self._scaled(x)
+        waves = [wave(n * np.pi * u) for n in self.harmonics for wave in (np.sin, np.cos)]
+        return np.stack([np.ones_like(u), u, *waves], axis=1)
+
+
+class BSpline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="b-spline"):
+    """B-spline over ascending nodes: degree 1 is an interpolated table of node values, degree 3 a cubic spline.
+
+    Clamped at both ends, so the first and last parameters are the end values. Columns by the Cox-de Boor recursion
+    (scipy.interpolate has the same; a run that corrects a program does not wait for its import).
+    """
+
+    nodes: tuple[float, ...]
+    degree: Literal[1, 3]
+
+    def __post_init__(self) -> None:
+        if len(self.nodes) < 2 or not np.all(np.diff(self.nodes) > 0) or not np.all(np.isfinite(self.nodes)):
+            raise ValueError("nodes must be at least two, finite and ascending")
+
+    @property
+    def interval(self) -> Interval:
+        """From the first to the last node."""
+        return self.nodes[0], self.nodes[-1]
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.nodes) + self.degree - 1
+
+    def columns(self, x: Array) -> Array:
+        """Basis functions `(n, size)` at positions `(n,)`."""
+        p, n = self.degree, len(x)
+        knots = np.concatenate([[self.nodes[0]] * p, self.nodes, [self.nodes[-1]] * p])
+        x = np.clip(x, *self.interval)
+        span = np.clip(np.searchsorted(knots, x, side="right") - 1, p, len(knots) - p - 2)
+        local = np.ones((n, 1))
+        for k in range(1, p + 1):
+            # of the k + 1 functions alive in the span, each is a blend of two of one degree less
+            left = knots[span[:, None] + np.arange(1 - k, 1)]
+            right = knots[span[:, None] + np.arange(1, k + 1)]
+            weight = local / (right - left)
+            local = np.zeros((n, k + 1))
+            local[:, :-1] += (right - x[:, None]) * weight
+            local[:, 1:] += (x[:, None] - left) * weight
+        columns = np.zeros((n, self.size))
+        np.put_along_axis(columns, span[:, None] + np.arange(-p, 1), local, axis=1)
+        return columns
+
+
+Basis = Polynomial | Legendre | Fourier | BSpline

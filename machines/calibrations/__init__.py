@@ -1,0 +1,1 @@
+"""Calibrations shipped with the machines, and the scripts that make them."""
