@@ -42,6 +42,8 @@ class Axis:
     """Machine frame: a point on a rotary axis; the carriage point, at position 0, that angular errors turn about."""
     travel: tuple[float, float]
     resolution: float
+    home: float
+    """Reference position; where the axis is taken to stand until a program says where it is."""
 
     @property
     def unit_direction(self) -> Array:
@@ -77,16 +79,29 @@ class Axis:
 
 
 @dataclass(frozen=True)
+class Control:
+    """How the machine's control reads what an NC program leaves open."""
+
+    integer_words: Literal["units", "increments"] = "units"
+    """Meaning of a coordinate without decimal point: 10 is 10 mm, or 10 least increments of the control."""
+    increment: float = 1e-3
+    """Least input increment (mm or degrees) that `integer_words = "increments"` counts in."""
+    arc_centres: Literal["incremental", "absolute"] = "incremental"
+    """Meaning of I J K before any G90.1 or G91.1."""
+    tool_change_moves: tuple[str, ...] = ("Z",)
+    """Axes that a tool change leaves somewhere else."""
+    tcp_at_start: bool = False
+    """True for a control whose kinematics place the tool point in the workpiece frame from the start (LinuxCNC)."""
+
+
+@dataclass(frozen=True)
 class Machine:
     """A named chain of axes, in order from the workpiece to the tool, with its defaults for reading NC programs."""
 
     name: str
     description: str
     axes: tuple[Axis, ...]
-    integer_words: Literal["units", "increments"] = "units"
-    """Meaning of a coordinate without decimal point: 10 is 10 mm, or 10 least increments of the control."""
-    increment: float = 0.001
-    """Least input increment (mm or degrees) that `integer_words = "increments"` counts in."""
+    control: Control = field(default_factory=Control)
     work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Offsets by name (G54, or a preset number) and axis, mm or degrees."""
     tools: Mapping[str, float] = field(default_factory=dict)
@@ -175,6 +190,7 @@ def make_axis(
     direction: Sequence[float] | None = None,
     point: Sequence[float] = (0.0, 0.0, 0.0),
     resolution: float = 1e-4,
+    home: float | None = None,
 ) -> Axis:
     """An axis from its file entries, checked; UserError says what is wrong with which entry."""
     where = f"axis {name}"
@@ -189,5 +205,8 @@ def make_axis(
         raise UserError(f"{where}: travel {list(travel)} must go from a lower to a higher position")
     if not (resolution > 0 and math.isfinite(resolution)):
         raise UserError(f"{where}: resolution {resolution} must be positive")
+    stand = min(max(0.0, low), high) if home is None else float(home)
+    if not low <= stand <= high:
+        raise UserError(f"{where}: home {home} is outside its travel {list(travel)}")
     kind: Literal["linear", "rotary"] = "rotary" if name[0] in "ABC" else "linear"
-    return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution))
+    return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution), stand)

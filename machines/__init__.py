@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 
 from kinematics.errors import UserError
-from kinematics.machine import Machine, make_axis, split_chain
+from kinematics.machine import Control, Machine, make_axis, split_chain
 
 FOLDER = Path(__file__).parent
 
@@ -19,11 +19,15 @@ class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
     direction: tuple[float, float, float] | None = None
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     resolution: float = 1e-4
+    home: float | None = None
 
 
 class _ControlEntry(msgspec.Struct, forbid_unknown_fields=True):
     integer_words: Literal["units", "increments"] = "units"
     increment: float = 1e-3
+    arc_centres: Literal["incremental", "absolute"] = "incremental"
+    tool_change_moves: tuple[str, ...] = ("Z",)
+    tcp_at_start: bool = False
 
 
 class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -85,11 +89,8 @@ def _build(entries: _MachineFile) -> Machine:
         entry = entries.axes.get(name)
         if entry is None:
             raise UserError(f"axis {name} of the chain {entries.chain!r} has no [axes.{name}] with its travel")
-        axes.append(
-            make_axis(
-                name, side, entry.travel, direction=entry.direction, point=entry.point, resolution=entry.resolution
-            )
-        )
+        settings = msgspec.structs.asdict(entry)
+        axes.append(make_axis(name, side, **settings))
     for offset, values in entries.work_offsets.items():
         unknown = set(values) - chained
         if unknown:
@@ -98,8 +99,7 @@ def _build(entries: _MachineFile) -> Machine:
         entries.name,
         entries.description,
         tuple(axes),
-        entries.control.integer_words,
-        entries.control.increment,
+        Control(**msgspec.structs.asdict(entries.control)),
         entries.work_offsets,
         entries.tools,
     )

@@ -1,0 +1,338 @@
+"""Meaning of ISO / Fanuc / LinuxCNC blocks: modal state in, moves out; what could move the tool unseen is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from kinematics.machine import Machine
+from postproc.circles import centre_from_radius, radius_fault
+from postproc.frames import Frame, cartesian
+from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
+from postproc.notes import Notes
+from postproc.program import Block
+from postproc.setup import Setup
+
+AXES = "XYZABCUVW"
+INCH = 25.4
+
+MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
+
+# Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, feed and speed
+# modes, return levels of cycles.
+HARMLESS_G = frozenset(
+    (4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0, 69.0, 80.0, 93.0, 94.0, 95.0, 96.0)
+    + (97.0, 98.0, 99.0)
+)
+WORK_OFFSETS = {**{float(g): f"G{g}" for g in range(54, 60)}, 59.1: "G59.1", 59.2: "G59.2", 59.3: "G59.3"}
+FRAME_CODES = frozenset((43.0, 43.4, 49.0, 54.1, *WORK_OFFSETS))
+
+REFUSED_G = {
+    **dict.fromkeys((5.0, 5.2, 5.3, 6.2), "splines are not corrected"),
+    7.0: "diameter programming is not corrected",
+    10.0: "sets offsets in the control while it runs",
+    **dict.fromkeys((12.0, 13.0, 12.1, 13.1, 7.1, 107.0, 112.0), "polar or cylindrical interpolation is not corrected"),
+    16.0: "polar coordinates are not corrected",
+    **dict.fromkeys((31.0, 37.0, 38.2, 38.3, 38.4, 38.5), "where a probing move ends is not known"),
+    **dict.fromkeys((32.0, 33.0, 33.1, 76.0, 92.1), "is not corrected"),
+    **dict.fromkeys((41.0, 42.0, 41.1, 42.1), "cutter radius compensation: the control shifts the path by itself"),
+    44.0: "a negative length offset is not corrected",
+    43.1: "a length offset given in the program is not corrected",
+    **dict.fromkeys((43.5, 53.1), "tool vectors are not corrected"),
+    **dict.fromkeys((51.0, 51.1), "scaling or mirroring changes what coordinates mean"),
+    **dict.fromkeys((52.0, 92.0), "shifts the coordinates"),
+    **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
+    **dict.fromkeys((65.0, 66.0, 66.1), "calls a macro"),
+    **dict.fromkeys((68.0, 68.2, 68.3, 68.4), "turns the coordinates"),
+    **dict.fromkeys((73.0, 74.0, *map(float, range(81, 90))), "canned cycles are not corrected"),
+}
+REFUSED_M = {
+    96.0: "jumps when an interrupt comes",
+    97.0: "calls a subprogram",
+    98.0: "calls a subprogram",
+    99.0: "jumps back in the program",
+    198.0: "calls a subprogram",
+    **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
+}
+HARMLESS_M = frozenset(
+    map(float, [*range(12), 13, 14, 16, 17, 18, 19, 21, 22, 29, 30, 48, 49, 50, 51, 52, 53, 60, 88, 89])
+)
+
+CONSTRUCTS = {
+    "keyword": "control flow (IF, WHILE, GOTO) is not followed",
+    "subroutine": "control flow (O-words) is not followed",
+    "bracket": "an expression that stands alone is not understood",
+    "number": "a number without an address",
+}
+PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
+CENTRE_WORD = {"X": "I", "Y": "J", "Z": "K"}
+_USER_VARIABLE = re.compile(r"#\s*(\d{1,3}|<[^_<>][^<>]*>)\s*=")
+
+
+@dataclass
+class _Content:
+    """The words of one block, sorted."""
+
+    g: list[float] = field(default_factory=list)
+    m: list[float] = field(default_factory=list)
+    axes: list[int] = field(default_factory=list)
+    """Indices of the axis words."""
+    other: dict[str, int] = field(default_factory=dict)
+    """Indices of all other words by address."""
+
+
+@dataclass
+class IsoInterpreter:
+    """Reads blocks in order; modal state carries over from chunk to chunk."""
+
+    machine: Machine
+    setup: Setup
+    notes: Notes
+
+    def __post_init__(self) -> None:
+        self.motion: float | None = None
+        self.plane = "XYZ"
+        self.absolute = True
+        self.arc_absolute = self.machine.control.arc_centres == "absolute"
+        self.unit = 1.0
+        self.work_offset = "G54"
+        self.selected_tool = 0
+        self.spindle_tool: int | None = None
+        self.length_offset: int | None = None
+        self.tcp = self.machine.control.tcp_at_start
+        self.recorder = Recorder(self.machine, self._frame())
+
+    def read(self, blocks: Sequence[Block]) -> Motions:
+        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood."""
+        for index, block in enumerate(blocks):
+            if block.kind == "words":
+                self._read_words(index, block)
+            elif block.kind not in ("blank", "tape_mark"):
+                self._read_construct(block)
+        return self.recorder.finish(list(blocks))
+
+    def _read_construct(self, block: Block) -> None:
+        if block.kind == "assignment" and not block.words:
+            if not _USER_VARIABLE.match(block.detail):
+                raise block.refuse(f"{block.detail}: sets a system variable of the control")
+            return
+        if block.kind == "computed" and block.detail[0].upper() in "FSP" and not block.words:
+            return
+        if block.kind == "computed":
+            raise block.refuse(f"{block.detail}: its value is computed while the program runs")
+        raise block.refuse(f"{block.detail}: {CONSTRUCTS.get(block.kind, 'is not understood')}")
+
+    def _read_words(self, index: int, block: Block) -> None:
+        content = self._sort(block)
+        moves = bool(content.axes or {"I", "J", "K", "R"} & content.other.keys())
+        if block.skippable and (moves or content.g or content.m):
+            raise block.refuse("whether it runs depends on the block-skip switch")
+        if content.m or "T" in content.other:
+            self._functions(block, content)
+        claimed = self._modes(block, content) if content.g else None
+        if claimed == 4.0 or (claimed is None and not moves):
+            return
+        if claimed in (28.0, 30.0):
+            self._reference_return(block, content)
+        elif claimed == 53.0:
+            self._machine_move(index, block, content)
+        else:
+            self._move(index, block, content)
+
+    def _sort(self, block: Block) -> _Content:
+        content = _Content()
+        for i, (address, value, *_) in enumerate(block.words):
+            if address == "G":
+                content.g.append(value or 0.0)
+            elif address == "M":
+                content.m.append(value or 0.0)
+            elif address in AXES:
+                if any(block.words[j].address == address for j in content.axes):
+                    raise block.refuse(f"two {address} words")
+                content.axes.append(i)
+            elif address in content.other:
+                raise block.refuse(f"two {address} words")
+            else:
+                content.other[address] = i
+        return content
+
+    def _functions(self, block: Block, content: _Content) -> None:
+        if "T" in content.other:
+            self.selected_tool = int(block.words[content.other["T"]].value or 0)
+        for code in content.m:
+            if code in REFUSED_M:
+                raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
+            if code not in HARMLESS_M:
+                self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
+            if code == 6.0:
+                self.spindle_tool = self.selected_tool
+                moved = [
+                    self.machine.index(a) for a in self.machine.control.tool_change_moves if a in self.machine.names
+                ]
+                self.recorder.forget(moved)
+                self.recorder.set_frame(self._frame())
+
+    def _modes(self, block: Block, content: _Content) -> float | None:
+        """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
+        claimed = None
+        for code in content.g:
+            if code in MOTION:
+                self.motion = code
+            elif code in PLANES:
+                self.plane = PLANES[code]
+            elif code in (4.0, 28.0, 30.0, 53.0):
+                claimed = code
+            elif code in (20.0, 21.0):
+                self.unit = INCH if code == 20.0 else 1.0
+            elif code in (90.0, 91.0):
+                self.absolute = code == 90.0
+            elif code in (90.1, 91.1):
+                self.arc_absolute = code == 90.1
+            elif code in FRAME_CODES:
+                self._frame_code(block, content, code)
+            elif code in REFUSED_G:
+                raise block.refuse(f"G{code:g} {REFUSED_G[code]}")
+            elif code not in HARMLESS_G:
+                raise block.refuse(f"G{code:g} is not known")
+        if not FRAME_CODES.isdisjoint(content.g):
+            self.recorder.set_frame(self._frame())
+        return claimed
+
+    def _frame_code(self, block: Block, content: _Content, code: float) -> None:
+        if code in WORK_OFFSETS:
+            self.work_offset = WORK_OFFSETS[code]
+        elif code == 54.1:
+            if "P" not in content.other:
+                raise block.refuse("G54.1 without P")
+            self.work_offset = f"G54.1P{block.words[content.other['P']].value:g}"
+        else:
+            self._length_offset(block, content, code)
+
+    def _length_offset(self, block: Block, content: _Content, code: float) -> None:
+        if code == 49.0:
+            self.length_offset, self.tcp = None, self.machine.control.tcp_at_start
+            return
+        if "H" in content.other:
+            self.length_offset = int(block.words[content.other["H"]].value or 0)
+        elif self.length_offset is None:
+            self.length_offset = self.spindle_tool or 0
+        if code == 43.4:
+            self.tcp = True
+            self.notes.add(
+                "G43.4: X Y Z taken as the tool point in the workpiece frame that turns with a table", block.line
+            )
+
+    def _frame(self) -> Frame:
+        offset = list(self.setup.work_offset(self.work_offset))
+        length = 0.0
+        if self.length_offset:
+            length = self.setup.tool_length(self.length_offset)
+            if not self.tcp:
+                offset[cartesian(self.machine)[2]] += length
+        elif self.spindle_tool:
+            length = self.setup.tool_length(self.spindle_tool)
+        return Frame(tuple(offset), length, self.tcp)
+
+    def _value(self, block: Block, index: int, unit: float) -> float:
+        """The number of a word in mm or degrees."""
+        word = block.words[index]
+        value = word.value or 0.0
+        if value and "." not in block.text[word.start : word.end]:
+            if self.machine.control.integer_words == "increments":
+                return value * self.machine.control.increment
+            self.notes.add(
+                "coordinates without decimal point taken in mm, inches or degrees, not in increments", block.line
+            )
+        return value * unit
+
+    def _axis_words(self, block: Block, content: _Content) -> list[tuple[AxisWord, float]]:
+        """Axis words with their values, mm or degrees, in the order of the block."""
+        result = []
+        for i in content.axes:
+            address = block.words[i].address
+            if address not in self.machine.names:
+                raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {address}")
+            axis = self.machine.index(address)
+            unit = 1.0 if self.machine.axes[axis].rotary else self.unit
+            result.append((AxisWord(axis, i, not self.absolute), self._value(block, i, unit)))
+        return result
+
+    def _reference_return(self, block: Block, content: _Content) -> None:
+        axes = [word.axis for word, _ in self._axis_words(block, content)]
+        if self.absolute and axes:
+            self.notes.add("G28/G30 passes its intermediate point uncorrected", block.line)
+        self.recorder.forget(axes or list(range(len(self.machine.axes))))
+
+    def _machine_move(self, index: int, block: Block, content: _Content) -> None:
+        if not self.absolute or self.motion not in (0.0, 1.0):
+            raise block.refuse("G53 needs G90 and G0 or G1")
+        words = self._axis_words(block, content)
+        if words:
+            targets = {word.axis: value for word, value in words}
+            self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
+
+    def _move(self, index: int, block: Block, content: _Content) -> None:
+        if self.motion is None:
+            raise block.refuse("coordinates before any G0, G1, G2 or G3")
+        words = self._axis_words(block, content)
+        target = list(self.recorder.position)
+        for word, value in words:
+            if not word.incremental:
+                target[word.axis] = value
+            elif not self.recorder.known[word.axis]:
+                name = self.machine.names[word.axis]
+                raise block.refuse(f"an increment of {name} from a position that the program has not said")
+            else:
+                target[word.axis] += value
+        kind = MOTION[self.motion]
+        stray = {"I", "J", "K", "R"} & content.other.keys()
+        if kind is not Kind.ARC and stray:
+            raise block.refuse(f"{', '.join(sorted(stray))} without an arc")
+        arc = self._arc(block, content, target) if kind is Kind.ARC else None
+        self.recorder.move(index, kind, target, self.unit, tuple(word for word, _ in words), arc)
+
+    def _arc(self, block: Block, content: _Content, target: list[float]) -> Arc:
+        first, second, normal = (self.machine.index(letter) for letter in self.plane)
+        sense = 1 if self.motion == 3.0 else -1
+        position = self.recorder.position
+        if not (self.recorder.known[first] and self.recorder.known[second]):
+            raise block.refuse("an arc from a position that the program has not said")
+        if "P" in content.other and block.words[content.other["P"]].value != 1.0:
+            raise block.refuse("an arc of several turns is not corrected")
+        start, end = (position[first], position[second]), (target[first], target[second])
+        plane = (first, second, normal)
+        if "R" in content.other:
+            i = content.other["R"]
+            centre = centre_from_radius(start, end, self._value(block, i, self.unit), sense)
+            if centre is None:
+                raise block.refuse("no circle of this radius joins start and end")
+            return Arc(plane, sense, centre, False, "radius", (i, None))
+        letters = [CENTRE_WORD[letter] for letter in self.plane[:2]]
+        indices = [content.other.get(letter) for letter in letters]
+        self._check_centre_words(block, content, letters, indices)
+        values = [None if i is None else self._value(block, i, self.unit) for i in indices]
+        if self.arc_absolute:
+            centre = (start[0] if values[0] is None else values[0], start[1] if values[1] is None else values[1])
+        else:
+            centre = (start[0] + (values[0] or 0.0), start[1] + (values[1] or 0.0))
+        fault = radius_fault(start, end, centre)
+        if fault is not None:
+            raise block.refuse(fault + self._arc_hint(start, end, values))
+        form = "absolute" if self.arc_absolute else "incremental"
+        return Arc(plane, sense, centre, start == end, form, (indices[0], indices[1]))
+
+    def _check_centre_words(
+        self, block: Block, content: _Content, letters: list[str], indices: list[int | None]
+    ) -> None:
+        stray = [a for a in "IJK" if a not in letters and a in content.other and block.words[content.other[a]].value]
+        if stray:
+            raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(self.plane[:2])}")
+        if indices == [None, None]:
+            raise block.refuse(f"an arc without {' or '.join(letters)} or R")
+
+    def _arc_hint(self, start: tuple[float, float], end: tuple[float, float], values: list[float | None]) -> str:
+        absolute = (values[0] or 0.0, values[1] or 0.0)
+        if self.arc_absolute or radius_fault(start, end, absolute) is not None:
+            return ""
+        return '; its centre would fit as absolute: for such a control set arc_centres = "absolute" in the machine file'

@@ -1,0 +1,25 @@
+"""Notes: assumptions made on the way, each once, with where it was first made and how often."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Notes:
+    """Collects what the user should know although the run goes on."""
+
+    first: dict[str, int] = field(default_factory=dict)
+    count: dict[str, int] = field(default_factory=dict)
+
+    def add(self, text: str, line: int) -> None:
+        """Note `text` for a block at `line`."""
+        self.first.setdefault(text, line)
+        self.count[text] = self.count.get(text, 0) + 1
+
+    def texts(self) -> list[str]:
+        """Each note with its first line and count."""
+        return [
+            f"{text} (line {line}{f', {self.count[text]} times' if self.count[text] > 1 else ''})"
+            for text, line in self.first.items()
+        ]

@@ -1,0 +1,80 @@
+"""Work offsets and tool lengths: where they come from, and which of them a program used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+
+
+@dataclass
+class Setup:
+    """Offsets by name and tool lengths by number, for one machine; keeps account of what was looked up.
+
+    From the machine's file, overruled by a tool table, overruled by options; zero where nothing is said.
+    """
+
+    machine: Machine
+    work_offsets: dict[str, Mapping[str, float]] = field(default_factory=dict)
+    tools: dict[str, float] = field(default_factory=dict)
+    used_offsets: dict[str, str] = field(default_factory=dict)
+    used_tools: dict[str, str] = field(default_factory=dict)
+
+    def work_offset(self, name: str) -> tuple[float, ...]:
+        """Offset of every machine axis, mm or degrees: what is added to a programmed position."""
+        values = self.work_offsets.get(name, self.machine.work_offsets.get(name))
+        said = ", ".join(f"{axis} {value:g}" for axis, value in values.items()) if values else "0 (default)"
+        self.used_offsets[name] = said
+        return tuple((values or {}).get(axis, 0.0) for axis in self.machine.names)
+
+    def tool_length(self, number: int) -> float:
+        """Length of a tool, mm, from the tool reference point to the tip."""
+        key = str(number)
+        length = self.tools.get(key, self.machine.tools.get(key))
+        self.used_tools[key] = "0 (default)" if length is None else f"{length:g}"
+        return length or 0.0
+
+
+def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float]]:
+    """`G54=10,20,-5` or `G54=10,20,-5,C=30` as name and offsets; UserError says what is wrong with it."""
+    name, _, values = text.partition("=")
+    offsets: dict[str, float] = {}
+    for i, entry in enumerate(values.split(",")):
+        axis, _, number = entry.rpartition("=")
+        axis = axis.strip().upper() or ("XYZ"[i] if i < 3 else "")
+        if axis not in machine.names:
+            raise UserError(f"--work-offset {text}: no axis {axis or '(fourth value)'} on machine {machine.name}")
+        offsets[axis] = _number(number, f"--work-offset {text}")
+    if not name.strip():
+        raise UserError(f"--work-offset {text}: expected e.g. G54=10,20,-5")
+    return name.strip().upper(), offsets
+
+
+def parse_tool_length(text: str) -> tuple[str, float]:
+    """`T1=120.5` as number and length, mm; UserError says what is wrong with it."""
+    name, _, value = text.partition("=")
+    number = name.strip().upper().lstrip("T")
+    if not number.isdigit():
+        raise UserError(f"--tool-length {text}: expected e.g. T1=120.5")
+    return str(int(number)), _number(value, f"--tool-length {text}")
+
+
+def make_setup(
+    machine: Machine,
+    work_offsets: Iterable[str] = (),
+    tool_lengths: Iterable[str] = (),
+    table: Mapping[str, float] = {},
+) -> Setup:
+    """The setup from the options of the command line and a tool table."""
+    offsets = dict(parse_work_offset(text, machine) for text in work_offsets)
+    lengths = {**table, **dict(map(parse_tool_length, tool_lengths))}
+    return Setup(machine, dict(offsets), lengths)
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UserError(f"{where}: {text.strip()!r} is no number") from None
