@@ -22,8 +22,10 @@ MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 # Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, feed and speed
 # modes, return levels of cycles.
 HARMLESS_G = frozenset(
-    (4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0, 69.0, 80.0, 93.0, 94.0, 95.0, 96.0)
-    + (97.0, 98.0, 99.0)
+    [
+        *(4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0, 69.0, 80.0),
+        *(93.0, 94.0, 95.0, 96.0, 97.0, 98.0, 99.0),
+    ]
 )
 WORK_OFFSETS = {**{float(g): f"G{g}" for g in range(54, 60)}, 59.1: "G59.1", 59.2: "G59.2", 59.3: "G59.3"}
 FRAME_CODES = frozenset((43.0, 43.4, 49.0, 54.1, *WORK_OFFSETS))
@@ -290,7 +292,8 @@ class IsoInterpreter:
         if kind is not Kind.ARC and stray:
             raise block.refuse(f"{', '.join(sorted(stray))} without an arc")
         arc = self._arc(block, content, target) if kind is Kind.ARC else None
-        self.recorder.move(index, kind, target, self.unit, tuple(word for word, _ in words), arc)
+        named = tuple(word for word, _ in words)
+        self.recorder.move(index, kind, target, self.unit, named, arc, incremental=not self.absolute)
 
     def _arc(self, block: Block, content: _Content, target: list[float]) -> Arc:
         first, second, normal = (self.machine.index(letter) for letter in self.plane)

@@ -77,6 +77,8 @@ class Motions:
     """Index of the frame `(n,)`."""
     unit: Array
     """mm per unit of the words `(n,)`: 1, or 25.4 in an inch block."""
+    incremental: np.ndarray
+    """True `(n,)` where a word added to the block would be read as an increment (G91)."""
     start: Array
     target: Array
     known: np.ndarray
@@ -118,6 +120,9 @@ class Motions:
         return program
 
 
+_Row = tuple[int, Kind, int, float, bool, tuple[float, ...], tuple[float, ...], tuple[Known, ...]]
+
+
 @dataclass
 class Recorder:
     """The control's position as a dialect's interpreter moves it, and the rows that come of it.
@@ -130,9 +135,7 @@ class Recorder:
     frame: Frame
     position: list[float] = field(init=False)
     known: list[Known] = field(init=False)
-    _rows: list[tuple[int, Kind, int, float, tuple[float, ...], tuple[float, ...], tuple[Known, ...]]] = field(
-        init=False, default_factory=list
-    )
+    _rows: list[_Row] = field(init=False, default_factory=list)
     _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
     _arcs: dict[int, Arc] = field(init=False, default_factory=dict)
     _frames: list[Frame] = field(init=False)
@@ -162,13 +165,15 @@ class Recorder:
         unit: float,
         words: tuple[AxisWord, ...],
         arc: Arc | None = None,
+        *,
+        incremental: bool = False,
     ) -> None:
         """A move in the programmed frame to `target`, of which `words` name the axes that the block names."""
         if arc is not None:
             self._arcs[len(self._rows)] = arc
         for word in words:
             self.known[word.axis] = Known.PROGRAM
-        self._record(block, kind, target, unit, words)
+        self._record(block, kind, target, unit, incremental, words)
 
     def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
         """A move of some axes to machine positions, mm and degrees."""
@@ -176,7 +181,8 @@ class Recorder:
         for axis, value in targets.items():
             q[axis] = value * self.machine.scale[axis]
             self.known[axis] = Known.MACHINE
-        self._record(block, Kind.MACHINE, to_program(self.machine, self.frame, q[None])[0].tolist(), 1.0, words)
+        target = to_program(self.machine, self.frame, q[None])[0].tolist()
+        self._record(block, Kind.MACHINE, target, 1.0, False, words)
 
     def forget(self, axes: list[int]) -> None:
         """The axes now stand somewhere the program does not say; taken at home."""
@@ -191,7 +197,7 @@ class Recorder:
         rows, words, arcs, frames = self._rows, self._words, self._arcs, self._frames
         self._rows, self._words, self._arcs, self._frames = [], [], {}, [self.frame]
         n, axes = len(rows), len(self.machine.axes)
-        block, kind, frame, unit, start, target, known = zip(*rows, strict=True) if rows else ((),) * 7
+        block, kind, frame, unit, incremental, start, target, known = zip(*rows, strict=True) if rows else ((),) * 8
         return Motions(
             self.machine,
             blocks,
@@ -200,6 +206,7 @@ class Recorder:
             np.array(kind, int),
             np.array(frame, int),
             np.array(unit, float),
+            np.array(incremental, bool),
             np.array(start, float).reshape(n, axes),
             np.array(target, float).reshape(n, axes),
             np.array(known, int).reshape(n, axes),
@@ -207,10 +214,13 @@ class Recorder:
             arcs,
         )
 
-    def _record(self, block: int, kind: Kind, target: list[float], unit: float, words: tuple[AxisWord, ...]) -> None:
+    def _record(
+        self, block: int, kind: Kind, target: list[float], unit: float, incremental: bool, words: tuple[AxisWord, ...]
+    ) -> None:
         start = tuple(self.position)
         self.position = target
-        self._rows.append((block, kind, len(self._frames) - 1, unit, start, tuple(target), tuple(self.known)))
+        frame = len(self._frames) - 1
+        self._rows.append((block, kind, frame, unit, incremental, start, tuple(target), tuple(self.known)))
         self._words.append(words)
 
     def _stand_at(self, positions: list[float]) -> list[float]:

@@ -1,0 +1,244 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from kinematics.errors import UserError
+
+app = typer.Typer(
+    name="ncomp",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="""Make machine tools cut where the program says.
+
+    **ncomp IN.nc --machine M -o OUT.nc** corrects a program for the measured errors of machine M
+    (the same as *ncomp correct IN.nc ...*; see *ncomp correct --help*).
+    """,
+)
+
+Program = Annotated[str, typer.Argument(metavar="IN.nc", help="NC program; - for standard input.")]
+MachineName = Annotated[str, typer.Option("--machine", "-m", help="Name of a machine, or path of its .toml file.")]
+CalibrationName = Annotated[
+    str | None,
+    typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
+]
+DialectName = Annotated[str, typer.Option("--dialect", help="auto, iso, siemens or heidenhain.")]
+WorkOffsets = Annotated[
+    list[str] | None,
+    typer.Option("--work-offset", metavar="G54=x,y,z", help="Work offset, mm; rotary: G54=x,y,z,C=deg. Repeatable."),
+]
+ToolLengths = Annotated[
+    list[str] | None, typer.Option("--tool-length", metavar="T1=mm", help="Length of a tool. Repeatable.")
+]
+ToolTable = Annotated[
+    Path | None,
+    typer.Option("--tool-table", metavar="FILE", help='Tool lengths: LinuxCNC tool.tbl or JSON {"1": 120.5}.'),
+]
+JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - for standard output.")]
+
+
+@app.command(
+    "correct",
+    epilog="Examples:\n\n"
+    "`ncomp part.nc --machine dmu50 -o part_c.nc`\n\n"
+    "`ncomp part.h --machine mill.toml --calibration cal.json --work-offset 1=12.5,-80,210 --tool-length T5=96.3 -o c.h`\n\n"
+    "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte",
+)
+def correct(
+    program: Program,
+    machine: MachineName,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="OUT.nc", help="Corrected program; - for standard output.")
+    ] = "-",
+    calibration: CalibrationName = None,
+    dialect: DialectName = "auto",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    no_travel_check: Annotated[
+        bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")
+    ] = False,
+    tolerance_um: Annotated[
+        float, typer.Option("--tolerance-um", min=0.0, help="Note feed moves that stray farther between their ends.")
+    ] = 1.0,
+    force: Annotated[bool, typer.Option("--force", help="Correct a program that ncomp has corrected already.")] = False,
+    json: JsonFile = None,
+) -> None:
+    """Correct a program: every block end where it should be, by the machine's error model.
+
+    Only coordinate words change, and a comment is added that names machine and calibration. What ncomp does not fully
+    understand is refused: exit status 2, no output.
+    """
+    import contextlib
+
+    from kinematics.files import whole_file
+    from postproc.dialects import find_dialect
+    from postproc.pipeline import Job, Pipeline
+    from postproc.source import open_source
+    from postproc.terminal import progress_of, show_report
+
+    if json == "-" and output == "-":
+        raise UserError("--json - and the program can't both go to standard output; name a file for one")
+    found = _machine(machine)
+    model = _model(calibration, found)
+    source = open_source(program)
+    setup = _setup(found, work_offset, tool_length, tool_table)
+    language = find_dialect(dialect, source.name, source.text_head)
+    job = Job(source, language, found, model, setup, not no_travel_check, force, tolerance_um)
+    with contextlib.ExitStack() as stack:
+        progress = stack.enter_context(progress_of(source.size, "correcting"))
+        if output == "-":
+            import io
+
+            buffer = io.BytesIO()
+            report = Pipeline(job).run(buffer, progress)
+            sys.stdout.buffer.write(buffer.getbuffer())
+        else:
+            report = Pipeline(job).run(stack.enter_context(whole_file(Path(output))), progress)
+    show_report(report)
+    _write_json(report.json(), json)
+
+
+@app.command(
+    "verify",
+    epilog="Example:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`",
+)
+def verify_command(
+    program: Program,
+    corrected: Annotated[str, typer.Argument(metavar="OUT.nc", help="The corrected program.")],
+    machine: MachineName,
+    calibration: CalibrationName = None,
+    dialect: DialectName = "auto",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    json: JsonFile = None,
+) -> None:
+    """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
+    from postproc.dialects import find_dialect
+    from postproc.source import open_source
+    from postproc.terminal import show_verdict
+    from postproc.verify import merged, read_motions, verify
+
+    found = _machine(machine)
+    model = _model(calibration, found)
+    setup = _setup(found, work_offset, tool_length, tool_table)
+    motions = []
+    for name in (program, corrected):
+        source = open_source(name)
+        language = find_dialect(dialect, source.name, source.text_head)
+        motions.append(merged(read_motions(source, language, found, setup)))
+    verdict = verify(motions[0], motions[1], model)
+    show_verdict(verdict)
+    _write_json(verdict.json(), json)
+
+
+@app.command(
+    "machines", epilog="Examples:\n\n`ncomp machines`\n\n`ncomp machines dmu50`\n\n`ncomp machines my_mill.toml`"
+)
+def machines_command(
+    name: Annotated[str | None, typer.Argument(help="A machine's name, or the path of its .toml file.")] = None,
+) -> None:
+    """List the shipped machines; show one; check a machine file of your own."""
+    import machines as shipped
+    from postproc.terminal import console, show_machine
+
+    if name is None:
+        for each in shipped.names():
+            machine = shipped.load(each)
+            console.print(f"{each:<12} {machine.chain:<24} {machine.description}")
+        return
+    machine = _machine(name)
+    path = shipped.default_calibration(machine)
+    show_machine(machine, "none of its own" if path is None else path.name)
+
+
+def run() -> None:
+    """Entry point: a first argument that is no subcommand is the main job."""
+    commands = {command.name for command in app.registered_commands}
+    arguments = sys.argv[1:]
+    if arguments and arguments[0] not in commands and not _is_global(arguments[0]):
+        arguments.insert(0, "correct")
+    try:
+        app(args=arguments, prog_name="ncomp")
+    except UserError as fault:
+        print(f"ncomp: {fault}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        sys.exit(1)
+    except Exception as fault:
+        import traceback
+
+        traceback.print_exc()
+        print(f"ncomp: internal fault: {fault!r}; please report it with the program that shows it", file=sys.stderr)
+        sys.exit(1)
+
+
+def _is_global(argument: str) -> bool:
+    return argument in ("-h", "--help", "--version", "--install-completion", "--show-completion")
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"ncomp {version('ncomp')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _global(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def _machine(name: str) -> Any:
+    import machines as shipped
+
+    return shipped.load(name)
+
+
+def _model(calibration: str | None, machine: Any) -> Any:
+    import machines as shipped
+    from kinematics.model import no_errors, read_model
+
+    if calibration == "none":
+        return no_errors(machine)
+    path = Path(calibration) if calibration else shipped.default_calibration(machine)
+    if path is None:
+        raise UserError(
+            f"machine {machine.name} has no calibration of its own: give one with --calibration CAL.json "
+            "(made by 'ncomp fit'), or --calibration none"
+        )
+    return read_model(path, machine)
+
+
+def _setup(machine: Any, offsets: list[str] | None, lengths: list[str] | None, table: Path | None) -> Any:
+    from postproc.setup import make_setup
+    from postproc.tool_table import read_tool_table
+
+    return make_setup(machine, offsets or (), lengths or (), read_tool_table(table) if table else {})
+
+
+def _write_json(results: dict[str, Any], target: str | None) -> None:
+    if target is None:
+        return
+    import json
+
+    from kinematics.files import write_whole
+
+    text = json.dumps(results, indent=2) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+    else:
+        write_whole(Path(target), text.encode())

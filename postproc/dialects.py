@@ -1,0 +1,103 @@
+"""The dialects ncomp reads, and how a program's dialect is found."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Protocol
+
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from postproc.motions import Motions
+from postproc.notes import Notes
+from postproc.program import Block
+from postproc.setup import Setup
+
+
+class Interpreter(Protocol):
+    """Meaning of a dialect: blocks in, moves out, modal state kept from chunk to chunk."""
+
+    def read(self, blocks: Sequence[Block]) -> Motions:
+        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood."""
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """Grammar and meaning of one kind of NC code."""
+
+    name: str
+    join_lines: Callable[[Iterable[tuple[int, str]]], Iterator[tuple[int, str]]]
+    """Numbered lines of a file into numbered texts of blocks."""
+    read_block: Callable[[int, str], Block]
+    interpreter: Callable[[Machine, Setup, Notes], Interpreter]
+    comment: str
+    """A comment, as a format with one place for its text."""
+    is_head: Callable[[Block], bool]
+    """True for blocks that must stay in front of everything else."""
+
+
+def _iso() -> Dialect:
+    from postproc import iso, iso_blocks
+
+    return Dialect(
+        "iso",
+        iter,
+        iso_blocks.read_block,
+        iso.IsoInterpreter,
+        "({})",
+        lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),
+    )
+
+
+def _heidenhain() -> Dialect:
+    from postproc import heidenhain, heidenhain_blocks
+
+    return Dialect(
+        "heidenhain",
+        heidenhain_blocks.join_lines,
+        heidenhain_blocks.read_block,
+        heidenhain.HeidenhainInterpreter,
+        "; {}",
+        lambda block: block.kind == "begin_pgm",
+    )
+
+
+DIALECTS = {"iso": _iso, "heidenhain": _heidenhain}
+"""A run loads the one it needs."""
+NAMES = ("auto", "iso", "siemens", "heidenhain")
+
+_HEIDENHAIN = re.compile(r"^\s*\d*\s*(BEGIN PGM|BLK FORM|TOOL CALL|CYCL DEF|L\s+[XYZABCM]|LN\s)", re.M | re.I)
+_SIEMENS = re.compile(
+    r"%_N_|;\$PATH|^\s*(N\d+\s*)?(R\d+\s*=|DEF\s|PROC\s|EXTERN\s|TRAORI|[A]?TRANS\b|[A]?ROT\b|MCALL|CYCLE\d+|MSG\s*\()"
+    r"|[XYZIJKABC]\w*\s*=\s*\S|\b(CR|AR|SPOS)\s*=|\b[A-Z_]\w+\s*=\s*\S|^\s*(IF|WHILE|FOR|GOTO[FB]?|LOOP|REPEAT|CASE)\b[^\[]*$",
+    re.M | re.I,
+)
+_HEIDENHAIN_SUFFIXES = (".h", ".hnc", ".klartext")
+_SIEMENS_SUFFIXES = (".mpf", ".spf")
+
+
+def find_dialect(name: str, file: str, head: str) -> Dialect:
+    """The dialect by its name, or for `auto` by what the program says and, failing that, by the file's name.
+
+    `head` is the beginning of the program. UserError for one that ncomp does not read.
+    """
+    if name not in NAMES:
+        raise UserError(f"--dialect {name}: expected one of {', '.join(NAMES)}")
+    if name == "auto":
+        name = _guess(PurePath(file).suffix.lower(), head)
+    if name == "siemens":
+        raise UserError(f"{file}: a Siemens 840D program; ncomp reads iso and heidenhain (--dialect overrules)")
+    return DIALECTS[name]()
+
+
+def _guess(suffix: str, head: str) -> str:
+    spoken = "\n".join(line.split(";")[0] if "$PATH" not in line else line for line in head.splitlines())
+    if suffix in _SIEMENS_SUFFIXES:
+        return "siemens"
+    if _HEIDENHAIN.search(spoken):
+        return "heidenhain"
+    if "#" not in spoken and _SIEMENS.search(re.sub(r"\([^()]*\)", "", spoken)):
+        return "siemens"
+    return "heidenhain" if suffix in _HEIDENHAIN_SUFFIXES else "iso"

@@ -1,0 +1,174 @@
+"""The main job: an NC program in, the corrected program out, chunk by chunk.
+
+    lines -> blocks -> Motions -> Correction -> edits -> lines
+
+Modal state, the position that the control holds and the statistics carry over from chunk to chunk; memory does not
+grow with the program.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+from postproc.compensate import Correction, correct, missed_um
+from postproc.dialects import Dialect
+from postproc.mark import line_end, mark_in, mark_line, mark_place
+from postproc.motions import Kind, Known, Motions
+from postproc.notes import Notes
+from postproc.program import Block, Refusal
+from postproc.report import Report, Statistic
+from postproc.setup import Setup
+from postproc.source import ENCODING, Source, chunks
+from postproc.travel import check_travel
+from postproc.writer import Writer, Written
+
+CHUNK = 20_000
+"""Blocks that go through the pipeline together."""
+UNCERTAINTY_ROWS = 500
+"""Moves of a chunk that the uncertainty of the prediction is worked out for."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One program to be corrected for one machine."""
+
+    source: Source
+    dialect: Dialect
+    machine: Machine
+    model: ErrorModel
+    setup: Setup
+    travel_check: bool = True
+    force: bool = False
+    tolerance_um: float = 1.0
+    """Feed moves that stray farther than this between their ends are noted."""
+
+
+class Pipeline:
+    """Carries the state between chunks; `run` is its one use."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.notes = Notes()
+        self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
+        self.writer = Writer(job.machine)
+        self.report = _new_report(job)
+
+    def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
+        """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
+
+        UserError, located in the program, for what can't be used; `out` is then to be thrown away.
+        """
+        job, report = self.job, self.report
+        out.write(job.source.mark.encode(ENCODING))
+        try:
+            for lines in chunks(job.dialect.join_lines(job.source.lines()), CHUNK):
+                blocks = [job.dialect.read_block(line, text) for line, text in lines]
+                texts = self._correct(blocks)
+                out.writelines(text.encode(ENCODING) for text in texts)
+                report.blocks += len(blocks)
+                progress(sum(len(text) for _, text in lines))
+        except Refusal as refusal:
+            raise refusal.located(job.source.name) from None
+        report.work_offsets, report.tools = job.setup.used_offsets, job.setup.used_tools
+        report.notes = self.notes.texts()
+        return report
+
+    def _correct(self, blocks: list[Block]) -> list[str]:
+        """Texts of a chunk of blocks, corrected."""
+        job, report = self.job, self.report
+        motions = self.interpreter.read(blocks)
+        report.moves += len(motions)
+        notes = None if job.travel_check else self.notes
+        check_travel(motions, motions.machine_target, "as programmed", notes)
+        if not job.model.effects:
+            return [block.text for block in blocks]
+        self._refuse_marked(blocks)
+        correction = correct(motions, job.model)
+        check_travel(motions, correction.corrected, "after correction", notes)
+        written = self.writer.write(motions, correction)
+        self._judge(motions, correction, written)
+        texts = written.texts
+        report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
+        if report.blocks == 0:
+            place = mark_place(job.dialect, blocks)
+            end = line_end(blocks[max(place - 1, 0)].text)
+            texts.insert(place, mark_line(job.dialect, job.machine, job.model, job.source.hash, end))
+        return texts
+
+    def _refuse_marked(self, blocks: list[Block]) -> None:
+        for block in blocks:
+            calibration = mark_in(block.text)
+            if calibration is None:
+                continue
+            if not self.job.force:
+                raise block.refuse(f"already corrected by ncomp (calibration {calibration}); --force corrects it again")
+            self.notes.add(f"already corrected (calibration {calibration}), corrected again", block.line)
+
+    def _judge(self, motions: Motions, correction: Correction, written: Written) -> None:
+        """Gather what the correction is and what the exact model predicts before and after it."""
+        job, report = self.job, self.report
+        machine, tool = job.machine, motions.tool
+        correctable = motions.kind != Kind.MACHINE
+        judged = correctable & (motions.known[:, machine.translators] == Known.PROGRAM).all(axis=1)
+        moved = (written.ends - motions.target)[correctable]
+        report.corrected += int((np.abs(moved) > 0.0).any(axis=1).sum())
+        report.not_judged += int((~judged).sum())
+        for i in machine.translators:
+            report.correction.setdefault(machine.names[i], Statistic()).add(moved[:, i] * 1e3)
+        if not judged.any():
+            return
+        nominal, ends = correction.nominal[judged], motions.in_machine(written.ends)[judged]
+        report.before.add(missed_um(machine, job.model, nominal, nominal, tool[judged]))
+        report.after.add(missed_um(machine, job.model, ends, nominal, tool[judged]))
+        self._judge_between(motions, written, judged)
+        some = np.flatnonzero(judged)[:: max(1, int(judged.sum()) // UNCERTAINTY_ROWS)]
+        report.uncertainty.add(_uncertainty_um(machine, job.model, correction.nominal[some], tool[some]))
+        for name, excess in job.model.outside(machine, State(nominal)).items():
+            self.notes.add(
+                f"{name} is known to {excess:.4g} less than used; held at its end value", motions.blocks[0].line
+            )
+
+    def _judge_between(self, motions: Motions, written: Written, judged: NDArrayBool) -> None:
+        """Half-way along straight feed moves, where nothing is corrected by itself."""
+        follows = np.append(False, judged[:-1])
+        rows = judged & follows & (motions.kind == Kind.LINE)
+        if not rows.any():
+            return
+        nominal = motions.in_machine((motions.start + motions.target) / 2)[rows]
+        actual = motions.in_machine((written.starts + written.ends) / 2)[rows]
+        missed = missed_um(self.job.machine, self.job.model, actual, nominal, motions.tool[rows])
+        self.report.between_ends.add(missed)
+        for row in np.flatnonzero(rows)[missed > self.job.tolerance_um]:
+            line = motions.blocks[motions.block[row]].line
+            self.notes.add(f"a feed move strays more than {self.job.tolerance_um:g} um between its ends", line)
+
+
+def _uncertainty_um(machine: Machine, model: ErrorModel, q: Array, tool: Array) -> Array:
+    """Standard uncertainty `(n,)`, um, of the predicted tool point deviation (root sum of squares over x y z)."""
+    from kinematics.error_transform import error_transform
+
+    transform = error_transform(machine, q, tool)[:, :3]
+    return np.asarray(np.linalg.norm(model.standard_uncertainty(machine, State(q), transform), axis=1) * 1e3)
+
+
+def _new_report(job: Job) -> Report:
+    model, machine = job.model, job.machine
+    age = model.age_days(datetime.datetime.now(datetime.UTC))
+    calibration = {
+        "id": model.id if model.effects else "none",
+        "made_at": model.provenance.made_at.isoformat(),
+        "age_days": round(age, 2),
+        "made_by": model.provenance.made_by,
+        "demonstration": model.demonstration,
+    }
+    program = {"name": job.source.name, "sha256": job.source.hash, "dialect": job.dialect.name}
+    return Report(program, {"name": machine.name, "chain": machine.chain}, calibration)

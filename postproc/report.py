@@ -1,0 +1,78 @@
+"""What a correction did, in numbers: gathered chunk by chunk, given as JSON or as a table."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from kinematics.transforms import Array
+
+
+@dataclass
+class Statistic:
+    """Largest size and RMS of a stream of numbers."""
+
+    count: int = 0
+    square_sum: float = 0.0
+    largest: float = 0.0
+
+    def add(self, values: Array) -> None:
+        """Take in values of any shape; signs do not matter."""
+        self.count += values.size
+        self.square_sum += float(np.sum(values * values))
+        self.largest = max(self.largest, float(np.abs(values).max(initial=0.0)))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square; 0 of nothing."""
+        return math.sqrt(self.square_sum / self.count) if self.count else 0.0
+
+    def json(self) -> dict[str, float | int]:
+        """With rounding to 0.1 nm where the numbers are um."""
+        return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
+
+
+@dataclass
+class Report:
+    """The result of one run; lengths in um."""
+
+    program: dict[str, Any]
+    machine: dict[str, Any]
+    calibration: dict[str, Any]
+    blocks: int = 0
+    moves: int = 0
+    corrected: int = 0
+    changed_blocks: int = 0
+    correction: dict[str, Statistic] = field(default_factory=dict)
+    before: Statistic = field(default_factory=Statistic)
+    after: Statistic = field(default_factory=Statistic)
+    between_ends: Statistic = field(default_factory=Statistic)
+    uncertainty: Statistic = field(default_factory=Statistic)
+    not_judged: int = 0
+    """Moves to machine coordinates, or before the program has said where all linear axes are."""
+    work_offsets: dict[str, str] = field(default_factory=dict)
+    tools: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form; every length in um."""
+        return {
+            "program": self.program,
+            "machine": self.machine,
+            "calibration": self.calibration,
+            "blocks": {"read": self.blocks, "changed": self.changed_blocks},
+            "moves": {"read": self.moves, "corrected": self.corrected, "not_judged": self.not_judged},
+            "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
+            "predicted_error_um": {
+                "before": self.before.json(),
+                "after": self.after.json(),
+                "between_block_ends_after": self.between_ends.json(),
+                "standard_uncertainty_of_prediction": self.uncertainty.json(),
+            },
+            "work_offsets": self.work_offsets,
+            "tools": self.tools,
+            "notes": self.notes,
+        }

@@ -1,0 +1,107 @@
+"""What a person sees: tables, notes and progress on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.table import Table
+
+from kinematics.machine import Machine
+from postproc.report import Report, Statistic
+from postproc.verify import Verdict
+
+console = Console(stderr=True, highlight=False, soft_wrap=True)
+"""Standard output belongs to programs and JSON."""
+
+LONG = 1_000_000
+"""Bytes of a program from which progress is shown."""
+
+
+@contextmanager
+def progress_of(total: int, what: str) -> Iterator[Callable[[int], None]]:
+    """A function to call with the bytes done; a bar on a terminal for long work, nothing in a pipe."""
+    if total < LONG or not console.is_terminal:
+        yield lambda _: None
+        return
+    from rich.progress import Progress
+
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.advance(task, done)
+
+
+def show_report(report: Report) -> None:
+    """The summary of a correction."""
+    calibration = report.calibration
+    if calibration["demonstration"]:
+        console.print("[bold yellow]demonstration calibration:[/] it describes no real machine; don't cut with it")
+    offsets = "; ".join(f"{name}: {value}" for name, value in report.work_offsets.items())
+    tools = ", ".join(f"T{name}: {value}" for name, value in report.tools.items()) or "none called: length 0"
+    console.print(f"program      {report.program['name']}  ({report.program['dialect']}, {report.blocks} blocks)")
+    console.print(f"machine      {report.machine['name']}  {report.machine['chain']}")
+    age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
+    console.print(f"calibration  {calibration['id']}{age}")
+    console.print(f"work offsets {offsets}")
+    console.print(f"tool lengths {tools} (mm)")
+    console.print(f"moves        {report.moves} read, {report.corrected} corrected in {report.changed_blocks} blocks")
+    if report.correction:
+        console.print(_correction_table(report))
+    for note in report.notes:
+        console.print(f"[yellow]note:[/] {note}")
+
+
+def show_verdict(verdict: Verdict) -> None:
+    """The result of a verification."""
+    table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points")
+    _row(table, "block ends", verdict.before, verdict.after)
+    _row(table, "along feed moves", verdict.path_before, verdict.path_after)
+    console.print(table)
+    parts = Table("what makes it (before)", "max um", "RMS um")
+    ranked = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)
+    for name, statistic in ranked[:10]:
+        parts.add_row(name, f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
+    if ranked:
+        console.print(parts)
+
+
+def show_machine(machine: Machine, calibration: str) -> None:
+    """A machine's chain and axes."""
+    console.print(f"[bold]{machine.name}[/]  {machine.description}")
+    console.print(f"chain        {machine.chain}   (ISO 10791-6, workpiece to tool)")
+    console.print(f"calibration  {calibration}")
+    table = Table("axis", "carries", "tool moves (ISO 841)", "point, mm", "travel", "home", "resolution")
+    for axis in machine.axes:
+        way = "turns about" if axis.rotary else "along"
+        table.add_row(
+            axis.name,
+            axis.side,
+            f"{way} ({', '.join(f'{v:g}' for v in axis.direction)})",
+            f"({', '.join(f'{v:g}' for v in axis.point)})",
+            f"{axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}",
+            f"{axis.home:g}",
+            f"{axis.resolution:g}",
+        )
+    console.print(table)
+
+
+def _correction_table(report: Report) -> Table:
+    table = Table("um", "max", "RMS")
+    for axis, statistic in report.correction.items():
+        table.add_row(f"correction {axis}", f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
+    table.add_section()
+    for name, statistic in (
+        ("error at block ends before", report.before),
+        ("error at block ends after", report.after),
+        ("error between block ends after", report.between_ends),
+        ("standard uncertainty (k=1)", report.uncertainty),
+    ):
+        if statistic.count:
+            table.add_row(name, f"{statistic.largest:.3f}", f"{statistic.rms:.3f}")
+    return table
+
+
+def _row(table: Table, name: str, before: Statistic, after: Statistic) -> None:
+    numbers = (before.largest, before.rms, after.largest, after.rms)
+    table.add_row(name, *(f"{number:.3f}" for number in numbers), str(before.count))

@@ -1,0 +1,89 @@
+"""Changing the words of one block in the style they are written in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from postproc.numbers import NumberStyle, decimals_of
+from postproc.program import Block, Edit, Word
+
+ORDER = "XYZABCUVWIJKR"
+
+
+def rank(word: Word) -> int | None:
+    """Place of a word (X, or IX for a Klartext increment) among coordinates; None for what is no coordinate."""
+    letter = word.address.removeprefix("I") or "I"
+    return ORDER.index(letter) if len(letter) == 1 and letter in ORDER else None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a program separates words and writes numbers, learned from the blocks read so far."""
+
+    blank: bool = True
+    numbers: NumberStyle = field(default_factory=NumberStyle)
+
+    def after(self, block: Block) -> Layout:
+        """The layout with what one more block shows of it."""
+        numbers = self.numbers
+        for word in block.words:
+            if rank(word) is not None:
+                numbers = NumberStyle.of(block.text[word.start : word.end], numbers)
+        blank = block.text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else self.blank
+        return Layout(blank, numbers)
+
+
+@dataclass
+class WordEditor:
+    """Collects the edits of one block; values in the units of its words."""
+
+    block: Block
+    layout: Layout
+    edits: list[Edit] = field(default_factory=list)
+
+    def set(self, index: int, value: float, decimals: int) -> float:
+        """Make a word say `value`, with no fewer decimals than it has or than given; returns what it says then."""
+        word = self.block.words[index]
+        text = self._number(word)
+        decimals = max(decimals_of(text), decimals)
+        original = word.value or 0.0
+        number = round(value, decimals)
+        if abs(number - original) < 0.5 * 10.0**-decimals:
+            return original
+        self.edits.append(Edit(word.start, word.end, self._style(word).write(number, decimals)))
+        return number
+
+    def insert(self, address: str, value: float, decimals: int) -> None:
+        """Add a word at its place in the order X Y Z A B C U V W I J K R."""
+        place = ORDER.index(address[0])
+        ranked = [(r, word) for word in self.block.words if (r := rank(word)) is not None]
+        before = [word for r, word in ranked if r < place]
+        neighbour = before[-1] if before else ranked[0][1]
+        text = self._like(neighbour, address, value, decimals)
+        blank = " " if self.layout.blank else ""
+        at = neighbour.end if before else neighbour.at
+        self.edits.append(Edit(at, at, blank + text if before else text + blank))
+
+    def replace(self, index: int, words: list[tuple[str, float]], decimals: int) -> None:
+        """Put other words in the place of one."""
+        word = self.block.words[index]
+        texts = [self._like(word, address, value, decimals) for address, value in words]
+        self.edits.append(Edit(word.at, word.end, (" " if self.layout.blank else "").join(texts)))
+
+    def line_before(self, head: str, words: list[tuple[str, float]], decimals: int) -> None:
+        """Put a line before the block, ended as the block is."""
+        body = " ".join(address + self.layout.numbers.write(value, decimals) for address, value in words)
+        end = self.block.text[len(self.block.text.rstrip("\r\n")) :] or "\n"
+        self.edits.append(Edit(0, 0, f"{head} {body}{end}"))
+
+    def _like(self, neighbour: Word, address: str, value: float, decimals: int) -> str:
+        lower = self.block.text[neighbour.at].islower()
+        gap = " " if neighbour.start > neighbour.at + len(neighbour.address) else ""
+        decimals = max(decimals, decimals_of(self._number(neighbour)))
+        return (address.lower() if lower else address) + gap + self._style(neighbour).write(value, decimals)
+
+    def _number(self, word: Word) -> str:
+        return self.block.text[word.start : word.end]
+
+    def _style(self, word: Word) -> NumberStyle:
+        return NumberStyle.of(self._number(word), self.layout.numbers)
