@@ -41,14 +41,15 @@ ToolTable = Annotated[
     Path | None,
     typer.Option("--tool-table", metavar="FILE", help='Tool lengths: LinuxCNC tool.tbl or JSON {"1": 120.5}.'),
 ]
-JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - for standard output.")]
+JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
 
 
 @app.command(
     "correct",
     epilog="Examples:\n\n"
     "`ncomp part.nc --machine dmu50 -o part_c.nc`\n\n"
-    "`ncomp part.h --machine mill.toml --calibration cal.json --work-offset 1=12.5,-80,210 --tool-length T5=96.3 -o c.h`\n\n"
+    "`ncomp part.h --machine mill.toml --calibration cal.json --work-offset 1=12.5,-80,210 --tool-length T5=96.3 "
+    "-o part_c.h`\n\n"
     "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte",
 )
 def correct(

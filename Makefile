@@ -1,0 +1,68 @@
+# ncomp: set-up, demo and checks, all in .venv. `make help` lists the targets.
+
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+MACHINE := dmu50
+PROGRAM := box.nc
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup demo test test-slow test-all lint lock clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
+
+setup: $(INSTALLED) ## create .venv from requirements.lock (done by the other targets when needed)
+
+demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it gains
+	@mkdir -p out
+	$(BIN)/ncomp examples/$(PROGRAM) --machine $(MACHINE) -o out/$(PROGRAM)
+	@echo
+	@echo "The first changed lines (< as programmed, > compensated):"
+	@diff examples/$(PROGRAM) out/$(PROGRAM) | head -n 24
+	@echo
+	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE)
+
+test: $(INSTALLED) ## run the tests, without the slow ones (ARGS="-k name" is passed on)
+	$(BIN)/pytest -n 2 -m "not slow" $(ARGS)
+
+# pytest ends with 5 where there is no test to run.
+test-slow: $(INSTALLED) ## run the slow tests only
+	$(BIN)/pytest -n 2 -m slow $(ARGS) || [ $$? -eq 5 ]
+
+test-all: $(INSTALLED) ## run every test; those of LinuxCNC fail, rather than skip, without rs274
+	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 $(ARGS)
+
+lint: $(INSTALLED) ## ruff, its formatter, and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+lock: $(BIN)/python ## renew requirements.lock from pyproject.toml
+	$(BIN)/pip install --quiet "pip-tools>=7.5"
+	CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/pip-compile --quiet --upgrade --extra dev --all-build-deps \
+		--allow-unsafe --strip-extras --no-emit-index-url --no-emit-trusted-host --no-emit-find-links \
+		--no-emit-options --output-file requirements.lock pyproject.toml
+
+clean: ## remove .venv, out and the tools' caches
+	rm -rf $(VENV) out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+# The build backend is in the lock too: nothing is installed that is not named there.
+$(INSTALLED): $(BIN)/python requirements.lock pyproject.toml
+	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+# A python3.11 on the PATH may be a stub that does not run, so ask each candidate for its version.
+$(BIN)/python:
+	@for python in python3.11 python3; do \
+		if $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+			echo "$$python -m venv $(VENV)"; \
+			$$python -m venv $(VENV) && exit 0; \
+			rm -rf $(VENV); \
+			echo "Could not make $(VENV); on Debian: apt-get install python3-venv" >&2; exit 1; \
+		fi; \
+	done; \
+	echo "ncomp needs Python 3.11 or later as python3.11 or python3; on Debian: apt-get install python3.11 python3-venv" >&2; \
+	exit 1

@@ -1,0 +1,41 @@
+"""Fixtures shared by all tests, and what needs a program or data that may be absent."""
+
+import os
+from pathlib import Path
+from types import ModuleType
+
+import hypothesis
+import pytest
+from clients import rs274
+
+hypothesis.settings.register_profile("default", deadline=None)
+hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
+
+NC_DATA = Path(__file__).parents[2] / "shared" / "data" / "nc"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark every test that asks for LinuxCNC, so that `-m "not linuxcnc"` leaves it out."""
+    for item in items:
+        if "linuxcnc" in getattr(item, "fixturenames", ()):
+            item.add_marker("linuxcnc")
+
+
+@pytest.fixture(scope="session")
+def linuxcnc() -> ModuleType:
+    """LinuxCNC's interpreter. Where it is missing the test is skipped, or fails if NCOMP_REQUIRE_CLIENTS is set."""
+    if not rs274.available():
+        reason = "LinuxCNC's rs274 is missing (Debian: apt-get install --no-install-recommends linuxcnc-uspace)"
+        if os.environ.get("NCOMP_REQUIRE_CLIENTS"):
+            pytest.fail(f"{reason}, and NCOMP_REQUIRE_CLIENTS is set")
+        pytest.skip(reason)
+    return rs274
+
+
+@pytest.fixture(scope="session")
+def nc_data() -> Path:
+    """Folder of NC programs from real controls and CAM systems, in iso/, siemens/ and heidenhain/."""
+    if not NC_DATA.is_dir():
+        pytest.skip("the collection of real NC programs (../shared/data/nc) is not beside this repository")
+    return NC_DATA.resolve()
