@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 MACHINE := dmu50
 PROGRAM := box.nc
+SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -17,12 +18,12 @@ setup: $(INSTALLED) ## create .venv from requirements.lock (done by the other ta
 
 demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it gains
 	@mkdir -p out
-	$(BIN)/ncomp examples/$(PROGRAM) --machine $(MACHINE) -o out/$(PROGRAM)
+	$(BIN)/ncomp examples/$(PROGRAM) --machine $(MACHINE) $(SETUP) -o out/$(PROGRAM)
 	@echo
 	@echo "The first changed lines (< as programmed, > compensated):"
 	@diff examples/$(PROGRAM) out/$(PROGRAM) | head -n 24
 	@echo
-	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE)
+	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE) $(SETUP)
 
 test: $(INSTALLED) ## run the tests, without the slow ones (ARGS="-k name" is passed on)
 	$(BIN)/pytest -n 2 -m "not slow" $(ARGS)

@@ -124,6 +124,7 @@ class Pipeline:
         report.not_judged += int((~judged).sum())
         for i in machine.translators:
             report.correction.setdefault(machine.names[i], Statistic()).add(moved[:, i] * 1e3)
+        self._note_assumed(motions, correctable)
         if not judged.any():
             return
         nominal, ends = correction.nominal[judged], motions.in_machine(written.ends)[judged]
@@ -136,6 +137,14 @@ class Pipeline:
             self.notes.add(
                 f"{name} is known to {excess:.4g} less than used; held at its end value", motions.blocks[0].line
             )
+
+    def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
+        """Say which moves were corrected although the program had not said yet where a linear axis stands."""
+        for i in self.job.machine.translators:
+            for row in np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED)):
+                axis = self.job.machine.axes[i]
+                line = motions.blocks[motions.block[row]].line
+                self.notes.add(f"{axis.name} not said by the program yet, taken at its home {axis.home:g}", line)
 
     def _judge_between(self, motions: Motions, written: Written, judged: NDArrayBool) -> None:
         """Half-way along straight feed moves, where nothing is corrected by itself."""
