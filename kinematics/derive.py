@@ -1,0 +1,409 @@
+"""Derives a chain's forward kinematics and first-order error transform with sympy, as NumPy source.
+
+    python -m kinematics.derive dmu50 gantry    writes kinematics/derived/dmu50.py, gantry.py and the index __init__.py
+    python -m kinematics.derive --all           all shipped machines
+
+The chain, the place and the centre of the error motions are those of `kinematics.forward`. To first order every error
+motion displaces the tool as if it were alone: axis i, whose frame is seen from the workpiece through the rotation P_i,
+adds
+
+    position     P_i F_i (e_i + w_i x arm_i)        orientation     P_i F_i w_i
+
+with F_i its error frame, e_i and w_i its translations and rotations, and arm_i from its error centre to the tool
+point. Numbers are exact: decimals of the machine's file are rationals, lengths of directions are square roots.
+
+The derivation is written once; what `let` does with its intermediate results decides what comes of it. `_Sheet.let`
+gives them names and lines of code, `_somewhere` puts numbers in, which tells the entries of J that are always zero, and
+multiplying out (the tests do) makes closed forms in the axis positions and the tool.
+"""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import machines
+from kinematics.effects import COMPONENTS
+from kinematics.machine import ISO_DIRECTION, Axis, Machine
+
+Matrix = Any
+"""A sympy matrix."""
+Let = Callable[[str, Matrix], Matrix]
+"""Takes the name and the value of an intermediate result; returns the value to go on with."""
+
+FOLDER = Path(__file__).parent / "derived"
+_WIDTH = 120
+
+
+@cache
+def _sympy() -> Any:
+    """The sympy package: imported by the first derivation, since a run on a shipped machine needs none."""
+    import sympy  # type: ignore[import-untyped]
+
+    return sympy
+
+
+class Links(NamedTuple):
+    """A chain in symbols: what all results are made of."""
+
+    rotations: list[Matrix]
+    """Rotation of each axis, 3 x 3."""
+    frames: list[Matrix]
+    """Error frame of each axis, 3 x 3."""
+    arms: list[Matrix]
+    """From each axis' error centre to the tool point, in the frame its error motions stand in, mm."""
+    tip: Matrix
+    """The tool point in the workpiece frame, mm."""
+
+
+def links(machine: Machine, let: Let) -> Links:
+    """Rotations, error frames and arms of all axes, from the tool back to the workpiece."""
+    sp = _sympy()
+    rotations: list[Matrix] = []
+    arms: list[Matrix] = []
+    tip = sp.Matrix(sp.symbols("tx ty tz"))
+    for axis in reversed(machine.axes):
+        q, point = sp.Symbol(axis.name), _exact(axis.point)
+        if axis.rotary:
+            rotation = _rotation(axis, let)
+            arm = let(f"arm_{axis.name}", tip - point)
+            turned = let(f"turned_{axis.name}", rotation * arm)
+            rotations.append(rotation)
+            arms.append(turned if axis.side == "tool" else arm)
+            tip = let(f"tip_{axis.name}", turned + point)
+        else:
+            step = q * _unit(axis)
+            rotations.append(sp.eye(3))
+            # the error centre travels with the axis, so an axis that carries the tool keeps its distance to it
+            travelled = sp.zeros(3, 1) if axis.side == "tool" else step
+            arms.append(let(f"arm_{axis.name}", tip - point + travelled))
+            tip = let(f"tip_{axis.name}", tip + step)
+    return Links(rotations[::-1], [_error_frame(axis) for axis in machine.axes], arms[::-1], tip)
+
+
+def tool_point(machine: Machine, let: Let) -> Matrix:
+    """The tool point (3), mm, in the workpiece frame."""
+    return links(machine, let).tip
+
+
+def tool_axis(machine: Machine, let: Let) -> Matrix:
+    """The tool axis (3), from tip to spindle, in the workpiece frame."""
+    axis = _sympy().Matrix([0, 0, 1])
+    for i, rotation in reversed(list(enumerate(links(machine, let).rotations))):
+        axis = let(f"axis_{machine.names[i]}", rotation * axis)
+    return axis
+
+
+def error_transform(machine: Machine, let: Let) -> Matrix:
+    """J (6, axes * 6): rows position x y z, then rotation vector; columns axis by axis in chain order, E_X ... E_C."""
+    sp = _sympy()
+    chain = links(machine, let)
+    before = sp.eye(3)
+    columns = []
+    for axis, rotation, frame, arm in zip(machine.axes, *chain[:3], strict=True):
+        after = let(f"to_w_{axis.name}", before * rotation)
+        view = before if axis.side == "tool" else after
+        axes = let(f"frame_{axis.name}", view * frame)
+        columns += [sp.Matrix([*axes[:, k], 0, 0, 0]) for k in range(3)]
+        for k in range(3):
+            name = f"{COMPONENTS[3 + k]}{axis.name}"
+            swing = let(f"swing_{name}", frame[:, k].cross(arm))
+            columns.append(sp.Matrix([*let(f"E_{name}", view * swing), *axes[:, k]]))
+        before = after
+    return sp.Matrix.hstack(*columns)
+
+
+def deviation(machine: Machine, let: Let) -> Matrix:
+    """J . errors (6), mm and rad, of error symbols E_XC, ...: carried axis by axis from the tool to the workpiece."""
+    sp = _sympy()
+    chain = links(machine, let)
+    position, orientation = sp.zeros(3, 1), sp.zeros(3, 1)
+    for axis, rotation, frame, arm in reversed(list(zip(machine.axes, *chain[:3], strict=True))):
+        name = axis.name
+        errors = [sp.Symbol(f"E_{component}{name}") for component in COMPONENTS]
+        shift = let(f"shift_{name}", frame * sp.Matrix(errors[:3]))
+        tilt = let(f"tilt_{name}", frame * sp.Matrix(errors[3:]))
+        if axis.side == "tool":
+            position, orientation = rotation * position, rotation * orientation
+        position = let(f"position_{name}", position + shift + tilt.cross(arm))
+        orientation = let(f"orientation_{name}", orientation + tilt)
+        if axis.side == "workpiece":
+            position = let(f"moved_{name}", rotation * position)
+            orientation = let(f"swung_{name}", rotation * orientation)
+    return sp.Matrix([*position, *orientation])
+
+
+def _exact(values: Sequence[float]) -> Matrix:
+    """A vector of a machine's file as rationals: 154.996 is 38749/250."""
+    sp = _sympy()
+    return sp.Matrix([sp.Rational(repr(float(v))) for v in values])
+
+
+def _unit(axis: Axis) -> Matrix:
+    """`Axis.unit_direction`, exact."""
+    d = _exact(axis.direction)
+    return d / _sympy().sqrt(d.dot(d))
+
+
+def _cross_matrix(v: Matrix) -> Matrix:
+    """The matrix that takes u to v x u."""
+    return _sympy().Matrix([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def _rotation(axis: Axis, let: Let) -> Matrix:
+    """Rotation of a rotary axis (Rodrigues)."""
+    sp = _sympy()
+    q, k = sp.Symbol(axis.name), _cross_matrix(_unit(axis))
+    cosine = let(f"cos_{axis.name}", sp.Matrix([sp.cos(q)]))[0]
+    sine = let(f"sin_{axis.name}", sp.Matrix([sp.sin(q)]))[0]
+    rotation = (sp.eye(3) + k * k + sine * k - cosine * k * k).applyfunc(sp.expand)
+    return let(f"rot_{axis.name}", rotation)
+
+
+def _error_frame(axis: Axis) -> Matrix:
+    """`Axis.error_frame`, exact: 1/(1 + c) is written (1 - c)/|v|^2, which keeps roots out of denominators."""
+    sp = _sympy()
+    letter, line = _exact(ISO_DIRECTION[axis.name[0]]), _unit(axis)
+    if letter.dot(line) < 0:
+        line = -line
+    v, c = letter.cross(line), letter.dot(line)
+    square = sp.expand(v.dot(v))
+    if square == 0:
+        return sp.eye(3)
+    k = _cross_matrix(v)
+    return (sp.eye(3) + k + k * k * (1 - c) / square).applyfunc(sp.expand)
+
+
+def _somewhere(machine: Machine) -> Let:
+    """The `let` that evaluates at an arbitrary pose and tool, to 50 digits.
+
+    The entries of J are polynomials of degree 1 in each axis' position or its sine and cosine, so an entry that
+    vanishes there, to 30 digits, vanishes everywhere.
+    """
+    sp = _sympy()
+    names = (*machine.names, "tx", "ty", "tz")
+    pose = {sp.Symbol(name): sp.sqrt(sp.prime(i + 2)).evalf(60) for i, name in enumerate(names)}
+    return lambda _name, values: values.evalf(50, subs=pose)
+
+
+class _Sheet:
+    """Lines of code in the making: a value met again, or its negative, is not computed twice."""
+
+    def __init__(self) -> None:
+        self._values: dict[Any, Any] = {}
+        self._names: dict[Any, Any] = {}
+
+    def let(self, name: str, values: Matrix) -> Matrix:
+        """Name the entries of a matrix; zeros, numbers and plain or negated variables stand for themselves."""
+        letters = {1: [""], 3: ["_x", "_y", "_z"], 9: [f"_{r}{c}" for r in "xyz" for c in "xyz"]}[len(values)]
+        named = [self._let(name + letter, _fold(value)) for letter, value in zip(letters, values, strict=True)]
+        return _sympy().Matrix(*values.shape, named)
+
+    def _let(self, name: str, value: Any) -> Any:
+        if value.is_number or value.is_Symbol or (-value).is_Symbol:
+            return value
+        if -value in self._names:
+            return -self._names[-value]
+        if value not in self._names:
+            symbol = _sympy().Symbol(name)
+            self._names[value] = symbol
+            self._values[symbol] = value
+        return self._names[value]
+
+    def lines(self, results: dict[str, Any]) -> list[str]:
+        """Code that assigns each result to its target, with the intermediate results it needs before."""
+        needed = {s for value in results.values() for s in value.free_symbols}
+        kept = []
+        for symbol, value in reversed(self._values.items()):
+            if symbol in needed:
+                needed |= value.free_symbols
+                kept.append((symbol.name, value))
+        code = [f"{target} = {_printer().doprint(value)}" for target, value in (*reversed(kept), *results.items())]
+        return [wrapped for line in code for wrapped in _wrap(line)]
+
+
+def _fold(value: Any) -> Any:
+    """Numbers that are no integers become floats: sqrt(2)/2 x is 0.7071067811865476 x."""
+    sp = _sympy()
+    if value.is_Integer or value.is_Symbol or isinstance(value, sp.sin | sp.cos):
+        return value
+    if value.is_Rational:
+        return sp.Float(value.p / value.q)
+    if value.is_number:
+        return sp.Float(float(value.evalf(30)))
+    if value.is_Mul:
+        number, rest = value.as_independent(*value.free_symbols, as_Add=False)
+        return _fold(number) * sp.Mul(*map(_fold, sp.Mul.make_args(rest)))
+    return value.func(*map(_fold, value.args))
+
+
+@cache
+def _printer() -> Any:
+    """Writes Python source: floats in full (`str` of a sympy Float has 15 digits) and NumPy's functions."""
+
+    class Printer(_sympy().printing.str.StrPrinter):  # type: ignore[misc]
+        def _print_Float(self, number: Any) -> str:
+            return repr(float(number))
+
+        def _print_Function(self, function: Any) -> str:
+            return f"np.{super()._print_Function(function)}"
+
+    return Printer()
+
+
+def _wrap(line: str) -> list[str]:
+    """One statement on lines of at most `_WIDTH` characters inside a function."""
+    room = _WIDTH - 4
+    if len(line) <= room:
+        return [line]
+    target, value = line.split(" = ", 1)
+    return [f"{target} = (", *(f"    {part}" for part in textwrap.wrap(value, room - 4)), ")"]
+
+
+_HEADER = '''\
+"""Chain {chain}: forward kinematics and first-order error transform, as NumPy source.
+
+Generated by kinematics.derive; do not edit. `python -m kinematics.derive --all` regenerates those of the shipped
+machines. Needs no sympy.
+
+q: axis positions {names}, `(n, {axes})` or `({axes},)`, mm and rad. tool: `(3,)` or `(n, 3)`, mm, from the tool
+reference point. One row of q, tool or errors serves for all. Results are in the workpiece frame, mm and rad; their
+rows lie next to each other in memory, column by column.
+"""
+
+import numpy as np
+
+CHAIN_HASH = "{hash}"
+'''
+
+_FUNCTION = '''
+
+def {signature}:
+    """{doc}"""
+{body}
+'''
+
+
+def source(machine: Machine) -> str:
+    """The derived module of a machine; the same text at every derivation."""
+    header = _HEADER.format(
+        chain=machine.chain,
+        names=" ".join(machine.names),
+        axes=len(machine.axes),
+        hash=machine.chain_hash,
+    )
+    parts = (_tool_point_source, _tool_axis_source, _error_transform_source, _deviation_source)
+    return header + "".join(part(machine) for part in parts)
+
+
+def _function(signature: str, doc: str, body: list[str]) -> str:
+    return _FUNCTION.format(signature=signature, doc=doc, body=textwrap.indent("\n".join(body), "    "))
+
+
+def _targets(names: Sequence[str]) -> str:
+    """Left side of an assignment that takes an array apart, also one of a single row."""
+    return f"{names[0]}," if len(names) == 1 else ", ".join(names)
+
+
+def _unpacked(machine: Machine) -> str:
+    return f"{_targets(machine.names)} = np.ascontiguousarray(np.asarray(q, float).T)"
+
+
+_TOOL = "tx, ty, tz = np.asarray(tool, float).T"
+
+
+def _tool_point_source(machine: Machine) -> str:
+    sheet = _Sheet()
+    tip = tool_point(machine, sheet.let)
+    body = [
+        _unpacked(machine),
+        _TOOL,
+        f"tip = np.empty((3, np.broadcast({machine.names[0]}, tx).size))",
+        *sheet.lines({f"tip[{i}]": tip[i] for i in range(3)}),
+        "return tip.T",
+    ]
+    return _function("tool_point(q, tool)", "Nominal tool points `(n, 3)`, mm.", body)
+
+
+def _tool_axis_source(machine: Machine) -> str:
+    sheet = _Sheet()
+    axis = tool_axis(machine, sheet.let)
+    body = [
+        _unpacked(machine),
+        f"axis = np.empty((3, np.size({machine.names[0]})))",
+        *sheet.lines({f"axis[{i}]": axis[i] for i in range(3)}),
+        "return axis.T",
+    ]
+    return _function("tool_axis(q)", "Nominal tool axes `(n, 3)`, unit vectors from the tip to the spindle.", body)
+
+
+def _error_transform_source(machine: Machine) -> str:
+    sheet = _Sheet()
+    J, numbers = error_transform(machine, sheet.let), error_transform(machine, _somewhere(machine))
+    columns = 6 * len(machine.axes)
+    entries = {f"J[{r}, {c}]": J[r, c] for c in range(columns) for r in range(6) if abs(numbers[r, c]) > 1e-30}
+    body = [
+        _unpacked(machine),
+        _TOOL,
+        f"J = np.zeros((6, {columns}, np.broadcast({machine.names[0]}, tx).size))",
+        *sheet.lines(entries),
+        "return J.transpose(2, 0, 1)",
+    ]
+    doc = f"""J `(n, 6, {columns})`, deviation = J . errors.
+
+    Rows: position x y z, then the rotation vector. Columns: axis by axis in chain order ({" ".join(machine.names)}),
+    E_X E_Y E_Z (per mm), E_A E_B E_C (per rad).
+    """
+    return _function("error_transform(q, tool)", doc, body)
+
+
+def _deviation_source(machine: Machine) -> str:
+    sheet = _Sheet()
+    result = deviation(machine, sheet.let)
+    rows = [_targets([f"E_{component}{name}" for name in machine.names]) for component in COMPONENTS]
+    targets = {f"result[{i}]": result[i] for i in range(6)}
+    body = [
+        _unpacked(machine),
+        _TOOL,
+        "motions = np.asarray(errors, float).T",
+        *(f"{row} = motions[{i}]" for i, row in enumerate(rows)),
+        f"result = np.empty((6, np.broadcast({machine.names[0]}, tx, E_X{machine.names[0]}).size))",
+        *sheet.lines(targets),
+        "return result[:3].T, result[3:].T",
+    ]
+    doc = """J . errors without J: positions `(n, 3)` and rotation vectors `(n, 3)`.
+
+    errors: error motions `(n, axes, 6)` or `(axes, 6)`, mm and rad.
+    """
+    return _function("deviation(q, tool, errors)", doc, body)
+
+
+def index_source() -> str:
+    """The index of the folder of derived modules: module names by chain hash."""
+    hashes = {machines.load(name).chain_hash: name for name in reversed(machines.names())}
+    entries = "".join(f'    "{key}": "{name}",\n' for key, name in sorted(hashes.items(), key=lambda item: item[1]))
+    return (
+        '"""Derived modules of the shipped machines, by chain hash. Generated by `python -m kinematics.derive`."""\n\n'
+        f"MODULES: dict[str, str] = {{\n{entries}}}\n"
+    )
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write the derived modules of the named shipped machines, or of all, and the index; returns the exit status."""
+    names = machines.names() if list(arguments) == ["--all"] else list(arguments)
+    unknown = sorted(set(names) - set(machines.names()))
+    if unknown or not names:
+        print(f"usage: python -m kinematics.derive --all | {' | '.join(machines.names())} ...", file=sys.stderr)
+        return 2
+    for name in names:
+        (FOLDER / f"{name}.py").write_text(source(machines.load(name)), encoding="utf-8", newline="\n")
+    (FOLDER / "__init__.py").write_text(index_source(), encoding="utf-8", newline="\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,135 @@
+"""The first-order error transform of any machine: deviation = J(q, tool) . errors.
+
+Evaluates the NumPy source that `kinematics.derive` makes of a chain: shipped beside this module in `derived` for the
+shipped machines, and kept in the user's cache folder, by chain hash, for all others. sympy is imported only when such
+a chain is met for the first time.
+"""
+
+from __future__ import annotations
+
+import importlib
+from contextlib import suppress
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from types import ModuleType
+from typing import Protocol, cast
+
+import platformdirs
+from numpy.typing import ArrayLike
+
+from kinematics.derived import MODULES
+from kinematics.deviation import Deviation
+from kinematics.effects import COMPONENTS
+from kinematics.errors import UserError
+from kinematics.files import fingerprint, write_whole
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+
+
+class Derived(Protocol):
+    """A derived module. Shapes: q `(n, axes)` or `(axes,)`, mm and rad; tool `(n, 3)` or `(3,)`, mm."""
+
+    CHAIN_HASH: str
+
+    def tool_point(self, q: ArrayLike, tool: ArrayLike) -> Array:
+        """Nominal tool points `(n, 3)`, mm, workpiece frame."""
+
+    def tool_axis(self, q: ArrayLike) -> Array:
+        """Nominal tool axes `(n, 3)`, unit vectors from the tip to the spindle, workpiece frame."""
+
+    def error_transform(self, q: ArrayLike, tool: ArrayLike) -> Array:
+        """J `(n, 6, axes * 6)`."""
+
+    def deviation(self, q: ArrayLike, tool: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:
+        """J . errors, positions and rotation vectors `(n, 3)`, without building J."""
+
+
+def error_names(machine: Machine) -> list[str]:
+    """Names, by ISO 230-1, of the columns of J: E_XC, E_YC, ... axis by axis in chain order."""
+    return [f"E_{component}{axis}" for axis in machine.names for component in COMPONENTS]
+
+
+def error_transform(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """J `(n, 6, axes * 6)`: rows position x y z (mm), then rotation vector (rad), in the workpiece frame.
+
+    q: axis positions `(n, axes)` or `(axes,)` in chain order, mm and rad. tool: `(3,)` or `(n, 3)`, mm, from the tool
+    reference point. Columns as in `error_names`: E_X E_Y E_Z per mm, E_A E_B E_C per rad. In memory the rows of one
+    entry lie next to each other: `J[:, i, j]` is contiguous.
+    """
+    return derived(machine).error_transform(q, tool)
+
+
+def first_order_deviation(
+    machine: Machine, q: ArrayLike, errors: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)
+) -> Deviation:
+    """J . errors of error motions `(n, axes, 6)` or `(axes, 6)`, mm and rad; otherwise as `error_transform`.
+
+    J is not built. Differs from `exact_deviation` by products of two errors. Quickest in blocks of some thousand rows.
+    """
+    return Deviation(*derived(machine).deviation(q, tool, errors))
+
+
+def derived(machine: Machine) -> Derived:
+    """The derived module of the machine's chain: shipped, from the user's cache, or derived now and put there."""
+    if machine.chain_hash in MODULES:
+        return _shipped(MODULES[machine.chain_hash])
+    if machine.chain_hash not in _loaded:
+        _loaded[machine.chain_hash] = _from_cache(machine) or _newly_derived(machine)
+    return _loaded[machine.chain_hash]
+
+
+_loaded: dict[str, Derived] = {}
+"""Modules of other than shipped chains met in this process, by chain hash."""
+
+
+@cache
+def _shipped(name: str) -> Derived:
+    return cast(Derived, importlib.import_module(f"kinematics.derived.{name}"))
+
+
+def _from_cache(machine: Machine) -> Derived | None:
+    """The module in the cache; None when there is none, or it is damaged, another chain's or an older deriver's."""
+    try:
+        first, source = _cache_file(machine).read_text(encoding="utf-8").split("\n", 1)
+    except (OSError, ValueError):
+        return None
+    if first != _seal(source):
+        return None
+    module = _load(source, machine)
+    return module if machine.chain_hash == module.CHAIN_HASH else None
+
+
+def _newly_derived(machine: Machine) -> Derived:
+    """The module derived now, and put into the cache if that can be written."""
+    from kinematics import derive  # it takes sympy
+
+    source = derive.source(machine)
+    path = _cache_file(machine)
+    # a cache that can't be written costs the time of a derivation only
+    with suppress(OSError, UserError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, f"{_seal(source)}\n{source}".encode())
+    return _load(source, machine)
+
+
+def _load(source: str, machine: Machine) -> Derived:
+    """The module with this source."""
+    module = ModuleType(f"kinematics.derived.{machine.chain_hash}")
+    exec(compile(source, str(_cache_file(machine)), "exec"), module.__dict__)
+    return cast(Derived, module)
+
+
+def _cache_file(machine: Machine) -> Path:
+    return Path(platformdirs.user_cache_dir("ncomp")) / "derived" / f"{machine.chain_hash}.py"
+
+
+def _seal(source: str) -> str:
+    """First line of a cached module: vouches for its text and for the deriver that wrote it."""
+    return f"# deriver {_deriver()} source {fingerprint(source.encode())}"
+
+
+@cache
+def _deriver() -> str:
+    """Fingerprint of the deriver's own code: any change of it makes the cached modules stale."""
+    return fingerprint(resources.files("kinematics").joinpath("derive.py").read_bytes())

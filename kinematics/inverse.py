@@ -1,0 +1,348 @@
+"""Inverse kinematics of any chain: the axis positions that bring tool point and tool axis to a pose.
+
+Up to two rotary axes are solved in closed form. With u the tool axis in the workpiece frame and p = +z the tool axis
+at zero pose, u = R1(q1) R2(q2) p is subproblem 2 of Paden and Kahan (Murray, Li, Sastry, A Mathematical Introduction
+to Robotic Manipulation, 1994, section 3.2). The directions w1, w2, R2 p span a spherical triangle whose half-angle
+formulas give q2 without loss of digits, also where an arc cosine would lose half of them; q1 is then one atan2. Given
+the rotary positions, the tool point is affine in the linear axes: a 3 x 3 solution. For the DMU 50 w1 = z and
+w2 = (0, 1, -1)/sqrt 2 stand 135 deg apart, the triangle's sin^2(B/2) = 2 sin^2(angle(z, u)/2) = 1 - k is thesis
+(3.25), the atan2 is (3.26) with R2 p = (sqrt(2(k - k^2)), k - 1, k), and the 3 x 3 solution is (3.27)-(3.29).
+Every other chain (three rotary axes, parallel ones, one about the tool's own axis) is searched by damped Newton.
+
+At the pole, where the tool stands along the first rotary axis (B = 0 on the DMU 50, the table level), that axis can
+turn without tilting the tool: its position is free, and stays where it was in the block before. A hair beside the pole
+it is free no longer. The tool has to lean to one definite side, and C must turn to bring that side round, however
+small the lean: between two blocks at B = 0.001 deg it may turn by 180 deg, and X and Y run after it to hold the tool
+point. Each block's pose is exact there, as everywhere; slowing down or rounding the corner is the business of whoever
+spaces the blocks. At the other end (B = 180, the farthest tilt) the two solutions meet; there B follows from the tilt
+only to about 1e-7 rad, the pose itself to rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinematics.forward import axis_pose
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import IDENTITY, Array, Pose, rotation_about, turn
+
+TOLERANCE = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
+POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
+FOLD = 2e-15  # rad: a tool axis within rounding of the farthest tilt is taken to be on it
+FLAT = 1e-9  # volume spanned by the directions of the linear axes under which they can't place the tool
+CONVERGED = 5e-11  # mm: residual at which a damped Newton search ends, orientation counted at an arm of ARM
+ARM = 100.0  # mm per rad: weighs orientation against position in the damped Newton search
+RESTARTS = 8  # damped Newton searches from other rotary positions before a pose is given up
+TURN = 2.0 * math.pi
+TOOL_AXIS = np.array([0.0, 0.0, 1.0])
+UNLIMITED = np.array([[-math.inf], [math.inf]])
+
+
+@dataclass(frozen=True)
+class Inverse:
+    """Axis positions of n poses, and what is to be known about them before they are used."""
+
+    q: Array
+    """`(n, axes)`, mm and rad, chain order. Finite in a row that is not reachable: the pose is exact but outside
+    travel. NaN where there is no solution at all."""
+    reachable: NDArrayBool
+    """`(n,)`: the pose is taken inside travel."""
+    singular: NDArrayBool
+    """`(n,)`: the tool stands along the first rotary axis, whose position was kept (never told by damped Newton)."""
+
+
+class _Goal(NamedTuple):
+    """What is to be reached: tool point, unit tool axis, tool vector, each `(n, 3)`, or `(3,)` for a single pose."""
+
+    position: Array
+    axis: Array
+    tool: Array
+
+
+def inverse(
+    machine: Machine,
+    position: ArrayLike,
+    tool_axis: ArrayLike,
+    tool: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    start: ArrayLike | None = None,
+    respect_travel: bool = True,
+) -> Inverse:
+    """Axis positions that put the tool point at `position` with the tool along `tool_axis`.
+
+    position `(n, 3)`, mm, and tool_axis `(n, 3)`, from the tip towards the spindle, any length: workpiece frame, one
+    row for all is allowed. tool `(3,)` or `(n, 3)`: the tip from the tool reference point (spindle nose), mm, tool
+    frame. start `(axes,)`, mm and rad: positions before the first row (default: zeros, clipped into travel), where
+    linear axes that `machine.translators` leaves out stay.
+
+    Of the solutions (two branches, whole turns of rotary axes) each row takes the one inside travel that is nearest
+    to the row before, by the sum of squares of rotary movements; one outside travel only when there is no other. A
+    first rotary axis that is free stays where it was, even if turning it would bring a linear axis into travel. A
+    pose that can't be taken is told by `Inverse.reachable`, not by an exception. Raises UserError when the linear
+    axes of a chain solved in closed form do not span space.
+
+    Source: thesis (3.25)-(3.29) for the DMU 50, Paden-Kahan subproblems in general; see the head of this module.
+    """
+    if not _closed_form(machine):
+        return damped_newton(machine, position, tool_axis, tool, start=start, respect_travel=respect_travel)
+    goal = _goal(position, tool_axis, tool)
+    first, travel = _limits(machine, start, respect_travel)
+    ways, attainable, free = _branches(machine, goal.axis)
+    linear_travel = np.where(machine.rotary, UNLIMITED, travel)
+    tried = (_settled(_completed(machine, way, first, goal), linear_travel) for way in ways)
+    fits = np.stack([_inside(q, linear_travel) for q in tried])
+    angles = _choose(ways, fits, attainable, free, first[machine.rotary], travel[:, machine.rotary])
+    q = _settled(_completed(machine, angles, first, goal), travel)
+    q[~attainable] = np.nan
+    return Inverse(q, _inside(q, travel), attainable & free)
+
+
+def linear_positions(machine: Machine, q: ArrayLike, position: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """Copy of q with the linear axes that place the tool (`machine.translators`) moved to reach `position`.
+
+    q `(n, axes)` or `(axes,)`, mm and rad, chain order: rotary and remaining linear positions are kept. position
+    `(n, 3)` or `(3,)`, mm, workpiece frame. tool `(3,)` or `(n, 3)`, mm, tool frame. Returns `(n, axes)`; travel is
+    not looked at. The translators are NaN in rows where they don't span space (a linear axis behind a rotary one can
+    be turned parallel to another). Raises UserError when they never do.
+
+    Source: the tool point is affine in the linear axes, thesis (3.22)-(3.24).
+    """
+    columns = list(machine.translators)
+    given, place, tips = (np.atleast_2d(np.asarray(rows, float)) for rows in (q, position, tool))
+    n = np.broadcast_shapes((len(given),), (len(place),), (len(tips),))[0]
+    moved = np.array(np.broadcast_to(given, (n, given.shape[1])))
+    moved[:, columns] = 0.0
+    before, pose = _walk(machine, moved)
+    lines = [np.broadcast_to(turn(before[i].rotation, machine.axes[i].unit_direction), (n, 3)) for i in columns]
+    spans = np.abs(np.sum(np.cross(lines[0], lines[1]) * lines[2], axis=1)) > FLAT
+    solvable = np.where(spans[:, None, None], np.stack(lines, axis=2), np.eye(3))
+    solution = np.linalg.solve(solvable, (place - pose.apply(tips))[..., None])[..., 0]
+    moved[:, columns] = np.where(spans[:, None], solution, np.nan)
+    return moved
+
+
+def damped_newton(
+    machine: Machine,
+    position: ArrayLike,
+    tool_axis: ArrayLike,
+    tool: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    start: ArrayLike | None = None,
+    respect_travel: bool = True,
+) -> Inverse:
+    """The same task as `inverse`, for any chain, by Levenberg-Marquardt search row after row.
+
+    Arguments, frames and units as in `inverse`, to 1e-10 mm and 1e-12 rad; about 1 ms per row of a smooth path, 0.3 s
+    for a pose out of reach. A search starts at the row before and moves every axis, none more than it must, holding
+    at the ends of travel; then again without regard to travel, then from other rotary positions, always the same.
+    Not every pose inside travel is sure to be found.
+
+    Source: Levenberg-Marquardt with the geometric Jacobian (Murray, Li, Sastry, 1994, section 3.4).
+    """
+    goal = _goal(position, tool_axis, tool)
+    previous, travel = _limits(machine, start, respect_travel)
+    q = np.full((len(goal.position), len(machine.axes)), np.nan)
+    for i in range(len(q)):
+        found = _search_row(machine, _Goal(*(part[i] for part in goal)), previous, travel)
+        if found is not None:
+            q[i] = previous = found
+    return Inverse(q, _inside(q, travel), np.zeros(len(q), bool))
+
+
+def _goal(position: ArrayLike, tool_axis: ArrayLike, tool: ArrayLike) -> _Goal:
+    """Arrays of one length; tool axes of length 1, NaN where they have no direction."""
+    given = (np.atleast_2d(np.asarray(rows, float)) for rows in (position, tool_axis, tool))
+    place, axis, tips = np.broadcast_arrays(*given)
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    return _Goal(place, axis / np.where(length > 0.0, length, np.nan), tips)
+
+
+def _limits(machine: Machine, start: ArrayLike | None, respect_travel: bool) -> tuple[Array, Array]:
+    """Positions `(axes,)` before the first row, and the travel `(2, axes)` to respect."""
+    first = np.clip(0.0, *machine.travel) if start is None else np.asarray(start, float)
+    return first, machine.travel if respect_travel else np.broadcast_to(UNLIMITED, machine.travel.shape)
+
+
+def _walk(machine: Machine, q: Array) -> tuple[list[Pose], Pose]:
+    """Nominal poses in front of each axis, and that of the tool reference point, at positions `(n, axes)`."""
+    before, pose = [], IDENTITY
+    for i, axis in enumerate(machine.axes):
+        before.append(pose)
+        pose = pose @ axis_pose(axis, q[:, i])
+    return before, pose
+
+
+def _rotary_directions(machine: Machine) -> list[Array]:
+    return [axis.unit_direction for axis in machine.axes if axis.rotary]
+
+
+def _closed_form(machine: Machine) -> bool:
+    """At most two rotary axes, and if two, neither parallel to each other nor the second to the tool."""
+    lines = _rotary_directions(machine)
+    if len(lines) != 2:
+        return len(lines) < 2
+    return all(np.linalg.norm(np.cross(lines[1], other)) > 1e-6 for other in (lines[0], TOOL_AXIS))
+
+
+def _angle_between(a: Array, b: Array) -> Array:
+    """Angles, rad, 0 to pi, between unit vectors `(3,)` and `(n, 3)` or `(3,)`; exact at both ends."""
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), b @ a))
+
+
+def _angle_about(line: Array, v: Array, u: Array) -> Array:
+    """Angles, rad, that turn v about `line` into the half-plane of u (subproblem 1); accurate down to the pole."""
+    a, b = np.cross(line, v), np.cross(line, u)
+    return np.asarray(np.arctan2(np.cross(a, b) @ line, np.sum(a * b, axis=-1)))
+
+
+def _branches(machine: Machine, u: Array) -> tuple[Array, NDArrayBool, NDArrayBool]:
+    """Every way, up to whole turns, to bring the tool axis to u `(n, 3)` with at most two rotary axes.
+
+    Rotary positions `(ways, n, rotary axes)`; masks `(n,)`: u is attainable, the first rotary axis is free.
+    """
+    lines = _rotary_directions(machine)
+    if not lines:
+        attainable = _angle_between(TOOL_AXIS, u) <= TOLERANCE
+        return np.empty((1, len(u), 0)), attainable, np.zeros(len(u), bool)
+    free = np.linalg.norm(np.cross(lines[0], u), axis=1) <= POLE
+    tilt = _angle_between(lines[0], u)
+    if len(lines) == 1:
+        attainable = np.abs(tilt - _angle_between(lines[0], TOOL_AXIS)) <= TOLERANCE
+        return _angle_about(lines[0], TOOL_AXIS, u)[None, :, None], attainable, free
+    opening, margin = _opening(tilt, _angle_between(lines[0], lines[1]), _angle_between(lines[1], TOOL_AXIS))
+    second = _angle_about(lines[1], TOOL_AXIS, lines[0]) + np.stack([opening, -opening])
+    first = [_angle_about(lines[0], turn(rotation_about(lines[1], angle), TOOL_AXIS), u) for angle in second]
+    return np.stack([np.stack(first), second], axis=-1), margin >= -TOLERANCE, free
+
+
+def _opening(tilt: Array, side1: Array, side2: Array) -> tuple[Array, Array]:
+    """Angle `(n,)` between two sides of a spherical triangle opposite its third side `tilt` `(n,)`, all rad.
+
+    The second result is the margin `(n,)`, rad, by which the triangle closes; with none left it lies flat.
+    """
+    least, most = np.abs(side1 - side2), np.minimum(side1 + side2, TURN - side1 - side2)
+    sine2 = np.sin((tilt + side1 - side2) / 2) * np.sin((tilt - side1 + side2) / 2)
+    cosine2 = np.sin((side1 + side2 + tilt) / 2) * np.sin((side1 + side2 - tilt) / 2)
+    opening = 2.0 * np.arctan2(np.sqrt(np.maximum(sine2, 0.0)), np.sqrt(np.maximum(cosine2, 0.0)))
+    opening = np.where(most - tilt <= FOLD, np.pi, np.where(tilt - least <= FOLD, 0.0, opening))
+    return opening, np.minimum(tilt - least, most - tilt)
+
+
+def _completed(machine: Machine, angles: Array, start: Array, goal: _Goal) -> Array:
+    """Positions `(n, axes)` with rotary axes at `angles`, translators where they must be, the rest as at the start."""
+    q = np.tile(start, (len(angles), 1))
+    q[:, machine.rotary] = angles
+    return linear_positions(machine, q, goal.position, goal.tool)
+
+
+def _inside(q: Array, travel: Array) -> NDArrayBool:
+    return np.asarray(np.all((q >= travel[0]) & (q <= travel[1]), axis=1))
+
+
+def _settled(q: Array, travel: Array) -> Array:
+    """Positions with those outside travel by TOLERANCE or less put on its end."""
+    clipped = np.clip(q, *travel)
+    return np.where(np.abs(q - clipped) <= TOLERANCE, clipped, q)
+
+
+def _choose(
+    ways: Array, fits: NDArrayBool, attainable: NDArrayBool, free: NDArrayBool, start: Array, travel: Array
+) -> Array:
+    """Rotary positions `(n, rotary axes)`: in each attainable row the way and whole turns nearest to the one before.
+
+    fits `(ways, n)`: the linear axes are inside travel. start `(rotary axes,)`, travel `(2, rotary axes)`.
+    """
+    low, high = (travel[0] - TOLERANCE).tolist(), (travel[1] + TOLERANCE).tolist()
+    rows = np.flatnonzero(attainable)
+    options = zip(ways[:, rows].swapaxes(0, 1).tolist(), fits[:, rows].T.tolist(), free[rows].tolist(), strict=True)
+    taken, previous = [], start.tolist()
+    for row_ways, row_fits, row_free in options:
+        best, least = previous, (True, math.inf)
+        for angles, fit in zip(row_ways, row_fits, strict=True):
+            wound, inside = _wound([previous[0], *angles[1:]] if row_free else angles, previous, low, high)
+            cost = (not (inside and fit), math.dist(wound, previous))
+            if cost < least:
+                best, least = wound, cost
+        taken.append(best)
+        previous = best
+    chosen = np.zeros(ways.shape[1:])
+    chosen[rows] = np.reshape(taken, (len(rows), len(start)))
+    return _settled(chosen, travel)
+
+
+def _wound(angles: list[float], previous: list[float], low: list[float], high: list[float]) -> tuple[list[float], bool]:
+    """The angles plus whole turns, nearest to `previous`, inside travel where possible; whether all are inside."""
+    wound, inside = [], True
+    for angle, before, least, most in zip(angles, previous, low, high, strict=True):
+        near = angle + TURN * round((before - angle) / TURN)
+        if not least <= near <= most:
+            turns = math.ceil((least - near) / TURN) if near < least else math.floor((most - near) / TURN)
+            fitting = near + TURN * turns
+            inside &= least <= fitting <= most
+            near = fitting if least <= fitting <= most else near
+        wound.append(near)
+    return wound, inside
+
+
+def _search_row(machine: Machine, goal: _Goal, previous: Array, travel: Array) -> Array | None:
+    """Positions `(axes,)` for one pose, inside travel if any search ends there; None when none ends at all."""
+    rotary, outside = machine.rotary, None
+    for seed in _seeds(np.clip(previous, *travel), travel):
+        for limits in (travel, UNLIMITED):
+            found = _search(machine, goal, seed, limits)
+            if found is not None:
+                found[rotary], _ = _wound(*(part[rotary].tolist() for part in (found, previous, *travel)))
+                found = _settled(found, travel)
+                if _inside(found[None], travel)[0]:
+                    return found
+                outside = found if outside is None else outside
+    return outside
+
+
+def _seeds(previous: Array, travel: Array) -> Array:
+    """The previous positions, then others inside travel: rotary axes up to half a turn away, linear ones hardly."""
+    low, high = np.maximum(travel[0], previous - np.pi), np.minimum(travel[1], previous + np.pi)
+    return np.vstack([previous, np.random.default_rng(0).uniform(low, high, (RESTARTS, len(previous)))])
+
+
+def _search(machine: Machine, goal: _Goal, q: Array, travel: Array) -> Array | None:
+    """Levenberg-Marquardt from q `(axes,)` inside travel; None when it does not converge."""
+    unit = np.where(machine.rotary, ARM, 1.0)
+    residual, jacobian = _linearised(machine, goal, q)
+    damping = 1e-3
+    for _ in range(100):
+        if np.abs(residual).max() <= CONVERGED:
+            return q.copy()
+        slope = residual @ jacobian
+        held = ((q <= travel[0]) & (slope < 0)) | ((q >= travel[1]) & (slope > 0))
+        J = np.where(held, 0.0, jacobian / unit)
+        step = np.linalg.solve(J.T @ J + damping * np.eye(len(q)), J.T @ residual)
+        trial = np.clip(q + step / unit, *travel)
+        trial_residual, trial_jacobian = _linearised(machine, goal, trial)
+        if np.linalg.norm(trial_residual) < np.linalg.norm(residual):
+            q, residual, jacobian = trial, trial_residual, trial_jacobian
+            damping = max(damping / 10.0, 1e-12)
+        else:
+            damping *= 10.0
+            if damping > 1e6:
+                break
+    return None
+
+
+def _linearised(machine: Machine, goal: _Goal, q: Array) -> tuple[Array, Array]:
+    """What is missing of tool point and tool axis at q `(axes,)`, `(6,)` mm, and its decrease per axis, `(6, axes)`."""
+    before, pose = _walk(machine, q[None])
+    point, tool_axis = pose.apply(goal.tool)[0], turn(pose.rotation, TOOL_AXIS)[0]
+    links = list(zip(before, machine.axes, strict=True))
+    lines = np.concatenate([turn(link.rotation, axis.unit_direction) for link, axis in links])
+    centres = np.concatenate([link.apply(axis.point) for link, axis in links])
+    rotary = machine.rotary[:, None]
+    moves = np.where(rotary, np.cross(lines, point - centres), lines)
+    tilts = np.where(rotary, np.cross(lines, tool_axis), 0.0)
+    residual = np.concatenate([goal.position - point, ARM * (goal.axis - tool_axis)])
+    return residual, np.hstack([moves, ARM * tilts]).T
