@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
-
-_NUMBER = re.compile(r"(?P<sign>[+-]?)[ \t]*(?P<whole>\d*)(?P<mark>[.,]?)(?P<decimals>\d*)")
 
 
 def decimals_for(resolution: float) -> int:
@@ -16,8 +13,8 @@ def decimals_for(resolution: float) -> int:
 
 def decimals_of(text: str) -> int:
     """Decimals that a number is written with."""
-    match = _NUMBER.fullmatch(text)
-    return len(match["decimals"]) if match else 0
+    mark = max(text.find("."), text.find(","))
+    return len(text) - mark - 1 if mark >= 0 else 0
 
 
 @dataclass(frozen=True)
@@ -31,14 +28,14 @@ class NumberStyle:
     @classmethod
     def of(cls, text: str, otherwise: NumberStyle) -> NumberStyle:
         """The style of one written number; what it does not show is taken from `otherwise`."""
-        match = _NUMBER.fullmatch(text)
-        if match is None:
+        sign = text[0] if text[0] in "+-" else ""
+        digits = text[len(sign) :].lstrip()
+        plus = otherwise.plus if sign == "-" else sign == "+"
+        mark = "," if "," in digits else "." if "." in digits else otherwise.mark
+        leading_zero = digits[0] not in ".," and (digits.startswith(("0.", "0,")) or otherwise.leading_zero)
+        if (plus, mark, leading_zero) == (otherwise.plus, otherwise.mark, otherwise.leading_zero):
             return otherwise
-        negative = match["sign"] == "-"
-        leading_zero = otherwise.leading_zero
-        if match["whole"].strip("0") == "" and match["decimals"]:
-            leading_zero = match["whole"] != ""
-        return cls(otherwise.plus if negative else match["sign"] == "+", match["mark"] or otherwise.mark, leading_zero)
+        return cls(plus, mark, leading_zero)
 
     def write(self, value: float, decimals: int) -> str:
         """The number with so many decimals; zero has no minus."""

@@ -27,12 +27,10 @@ from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic
 from postproc.setup import Setup
-from postproc.source import ENCODING, Source, chunks
+from postproc.source import CHUNK, ENCODING, Source, chunks
 from postproc.travel import check_travel
 from postproc.writer import Writer, Written
 
-CHUNK = 20_000
-"""Blocks that go through the pipeline together."""
 UNCERTAINTY_ROWS = 500
 """Moves of a chunk that the uncertainty of the prediction is worked out for."""
 

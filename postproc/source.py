@@ -17,6 +17,8 @@ ENCODING = "latin-1"
 
 BYTE_ORDER_MARK = "\xef\xbb\xbf"
 HEAD_SIZE = 20_000
+CHUNK = 4096
+"""Blocks that are worked on together: enough for NumPy, few enough for the processor's cache."""
 _CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r\x00\x0c\x1a")
 
 

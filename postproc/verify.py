@@ -25,9 +25,8 @@ from postproc.notes import Notes
 from postproc.program import Refusal
 from postproc.report import Statistic
 from postproc.setup import Setup
-from postproc.source import Source, chunks
+from postproc.source import CHUNK, Source, chunks
 
-CHUNK = 20_000
 PATH_POINTS = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 """Where a feed move is looked at between its ends."""
 

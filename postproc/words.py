@@ -10,10 +10,13 @@ from postproc.program import Block, Edit, Word
 ORDER = "XYZABCUVWIJKR"
 
 
+_RANKS = {letter: i for i, letter in enumerate(ORDER)}
+_RANKS.update({f"I{letter}": i for i, letter in enumerate(ORDER) if letter not in "IJKR"})
+
+
 def rank(word: Word) -> int | None:
     """Place of a word (X, or IX for a Klartext increment) among coordinates; None for what is no coordinate."""
-    letter = word.address.removeprefix("I") or "I"
-    return ORDER.index(letter) if len(letter) == 1 and letter in ORDER else None
+    return _RANKS.get(word.address)
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Layout:
             if rank(word) is not None:
                 numbers = NumberStyle.of(block.text[word.start : word.end], numbers)
         blank = block.text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else self.blank
-        return Layout(blank, numbers)
+        return self if numbers is self.numbers and blank == self.blank else Layout(blank, numbers)
 
 
 @dataclass

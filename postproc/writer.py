@@ -76,7 +76,8 @@ class Writer:
             q = to_machine(self.machine, self._frame, np.array([held]))
             held = to_program(self.machine, frame, q)[0].tolist()
         self._frame = frame
-        return [h if known == Known.PROGRAM else s for h, s, known in zip(held, start, motions.known[row], strict=True)]
+        said = (motions.known[row] == Known.PROGRAM).tolist()
+        return [h if program else s for h, s, program in zip(held, start, said, strict=True)]
 
     def _editor(self, motions: Motions, block: int) -> WordEditor:
         return self._editors.setdefault(block, WordEditor(motions.blocks[block], self._layout))
