@@ -33,9 +33,8 @@ RUNS = 3
 def program(blocks: int) -> str:
     """A smooth five-axis path, every block naming all axes with three decimals, as CAM systems post it."""
     t = np.linspace(0.0, blocks / 400.0, blocks)
-    columns = (
-        60 * np.cos(t), 60 * np.sin(1.1 * t), 200 + 20 * np.sin(0.7 * t), 20 + 10 * np.sin(0.3 * t), 180 + 90 * np.sin(0.2 * t)
-    )  # fmt: skip
+    x, y, z = 60 * np.cos(t), 60 * np.sin(1.1 * t), 200 + 20 * np.sin(0.7 * t)
+    columns = (x, y, z, 20 + 10 * np.sin(0.3 * t), 180 + 90 * np.sin(0.2 * t))
     rows = zip(*(np.round(c, 3).tolist() for c in columns), strict=True)
     body = "".join(f"N{10 * i}G1X{x}Y{y}Z{z}B{b}C{c}\n" for i, (x, y, z, b, c) in enumerate(rows, start=1))
     return f"%\nO0001\nG21G90G54\nT1M6\nG0X0.Y0.Z300.B0.C0.\nG1F1000.\n{body}M30\n%\n"
