@@ -9,6 +9,8 @@ Point = tuple[float, float]
 # LinuxCNC's end-point check, the tightest that is published: 28.3 um or 0.1 % of the radius, whichever is more.
 RADIUS_TOLERANCE_MM = 0.0283
 RADIUS_TOLERANCE_RATIO = 1e-3
+CLOSE = 5e-4
+"""mm: radii that differ by so little more at the two ends of a corrected arc are left so."""
 
 
 def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
@@ -34,15 +36,22 @@ def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> P
     return _beside_chord(start, end, height * sense * math.copysign(1.0, radius))
 
 
-def centre_on_bisector(start: Point, end: Point, near: Point) -> Point:
-    """The point nearest to `near` that is as far from start as from end; `near` itself when these coincide."""
-    chord = math.dist(start, end)
-    if chord == 0.0:
-        return near
-    ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
-    mx, my = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
-    along = (near[0] - mx) * ux + (near[1] - my) * uy
-    return near[0] - along * ux, near[1] - along * uy
+def moved_centre(start: Point, end: Point, centre: Point, start_shift: Point, end_shift: Point, shift: Point) -> Point:
+    """The centre of a circle whose end points are shifted, moved by about `shift`.
+
+    Moved by just that when the two radii then differ no more than they did, up to CLOSE; otherwise along the nearest
+    way that leaves their difference as it was.
+    """
+    first, last = math.dist(start, centre), math.dist(end, centre)
+    if first == 0.0 or last == 0.0:
+        return centre[0] + shift[0], centre[1] + shift[1]
+    u = ((start[0] - centre[0]) / first, (start[1] - centre[1]) / first)
+    v = ((end[0] - centre[0]) / last, (end[1] - centre[1]) / last)
+    wanted = u[0] * start_shift[0] + u[1] * start_shift[1] - v[0] * end_shift[0] - v[1] * end_shift[1]
+    n = (u[0] - v[0], u[1] - v[1])
+    excess = n[0] * shift[0] + n[1] * shift[1] - wanted
+    share = excess / (n[0] ** 2 + n[1] ** 2) if abs(excess) > CLOSE else 0.0
+    return centre[0] + shift[0] - share * n[0], centre[1] + shift[1] - share * n[1]
 
 
 def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool) -> float:
@@ -59,6 +68,13 @@ def point_at(start: Point, centre: Point, angle: float) -> Point:
     c, s = math.cos(angle), math.sin(angle)
     x, y = start[0] - centre[0], start[1] - centre[1]
     return centre[0] + c * x - s * y, centre[1] + s * x + c * y
+
+
+def height_over_chord(start: Point, end: Point, centre: Point) -> float:
+    """Distance of the centre from the line through start and end."""
+    chord = math.dist(start, end)
+    across = (end[0] - start[0]) * (centre[1] - start[1]) - (end[1] - start[1]) * (centre[0] - start[0])
+    return abs(across) / chord
 
 
 def _beside_chord(start: Point, end: Point, height: float) -> Point:

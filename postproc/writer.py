@@ -13,7 +13,7 @@ import numpy as np
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.circles import Point, centre_on_bisector
+from postproc.circles import Point, height_over_chord, moved_centre
 from postproc.compensate import Correction
 from postproc.frames import Frame, to_machine, to_program
 from postproc.motions import Arc, Kind, Known, Motions
@@ -128,11 +128,14 @@ class Writer:
         self, motions: Motions, row: int, arc: Arc, ends: tuple[list[float], list[float]], middle_shift: Array
     ) -> None:
         """Make start, end and centre as written one circle again, moved as the path along the arc is moved."""
-        plane = list(arc.plane[:2])
-        first, last = (np.array(end)[plane] for end in ends)
-        shift = (first - motions.start[row, plane] + last - motions.target[row, plane]) / 4 + middle_shift[plane] / 2
-        start, end = (float(first[0]), float(first[1])), (float(last[0]), float(last[1]))
-        centre = centre_on_bisector(start, end, (arc.centre[0] + float(shift[0]), arc.centre[1] + float(shift[1])))
+        i, j = arc.plane[:2]
+        start, end = ((at[i], at[j]) for at in ends)
+        before, after = (motions.start[row, [i, j]].tolist(), motions.target[row, [i, j]].tolist())
+        start_shift = (start[0] - before[0], start[1] - before[1])
+        end_shift = (end[0] - after[0], end[1] - after[1])
+        shift = (np.array(start_shift) + np.array(end_shift)) / 4 + middle_shift[[i, j]] / 2
+        mean = (float(shift[0]), float(shift[1]))
+        centre = moved_centre((before[0], before[1]), (after[0], after[1]), arc.centre, start_shift, end_shift, mean)
         unit = float(motions.unit[row])
         decimals = self._decimals(arc.plane[0], unit)
         block = int(motions.block[row])
@@ -161,8 +164,8 @@ class Writer:
         start, end, centre = points
         index = arc.words[0]
         assert index is not None
-        radius = math.dist(start, centre)
-        height = math.dist(centre, ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2))
+        height = height_over_chord(start, end, centre)
+        radius = math.hypot(math.dist(start, end) / 2, height)
         if height > FLAT_ARC * radius:
             signed = math.copysign(radius, editor.block.words[index].value or 0.0)
             editor.set(index, signed / unit, decimals)
