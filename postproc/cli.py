@@ -125,7 +125,7 @@ def verify_command(
     """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
     from postproc.dialects import find_dialect
     from postproc.source import open_source
-    from postproc.terminal import show_verdict
+    from postproc.terminal import console, output, show_verdict
     from postproc.verify import merged, read_motions, verify
 
     found = _machine(machine)
@@ -137,7 +137,7 @@ def verify_command(
         language = find_dialect(dialect, source.name, source.text_head)
         motions.append(merged(read_motions(source, language, found, setup)))
     verdict = verify(motions[0], motions[1], model)
-    show_verdict(verdict)
+    show_verdict(verdict, console if json == "-" else output)
     _write_json(verdict.json(), json)
 
 
@@ -149,12 +149,12 @@ def machines_command(
 ) -> None:
     """List the shipped machines; show one; check a machine file of your own."""
     import machines as shipped
-    from postproc.terminal import console, show_machine
+    from postproc.terminal import output, show_machine
 
     if name is None:
         for each in shipped.names():
             machine = shipped.load(each)
-            console.print(f"{each:<12} {machine.chain:<24} {machine.description}")
+            output.print(f"{each:<12} {machine.chain:<24} {machine.description}")
         return
     machine = _machine(name)
     path = shipped.default_calibration(machine)

@@ -7,13 +7,16 @@ from contextlib import contextmanager
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from kinematics.machine import Machine
 from postproc.report import Report, Statistic
 from postproc.verify import Verdict
 
-console = Console(stderr=True, highlight=False, soft_wrap=True)
-"""Standard output belongs to programs and JSON."""
+console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+"""For what goes along with a program or JSON, which own the standard output."""
+output = Console(highlight=False, markup=False, soft_wrap=True)
+"""For results that a person asked for."""
 
 LONG = 1_000_000
 """Bytes of a program from which progress is shown."""
@@ -36,7 +39,7 @@ def show_report(report: Report) -> None:
     """The summary of a correction."""
     calibration = report.calibration
     if calibration["demonstration"]:
-        console.print("[bold yellow]demonstration calibration:[/] it describes no real machine; don't cut with it")
+        _say("demonstration calibration", "it describes no real machine; don't cut with it")
     offsets = "; ".join(f"{name}: {value}" for name, value in report.work_offsets.items())
     tools = ", ".join(f"T{name}: {value}" for name, value in report.tools.items()) or "none called: length 0"
     console.print(f"program      {report.program['name']}  ({report.program['dialect']}, {report.blocks} blocks)")
@@ -49,28 +52,28 @@ def show_report(report: Report) -> None:
     if report.correction:
         console.print(_correction_table(report))
     for note in report.notes:
-        console.print(f"[yellow]note:[/] {note}")
+        _say("note", note)
 
 
-def show_verdict(verdict: Verdict) -> None:
+def show_verdict(verdict: Verdict, to: Console) -> None:
     """The result of a verification."""
     table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points")
     _row(table, "block ends", verdict.before, verdict.after)
     _row(table, "along feed moves", verdict.path_before, verdict.path_after)
-    console.print(table)
+    to.print(table)
     parts = Table("what makes it (before)", "max um", "RMS um")
     ranked = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)
     for name, statistic in ranked[:10]:
         parts.add_row(name, f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
     if ranked:
-        console.print(parts)
+        to.print(parts)
 
 
 def show_machine(machine: Machine, calibration: str) -> None:
     """A machine's chain and axes."""
-    console.print(f"[bold]{machine.name}[/]  {machine.description}")
-    console.print(f"chain        {machine.chain}   (ISO 10791-6, workpiece to tool)")
-    console.print(f"calibration  {calibration}")
+    output.print(f"{machine.name}  {machine.description}")
+    output.print(f"chain        {machine.chain}   (ISO 10791-6, workpiece to tool)")
+    output.print(f"calibration  {calibration}")
     table = Table("axis", "carries", "tool moves (ISO 841)", "point, mm", "travel", "home", "resolution")
     for axis in machine.axes:
         way = "turns about" if axis.rotary else "along"
@@ -83,7 +86,11 @@ def show_machine(machine: Machine, calibration: str) -> None:
             f"{axis.home:g}",
             f"{axis.resolution:g}",
         )
-    console.print(table)
+    output.print(table)
+
+
+def _say(what: str, text: str) -> None:
+    console.print(Text.assemble((f"{what}: ", "yellow"), text))
 
 
 def _correction_table(report: Report) -> Table:
