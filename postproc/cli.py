@@ -7,11 +7,39 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from kinematics.errors import UserError
 
+MAIN_JOB = "correct"
+
+
+def _machine_names() -> list[str]:
+    import machines as shipped
+
+    return shipped.names()
+
+
+def _dialect_names() -> list[str]:
+    from postproc.dialects import NAMES
+
+    return list(NAMES)
+
+
+class MainJobFirst(TyperGroup):
+    """A first argument that is no subcommand is the main job."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the name of the main job in front of its arguments."""
+        own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
+        if args and args[0] not in self.commands and args[0] not in own:
+            args = [MAIN_JOB, *args]
+        return super().parse_args(ctx, args)
+
+
 app = typer.Typer(
     name="ncomp",
+    cls=MainJobFirst,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
@@ -24,12 +52,19 @@ app = typer.Typer(
 )
 
 Program = Annotated[str, typer.Argument(metavar="IN.nc", help="NC program; - for standard input.")]
-MachineName = Annotated[str, typer.Option("--machine", "-m", help="Name of a machine, or path of its .toml file.")]
+MachineName = Annotated[
+    str,
+    typer.Option(
+        "--machine", "-m", help="Name of a machine, or path of its .toml file.", autocompletion=_machine_names
+    ),
+]
 CalibrationName = Annotated[
     str | None,
     typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
 ]
-DialectName = Annotated[str, typer.Option("--dialect", help="auto, iso, siemens or heidenhain.")]
+DialectName = Annotated[
+    str, typer.Option("--dialect", help="auto, iso, siemens or heidenhain.", autocompletion=_dialect_names)
+]
 WorkOffsets = Annotated[
     list[str] | None,
     typer.Option("--work-offset", metavar="G54=x,y,z", help="Work offset, mm; rotary: G54=x,y,z,C=deg. Repeatable."),
@@ -45,7 +80,7 @@ JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Re
 
 
 @app.command(
-    "correct",
+    MAIN_JOB,
     epilog="Examples:\n\n"
     "`ncomp part.nc --machine dmu50 -o part_c.nc`\n\n"
     "`ncomp part.h --machine mill.toml --calibration cal.json --work-offset 1=12.5,-80,210 --tool-length T5=96.3 "
@@ -162,13 +197,9 @@ def machines_command(
 
 
 def run() -> None:
-    """Entry point: a first argument that is no subcommand is the main job."""
-    commands = {command.name for command in app.registered_commands}
-    arguments = sys.argv[1:]
-    if arguments and arguments[0] not in commands and not _is_global(arguments[0]):
-        arguments.insert(0, "correct")
+    """Entry point."""
     try:
-        app(args=arguments, prog_name="ncomp")
+        app(prog_name="ncomp")
     except UserError as fault:
         print(f"ncomp: {fault}", file=sys.stderr)
         sys.exit(2)
@@ -180,10 +211,6 @@ def run() -> None:
         traceback.print_exc()
         print(f"ncomp: internal fault: {fault!r}; please report it with the program that shows it", file=sys.stderr)
         sys.exit(1)
-
-
-def _is_global(argument: str) -> bool:
-    return argument in ("-h", "--help", "--version", "--install-completion", "--show-completion")
 
 
 def _version(wanted: bool) -> None:
