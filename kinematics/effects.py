@@ -83,10 +83,11 @@ class ErrorMotion(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
 
 
 class LocationError(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="location"):
-    """Position or orientation of an axis line in the machine frame (ISO 230-1): E_C0Y, E_B0Z, E_X0C, E_A0B, ...
+    """Position or orientation of an axis line (ISO 230-1), E_C0Y, E_B0Z, E_X0C, E_A0B, ..., tool relative to workpiece.
 
     An orientation error of a linear axis tilts its line, so its carriage leaves the nominal direction d by
-    angle x d per mm and does not turn: E_XY = -E_C0Y y, E_YX = E_C0X x, E_XZ = E_B0Z z. All others are constants.
+    angle x d per mm and does not turn: E_XY = -E_C0Y y, E_YX = E_C0X x, E_XZ = E_B0Z z. All others are the constants of
+    the error motions: the line of a rotary axis in the head lies at the value, that of a table at minus the value.
     """
 
     component: Component

@@ -34,7 +34,7 @@ def whole_file(path: Path) -> Iterator[BinaryIO]:
     except BaseException as fault:
         Path(name).unlink(missing_ok=True)
         if isinstance(fault, OSError):
-            raise UserError(f"can't write {path}: {fault.strerror}") from None
+            raise UserError(f"can't write {path}: {fault.strerror or fault}") from None
         raise
 
 

@@ -67,7 +67,8 @@ class Axis:
 
         The six error motions are counted in the machine's x, y, z; for a slanting axis (B of the DMU 50) in that
         frame turned by the smallest rotation that lays the axis' ISO letter direction on its line, so that
-        E_BB is still the angular positioning error of B.
+        E_BB is still the angular positioning error of B. Of an axis that runs against its letter, E_ii is counted
+        along the letter, so minus its positioning error.
         """
         letter = np.asarray(ISO_DIRECTION[self.name[0]], float)
         line = self.unit_direction
@@ -141,7 +142,7 @@ class Machine:
         Raises UserError when the linear axes do not span space.
         """
         linear = [i for i, a in enumerate(self.axes) if not a.rotary]
-        linear.sort(key=lambda i: "XYZUVW".index(self.axes[i].name[0]))
+        linear.sort(key=lambda i: ("XYZUVW".index(self.axes[i].name[0]), self.axes[i].name))
         chosen: list[int] = []
         for i in linear:
             span = np.array([self.axes[j].unit_direction for j in (*chosen, i)])
@@ -160,7 +161,7 @@ class Machine:
     @cached_property
     def chain_hash(self) -> str:
         """Identifies the geometry (not travels or defaults): what a calibration and a derived transform belong to."""
-        geometry = [(a.name, a.side, *map(float, (*a.direction, *a.point))) for a in self.axes]
+        geometry = [(a.name, a.side, *np.round(a.unit_direction, 12).tolist(), *map(float, a.point)) for a in self.axes]
         return hashlib.sha256(repr(geometry).encode()).hexdigest()[:16]
 
 
@@ -206,7 +207,7 @@ def make_axis(
     if not (resolution > 0 and math.isfinite(resolution)):
         raise UserError(f"{where}: resolution {resolution} must be positive")
     stand = min(max(0.0, low), high) if home is None else float(home)
-    if not low <= stand <= high:
+    if not (low <= stand <= high and math.isfinite(stand)):
         raise UserError(f"{where}: home {home} is outside its travel {list(travel)}")
     kind: Literal["linear", "rotary"] = "rotary" if name[0] in "ABC" else "linear"
     return Axis(name, kind, side, (d[0], d[1], d[2]), (p[0], p[1], p[2]), (low, high), float(resolution), stand)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -15,6 +15,9 @@ from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
+
+ROUNDING = 1e-9
+"""Positions, mm or degrees, come back from rad with an error far below this."""
 
 
 class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -29,7 +32,7 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Where a calibration comes from: tool and version, time, sources and the fingerprints of its inputs."""
 
     made_by: str
-    made_at: datetime.datetime
+    made_at: Annotated[datetime.datetime, msgspec.Meta(tz=True)]
     source: str = ""
     inputs: dict[str, str] = {}
 
@@ -83,7 +86,8 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
         design = self.design(machine, state, transform)
         if self.covariance is not None:
-            return np.asarray(np.sqrt(np.einsum("nrp,pq,nrq->nr", design, np.array(self.covariance), design)))
+            variance = np.einsum("nrp,pq,nrq->nr", design, np.array(self.covariance), design)
+            return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # below zero by rounding only
         u = np.array([v for effect in self.effects for v in effect.uncertainties])
         return np.asarray(np.sqrt(np.einsum("nrp,p->nr", design**2, u**2)))
 
@@ -94,8 +98,8 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             if effect.interval is not None:
                 x, (low, high) = state.position(machine, effect.axis), effect.interval
                 excess = float(np.max(np.maximum(low - x, x - high), initial=0.0))
-                if excess > 0:
-                    beyond[effect.name] = excess
+                if excess > ROUNDING:
+                    beyond[effect.name] = max(excess, beyond.get(effect.name, 0.0))
         return beyond
 
 
@@ -129,12 +133,12 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
         if version is None:
             raise UserError(f"calibration {source}: no ncomp calibration (it has no 'ncomp_calibration')")
         if bytes(version) != b"1":
-            raise UserError(
-                f"calibration {source}: version {bytes(version).decode()} is newer than this ncomp reads (1)"
-            )
+            raise UserError(f"calibration {source}: version {bytes(version).decode()} is not one this ncomp reads (1)")
         model = msgspec.json.decode(data, type=ErrorModel)
     except msgspec.DecodeError as fault:
         raise UserError(f"calibration {source}: {fault}") from None
+    except UnicodeDecodeError:
+        raise UserError(f"calibration {source}: not UTF-8 text") from None
     _check(model, source)
     return model
 
@@ -156,6 +160,13 @@ def _check(model: ErrorModel, source: str) -> None:
             raise UserError(f"calibration {source}: {effect.name} is of an axis that {model.machine.chain} lacks")
         if min(effect.uncertainties, default=0.0) < 0:
             raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u")
+    if model.covariance is None:
+        return
     n = len(model.parameters)
-    if model.covariance is not None and np.shape(model.covariance) != (n, n):
+    if [len(row) for row in model.covariance] != [n] * n:
         raise UserError(f"calibration {source}: covariance is not {n} x {n}, one row per parameter")
+    covariance = np.array(model.covariance).reshape(n, n)
+    largest = np.abs(covariance).max(initial=0.0)
+    lowest = np.linalg.eigvalsh(covariance).min(initial=0.0)
+    if np.abs(covariance - covariance.T).max(initial=0.0) > 1e-9 * largest or lowest < -1e-9 * largest:
+        raise UserError(f"calibration {source}: covariance is not symmetric and positive")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeVar
 
 import msgspec
 
@@ -12,6 +13,7 @@ from kinematics.errors import UserError
 from kinematics.machine import Control, Machine, make_axis, split_chain
 
 FOLDER = Path(__file__).parent
+T = TypeVar("T")
 
 
 class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
@@ -33,11 +35,11 @@ class _ControlEntry(msgspec.Struct, forbid_unknown_fields=True):
 class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
     name: str
     chain: str
-    axes: dict[str, _AxisEntry]
+    axes: dict[str, Any]
     description: str = ""
     control: _ControlEntry = msgspec.field(default_factory=_ControlEntry)
-    work_offsets: dict[str, dict[str, float]] = {}
-    tools: dict[str, float] = {}
+    work_offsets: dict[str, dict[str, Any]] = {}
+    tools: dict[str, Any] = {}
 
 
 def names() -> list[str]:
@@ -48,12 +50,12 @@ def names() -> list[str]:
 def load(name_or_path: str) -> Machine:
     """The machine of a shipped name or of a TOML file; UserError says what is wrong and where."""
     path = Path(name_or_path)
-    if path.suffix.lower() != ".toml" and not path.is_file():
-        if name_or_path not in names():
-            raise UserError(
-                f"unknown machine {name_or_path!r}: shipped are {', '.join(names())}; or give the path of a .toml file"
-            )
+    if name_or_path in names():
         path = FOLDER / f"{name_or_path}.toml"
+    elif path.suffix.lower() != ".toml" and not path.is_file():
+        raise UserError(
+            f"unknown machine {name_or_path!r}: shipped are {', '.join(names())}; or give the path of a .toml file"
+        )
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as fault:
@@ -86,11 +88,16 @@ def _build(entries: _MachineFile) -> Machine:
             raise UserError(f"axes.{name} is not in the chain {entries.chain!r}")
     axes = []
     for name, side in links:
-        entry = entries.axes.get(name)
-        if entry is None:
+        if name not in entries.axes:
             raise UserError(f"axis {name} of the chain {entries.chain!r} has no [axes.{name}] with its travel")
-        settings = msgspec.structs.asdict(entry)
-        axes.append(make_axis(name, side, **settings))
+        entry = _entry(entries.axes[name], _AxisEntry, f"axes.{name}")
+        axes.append(make_axis(name, side, **msgspec.structs.asdict(entry)))
+    control = Control(**msgspec.structs.asdict(entries.control))
+    if not (control.increment > 0 and math.isfinite(control.increment)):
+        raise UserError(f"control.increment {control.increment} must be positive")
+    unknown = set(control.tool_change_moves) - chained - set(Control().tool_change_moves)
+    if unknown:
+        raise UserError(f"control.tool_change_moves: no axis {', '.join(sorted(unknown))} in the chain")
     for offset, values in entries.work_offsets.items():
         unknown = set(values) - chained
         if unknown:
@@ -99,7 +106,23 @@ def _build(entries: _MachineFile) -> Machine:
         entries.name,
         entries.description,
         tuple(axes),
-        Control(**msgspec.structs.asdict(entries.control)),
-        entries.work_offsets,
-        entries.tools,
+        control,
+        {offset: _lengths(values, f"work_offsets.{offset}") for offset, values in entries.work_offsets.items()},
+        _lengths(entries.tools, "tools"),
     )
+
+
+def _entry(value: object, kind: type[T], where: str) -> T:
+    """An entry of the file as `kind`; msgspec's own path doesn't name the keys of a table."""
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as fault:
+        raise UserError(f"{where}: {fault}") from None
+
+
+def _lengths(table: dict[str, Any], where: str) -> dict[str, float]:
+    lengths = {key: _entry(value, float, f"{where}.{key}") for key, value in table.items()}
+    for key, value in lengths.items():
+        if not math.isfinite(value):
+            raise UserError(f"{where}.{key}: {value} is not finite")
+    return lengths

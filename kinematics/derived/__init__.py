@@ -3,7 +3,7 @@
 MODULES: dict[str, str] = {
     "deb9fb035608d85c": "bzt_pfu",
     "759b22ac298673fc": "cframe",
-    "1a787dfd0680773e": "dmu50",
+    "04ecb243831f99a4": "dmu50",
     "f5c855c98c3eafe6": "gantry",
     "0e2d7cffa5553b36": "head_head",
     "372bbc3668b822a5": "head_table",
