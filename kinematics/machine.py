@@ -161,7 +161,9 @@ class Machine:
     @cached_property
     def chain_hash(self) -> str:
         """Identifies the geometry (not travels or defaults): what a calibration and a derived transform belong to."""
-        geometry = [(a.name, a.side, *np.round(a.unit_direction, 12).tolist(), *map(float, a.point)) for a in self.axes]
+        geometry = [
+            (a.name, a.side, *(np.round(a.unit_direction, 12) + 0.0).tolist(), *map(float, a.point)) for a in self.axes
+        ]
         return hashlib.sha256(repr(geometry).encode()).hexdigest()[:16]
 
 
