@@ -1,0 +1,488 @@
+"""Meaning of HEIDENHAIN Klartext blocks: modal state in, moves out; what could move the tool unseen is refused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from kinematics.machine import Machine
+from postproc.circles import Point, centre_from_radius, radius_fault
+from postproc.frames import Frame, cartesian
+from postproc.iso import AXES, INCH
+from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
+from postproc.notes import Notes
+from postproc.program import Block, Word
+from postproc.setup import Setup
+
+# Neither move the tool nor change where coordinates point: spindle, coolant, stops, feed modes, the way round of rotary
+# axes (M126), path modes, monitoring, and what takes back something that is refused or was never there.
+HARMLESS_M = frozenset(
+    map(
+        float,
+        (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19, 90, 94, 102, 103, *range(105, 112), 113, *range(115, 119)),
+    )
+) | frozenset(map(float, (120, 124, 126, 127, 132, 133, *range(134, 139), 141, 143, 145, 148, 149)))
+PROGRAM_END_M = frozenset((2.0, 30.0))
+MEANT_M = frozenset((6.0, 91.0, 128.0, 129.0, 140.0)) | PROGRAM_END_M
+REFUSED_M = {
+    **dict.fromkeys((89.0, 99.0), "calls a cycle: canned cycles are not corrected"),
+    92.0: "refers to a position that only the machine's maker knows",
+    **dict.fromkeys((97.0, 98.0), "changes the path at corners"),
+    101.0: "lets the control change the tool by itself",
+    104.0: "goes back to an earlier datum",
+    112.0: "rounds corners",
+    114.0: "compensates tilted axes in an older way than M128",
+    130.0: "refers to the coordinates before tilting",
+    142.0: "deletes modal states of the control",
+    144.0: "takes the kinematics into the coordinates",
+    150.0: "lets a move end at a limit switch",
+    **dict.fromkeys(map(float, range(200, 205)), "laser cutting is not corrected"),
+}
+AXIS_M = {118.0: "lets the handwheel move axes", 138.0: "changes which axes M128 compensates"}
+"""With axes behind them."""
+
+COMPENSATIONS = frozenset(("RL", "RR", "R+", "R-"))
+DIRECTIONS = {"DR+": 1, "DR-": -1}
+
+# Cycles that only a call runs, and data for them; dwell, oriented spindle stop, tolerance.
+HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *range(27, 30), 32, 39)) | frozenset(
+    (*range(200, 216), 225, *range(230, 234), 240, 241, *range(251, 259), *range(262, 268), *range(270, 277))
+)
+REFUSED_CYCLES = {
+    12: "calls a program",
+    220: "pattern cycles run where they are defined",
+    221: "pattern cycles run where they are defined",
+}
+FRAME_CYCLES = {
+    7: ("I?[XYZABCUVW]", 0.0, "shifts the datum"),
+    8: ("", 0.0, "mirrors the coordinates"),
+    10: ("I?ROT", 0.0, "turns the coordinates"),
+    11: ("SCL", 1.0, "scales the coordinates"),
+    19: ("[ABC]", 0.0, "tilts the working plane"),
+    26: ("[XYZ]", 1.0, "scales the coordinates"),
+}
+"""The words that a cycle may have, the value of each that changes nothing, and what any other does."""
+PRESET_CYCLE = 247
+
+HARMLESS_FN = frozenset((*range(9), *range(13, 17), 18, 20, 23, 24, 26, 27, 28, 37, 38))
+PLC_FN = frozenset((19, 29))
+REFUSED_FN = {
+    **dict.fromkeys(range(9, 13), "jumps are not followed"),
+    17: "sets data of the control while it runs",
+    25: "sets a preset while it runs",
+}
+
+HARMLESS_KINDS = frozenset(("blank", "blank_form", "definition", "label", "assignment"))
+REFUSED_KINDS = {
+    "normal_line": "surface normals (LN) are not corrected",
+    "polar": "polar coordinates are not corrected",
+    "tangent": "an arc given by its tangent is not corrected",
+    "rounding": "the control rounds the corner by itself",
+    "chamfer": "the control breaks the corner by itself",
+    "approach": "the control works out the way to the contour by itself",
+    "free_contour": "free contours (FK) are not corrected",
+    "cycle_call": "canned cycles are not corrected",
+    "label_call": "subprograms and repeats are not followed",
+    "program_call": "other programs are not followed",
+    "selection": "what it selects is not known",
+    "probe": "where a probing move ends is not known",
+}
+_TCPM = re.compile(
+    r"FUNCTION TCPM( F (TCP|CONT))?( AXIS POS)?( PATHCTRL (AXIS|VECTOR))?( REFPNT TIP-TIP)?( F ?[\d.,]+)?",
+    re.IGNORECASE,
+)
+_HARMLESS_FUNCTION = re.compile(r"FUNCTION (MODE MILL|(S-PULSE|FEED DWELL)\b.*)", re.IGNORECASE)
+_TRANSFORMATION_RESET = re.compile(r"TRANS [A-Z]+ RESET", re.IGNORECASE)
+_FN = re.compile(r"FN ?(\d+)", re.IGNORECASE)
+_CYCLE = re.compile(r"CYCL DEF (\d+)(\.\d+)?(.*)", re.IGNORECASE)
+
+
+@dataclass
+class _Content:
+    """The words of one block, sorted."""
+
+    axes: list[int] = field(default_factory=list)
+    """Indices of the axis words with a value."""
+    bare_axes: list[int] = field(default_factory=list)
+    """Indices of those without."""
+    m: list[float] = field(default_factory=list)
+    other: set[str] = field(default_factory=set)
+    """Addresses of all other words."""
+
+
+@dataclass
+class HeidenhainInterpreter:
+    """Reads blocks in order; modal state carries over from chunk to chunk."""
+
+    machine: Machine
+    setup: Setup
+    notes: Notes
+
+    def __post_init__(self) -> None:
+        self.begun = self.ended = False
+        self.unit = 1.0
+        self.preset = "0"
+        self.tool_length = self.oversize = 0.0
+        self.tcp = self.machine.control.tcp_at_start
+        self.levelled = False  # cycle 19 tilts the working plane by zero angles
+        self.pole: Point | None = None
+        self.pole_block = -1
+        self.pole_words: tuple[int | None, int | None] = (None, None)
+        self.recorder = Recorder(self.machine, self._frame())
+
+    def read(self, blocks: Sequence[Block]) -> Motions:
+        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood."""
+        self.pole_block, self.pole_words = -1, (None, None)
+        for index, block in enumerate(blocks):
+            if block.kind not in HARMLESS_KINDS:
+                self._read_block(index, block)
+        return self.recorder.finish(list(blocks))
+
+    def _read_block(self, index: int, block: Block) -> None:
+        if self.ended and block.kind != "begin_pgm":
+            if block.kind != "end_pgm":
+                self.notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+        elif block.kind in REFUSED_KINDS:
+            raise block.refuse(f"{block.detail}: {REFUSED_KINDS[block.kind]}")
+        elif block.skippable:
+            raise block.refuse("whether it runs depends on the block-skip switch")
+        elif block.kind == "centre":
+            self._set_pole(index, block)
+        elif block.kind in ("line", "circle", "circle_radius", "miscellaneous", "stop"):
+            self._read_positioning(index, block)
+        else:
+            self._read_statement(block)
+
+    def _read_statement(self, block: Block) -> None:
+        match block.kind:
+            case "begin_pgm":
+                self._begin(block)
+            case "end_pgm":
+                self.ended = True
+            case "tool_call":
+                self._tool_call(block)
+            case "tool_def":
+                self._tool_def(block)
+            case "cycle_def":
+                self._cycle(block)
+            case "fn":
+                self._fn(block)
+            case "function":
+                self._function(block)
+            case "plane" if block.detail.upper() in ("PLANE RESET", "PLANE RESET STAY"):
+                self.levelled = False
+            case "plane":
+                raise block.refuse(f"{block.detail}: tilts the working plane or moves rotary axes")
+            case "transformation" if _TRANSFORMATION_RESET.fullmatch(block.detail):
+                pass
+            case "transformation":
+                raise block.refuse(f"{block.detail}: changes what coordinates mean")
+            case kind:
+                raise AssertionError(kind)
+
+    def _begin(self, block: Block) -> None:
+        if self.begun:
+            raise block.refuse("a second program in one file")
+        self.begun = True
+        unit = block.detail.split()[-1].upper()
+        if unit not in ("MM", "INCH"):
+            self.notes.add("BEGIN PGM without MM or INCH: coordinates taken in mm", block.line)
+        self.unit = INCH if unit == "INCH" else 1.0
+
+    # ---- moves
+
+    def _read_positioning(self, index: int, block: Block) -> None:
+        content = self._sort(block)
+        self._functions_at_start(block, content)
+        shifting = sorted(COMPENSATIONS & content.other)
+        if shifting:
+            raise block.refuse(f"{shifting[0]}: radius compensation: the control shifts the path by itself")
+        if content.bare_axes and 94.0 not in content.m:
+            raise block.refuse(f"{block.words[content.bare_axes[0]].address} without a number")
+        if 91.0 in content.m:
+            self._machine_move(index, block, content)
+        elif block.kind in ("circle", "circle_radius"):
+            self._circle(index, block, content)
+        elif content.axes and block.kind != "line":
+            raise block.refuse("coordinates without L")
+        elif content.axes:
+            self._line(index, block, content)
+        self._functions_at_end(content)
+
+    def _sort(self, block: Block) -> _Content:
+        content = _Content()
+        for i, word in enumerate(block.words):
+            address = word.address
+            if address[-1] in AXES and address[:-1] in ("", "I"):
+                if any(block.words[j].address[-1] == address[-1] for j in content.axes):
+                    raise block.refuse(f"two {address[-1]} words")
+                (content.bare_axes if word.start == word.end else content.axes).append(i)
+            elif address == "M":
+                if word.value is not None:
+                    content.m.append(word.value)
+            else:
+                content.other.add(address)
+        return content
+
+    def _line(self, index: int, block: Block, content: _Content) -> None:
+        words = self._axis_words(block, content.axes)
+        target = self._target(block, words)
+        kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
+        self.recorder.move(index, kind, target, self.unit, tuple(word for word, _ in words))
+
+    def _machine_move(self, index: int, block: Block, content: _Content) -> None:
+        if block.kind != "line":
+            raise block.refuse("M91 without a straight line")
+        if self.tcp:
+            raise block.refuse("M91 while M128 is on: HEIDENHAIN asks for M129 before it")
+        words = self._axis_words(block, content.axes)
+        if any(word.incremental for word, _ in words):
+            raise block.refuse("an increment from an earlier M91 position")
+        if words:
+            targets = {word.axis: value for word, value in words}
+            self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
+
+    def _axis_words(self, block: Block, indices: Iterable[int]) -> list[tuple[AxisWord, float]]:
+        """Axis words with their values, mm or degrees, in the order of the block."""
+        result = []
+        for i in indices:
+            address = block.words[i].address
+            if address[-1] not in self.machine.names:
+                raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {address[-1]}")
+            axis = self.machine.index(address[-1])
+            unit = 1.0 if self.machine.axes[axis].rotary else self.unit
+            result.append((AxisWord(axis, i, len(address) > 1), self._value(block, block.words[i]) * unit))
+        return result
+
+    def _value(self, block: Block, word: Word) -> float:
+        if word.value is None:
+            raise block.refuse(f"{block.text[word.at : word.end]}: its value is computed while the program runs")
+        return word.value
+
+    def _target(self, block: Block, words: list[tuple[AxisWord, float]]) -> list[float]:
+        """Where a move with these words ends, in programmed coordinates."""
+        if not self.begun:
+            self.notes.add("no BEGIN PGM: coordinates taken in mm", block.line)
+        target = list(self.recorder.position)
+        for word, value in words:
+            if not word.incremental:
+                target[word.axis] = value
+            else:
+                self._check_known(block, word.axis)
+                target[word.axis] += value
+        if self.levelled and any(target[i] for i, axis in enumerate(self.machine.axes) if axis.rotary):
+            raise block.refuse("rotary axes away from 0 while cycle 19 is on: the control may turn the coordinates")
+        return target
+
+    def _check_known(self, block: Block, axis: int) -> None:
+        if not self.recorder.known[axis]:
+            name = self.machine.names[axis]
+            raise block.refuse(f"an increment of {name} from a position that the program has not said")
+
+    # ---- circles
+
+    def _set_pole(self, index: int, block: Block) -> None:
+        plane = cartesian(self.machine)[:2]
+        words = self._axis_words(block, range(len(block.words)))
+        if any(word.axis not in plane for word, _ in words):
+            raise block.refuse("arcs are corrected in the plane of X and Y only")
+        if len({word.axis for word, _ in words}) < len(words):
+            raise block.refuse("one coordinate of the pole twice")
+        relative = [word.axis for word, _ in words if word.incremental] if words else plane
+        if not all(self.recorder.known[axis] for axis in relative):
+            raise block.refuse("a pole from a position that the program has not said")
+        here = [self.recorder.position[axis] for axis in plane]
+        pole: list[float | None] = list(self.pole or (None, None)) if words else [*here]
+        places: list[int | None] = [None, None]
+        for word, value in words:
+            i = plane.index(word.axis)
+            pole[i] = here[i] + value if word.incremental else value
+            places[i] = None if word.incremental else word.word
+        if pole[0] is None or pole[1] is None:
+            raise block.refuse("one coordinate of a pole, and no earlier pole to take the other from")
+        self.pole = (pole[0], pole[1])
+        self.pole_block, self.pole_words = index, (places[0], places[1])
+
+    def _circle(self, index: int, block: Block, content: _Content) -> None:
+        senses = DIRECTIONS.keys() & content.other
+        if len(senses) != 1:
+            raise block.refuse("an arc without DR+ or DR-")
+        sense = DIRECTIONS[senses.pop()]
+        words = self._axis_words(block, content.axes)
+        if not words:
+            raise block.refuse("an arc without an end point")
+        target = self._target(block, words)
+        first, second, normal = cartesian(self.machine)
+        if not (self.recorder.known[first] and self.recorder.known[second]):
+            raise block.refuse("an arc from a position that the program has not said")
+        position = self.recorder.position
+        start, end = (position[first], position[second]), (target[first], target[second])
+        plane = (first, second, normal)
+        if block.kind == "circle":
+            centre = self._centre(block, start, end)
+            arc = Arc(plane, sense, centre, start == end, "pole", self.pole_words, self.pole_block)
+        else:
+            i, radius = self._radius(block)
+            found = centre_from_radius(start, end, radius, sense)
+            if found is None:
+                raise block.refuse("no circle of this radius joins start and end")
+            arc = Arc(plane, sense, found, False, "radius", (i, None))
+        self.recorder.move(index, Kind.ARC, target, self.unit, tuple(word for word, _ in words), arc)
+
+    def _radius(self, block: Block) -> tuple[int, float]:
+        """Index of the radius word, and its value, mm; a bare R is no radius."""
+        for i, word in enumerate(block.words):
+            if word.address == "R" and word.start < word.end:
+                return i, self._value(block, word) * self.unit
+        raise block.refuse("CR without a radius")
+
+    def _centre(self, block: Block, start: Point, end: Point) -> Point:
+        if self.pole is None:
+            raise block.refuse("an arc without a pole (CC) in the present frame")
+        fault = radius_fault(start, end, self.pole)
+        if fault is not None:
+            raise block.refuse(fault)
+        return self.pole
+
+    # ---- functions
+
+    def _functions_at_start(self, block: Block, content: _Content) -> None:
+        for code in content.m:
+            if code in REFUSED_M:
+                raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
+            if code in AXIS_M and (content.axes or content.bare_axes):
+                raise block.refuse(f"M{code:g} {AXIS_M[code]}")
+            if code not in HARMLESS_M and code not in MEANT_M:
+                self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
+        if 128.0 in content.m:
+            self._start_tcp(block, "M128")
+        if 140.0 in content.m:
+            self._retract()
+
+    def _functions_at_end(self, content: _Content) -> None:
+        if 129.0 in content.m:
+            self._end_tcp()
+        if 6.0 in content.m:
+            self._forget(self.machine.control.tool_change_moves)
+        if not PROGRAM_END_M.isdisjoint(content.m):
+            self.ended = True
+
+    def _start_tcp(self, block: Block, name: str) -> None:
+        self.tcp = True
+        self._change_frame()
+        text = f"{name}: X Y Z taken as the tool point in the workpiece frame that turns with a table"
+        self.notes.add(text, block.line)
+
+    def _end_tcp(self) -> None:
+        self.tcp = False
+        self._change_frame()
+
+    def _retract(self) -> None:
+        """M140: the tool goes off along its axis."""
+        leans = self.tcp or any(axis.rotary and axis.side == "tool" for axis in self.machine.axes)
+        self._forget("XYZ" if leans else "Z")
+
+    def _forget(self, names: Sequence[str]) -> None:
+        self.recorder.forget([self.machine.index(name) for name in names if name in self.machine.names])
+
+    def _frame(self) -> Frame:
+        offset = list(self.setup.work_offset(self.preset))
+        length = self.tool_length + self.oversize
+        if not self.tcp:
+            offset[cartesian(self.machine)[2]] += length
+        return Frame(tuple(offset), length, self.tcp)
+
+    def _change_frame(self) -> None:
+        frame = self._frame()
+        if frame.tcp != self.recorder.frame.tcp:
+            self.pole = None
+        self.recorder.set_frame(frame)
+
+    # ---- statements
+
+    def _tool_call(self, block: Block) -> None:
+        words = {word.address: word for word in block.words}
+        other_axis = [axis for axis in "XYUVW" if axis in words]
+        if other_axis:
+            raise block.refuse(f"tool axis {other_axis[0]}: only tools along Z are corrected")
+        oversize = self._value(block, words["DL"]) * self.unit if "DL" in words else 0.0
+        if "T" not in words:
+            if "DL" not in words and self.oversize:
+                raise block.refuse("whether DL stays in force when no tool is named depends on the control")
+            self.oversize = oversize
+        else:
+            if self.tcp:
+                raise block.refuse("a tool call while M128 is on: HEIDENHAIN asks for M129 before it")
+            number = self._tool_number(block, words["T"])
+            self.tool_length = self.setup.tool_length(number) if number else 0.0
+            self.oversize = oversize
+            self._forget(self.machine.control.tool_change_moves)
+        self._change_frame()
+
+    def _tool_def(self, block: Block) -> None:
+        words = {word.address: word for word in block.words}
+        if "L" not in words:
+            return
+        if "T" not in words:
+            raise block.refuse("a tool length without a tool number")
+        length = self._value(block, words["L"]) * self.unit
+        self.setup.tools[str(self._tool_number(block, words["T"]))] = length
+
+    def _tool_number(self, block: Block, word: Word) -> int:
+        text = block.text[word.at : word.end]
+        if text.startswith('"'):
+            raise block.refuse(f"tool {text}: tool lengths are known by number only")
+        value = self._value(block, word)
+        if value != int(value):
+            raise block.refuse(f"tool {text}: lengths of indexed tools are not known")
+        return int(value)
+
+    def _cycle(self, block: Block) -> None:
+        match = _CYCLE.fullmatch(block.detail)
+        assert match is not None
+        number = int(match[1])
+        if number == PRESET_CYCLE:
+            self._set_preset(block)
+        elif number in FRAME_CYCLES:
+            self._frame_cycle(block, number, match[2], match[3])
+        elif number in REFUSED_CYCLES:
+            raise block.refuse(f"cycle {number}: {REFUSED_CYCLES[number]}")
+        elif number not in HARMLESS_CYCLES:
+            raise block.refuse(f"cycle {number} is not known")
+
+    def _set_preset(self, block: Block) -> None:
+        values = [self._value(block, word) for word in block.words if word.address == "Q339"]
+        if len(values) != 1 or values[0] != int(values[0]):
+            raise block.refuse("cycle 247 without a preset number Q339")
+        self.preset = f"{values[0]:.0f}"
+        self.notes.add("presets taken without rotation", block.line)
+        self.pole = None
+        self._change_frame()
+
+    def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
+        addresses, neutral, meaning = FRAME_CYCLES[number]
+        changes = [word for word in block.words if not re.fullmatch(addresses, word.address) or word.value != neutral]
+        if part is None or changes or re.search(r"[\d#]", name):
+            raise block.refuse(f"cycle {number} {meaning}")
+        if number == 19 and part != ".0":
+            self.levelled = bool(block.words)
+
+    def _fn(self, block: Block) -> None:
+        match = _FN.match(block.detail)
+        assert match is not None
+        number = int(match[1])
+        if number in REFUSED_FN:
+            raise block.refuse(f"{block.detail}: {REFUSED_FN[number]}")
+        if number in PLC_FN:
+            self.notes.add(f"FN {number} passes values to the PLC and is taken to move nothing", block.line)
+        elif number not in HARMLESS_FN:
+            raise block.refuse(f"FN {number} is not known")
+
+    def _function(self, block: Block) -> None:
+        if _TCPM.fullmatch(block.detail):
+            self._start_tcp(block, "FUNCTION TCPM")
+        elif block.detail.upper() == "FUNCTION RESET TCPM":
+            self._end_tcp()
+        elif not _HARMLESS_FUNCTION.fullmatch(block.detail):
+            raise block.refuse(f"{block.detail}: is not known")
