@@ -11,6 +11,15 @@ RADIUS_TOLERANCE_MM = 0.0283
 RADIUS_TOLERANCE_RATIO = 1e-3
 CLOSE = 5e-4
 """mm: radii that differ by so little more at the two ends of a corrected arc are left so."""
+OUT_OF_ROUND = 5e-3
+"""mm: radii that differ by so much at the two ends of an arc stop the controls that are strictest."""
+SAME = 1e-6
+"""mm: points nearer than this are one: no control counts finer, and sums of increments are not exact."""
+
+
+def same(a: Point, b: Point) -> bool:
+    """True for points that any control takes for one: an arc that joins them is a full circle."""
+    return math.dist(a, b) < SAME
 
 
 def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
@@ -27,21 +36,25 @@ def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
 def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> Point | None:
     """Centre of the arc with this radius (negative: the longer way round), sense +1 counter-clockwise.
 
-    None when the end points coincide or lie further apart than the diameter, but for rounding.
+    None when it is 0, the end points coincide, or they lie further apart than the diameter, but for rounding.
     """
     chord = math.dist(start, end)
-    if chord == 0.0 or chord / 2 > abs(radius) + RADIUS_TOLERANCE_MM:
+    if radius == 0.0 or chord < SAME or chord / 2 > abs(radius) + RADIUS_TOLERANCE_MM:
         return None
     height = math.sqrt(max(0.0, radius * radius - chord * chord / 4))
     return _beside_chord(start, end, height * sense * math.copysign(1.0, radius))
 
 
-def moved_centre(start: Point, end: Point, centre: Point, start_shift: Point, end_shift: Point, shift: Point) -> Point:
-    """The centre of a circle whose end points are shifted, moved by about `shift`.
+def moved_centre(
+    ends: tuple[Point, Point], centre: Point, end_shifts: tuple[Point, Point], shift: Point, turned: float
+) -> Point:
+    """The centre of a circle whose end points are shifted, moved by about `shift`; `turned` is its sweep, rad.
 
     Moved by just that when the two radii then differ no more than they did, up to CLOSE; otherwise along the nearest
-    way that leaves their difference as it was.
+    way that leaves their difference as it was. On nearly full circles, whose ends lie side by side, that way is as
+    long as it is useless: there the radii are left to differ.
     """
+    (start, end), (start_shift, end_shift) = ends, end_shifts
     first, last = math.dist(start, centre), math.dist(end, centre)
     if first == 0.0 or last == 0.0:
         return centre[0] + shift[0], centre[1] + shift[1]
@@ -50,7 +63,8 @@ def moved_centre(start: Point, end: Point, centre: Point, start_shift: Point, en
     wanted = u[0] * start_shift[0] + u[1] * start_shift[1] - v[0] * end_shift[0] - v[1] * end_shift[1]
     n = (u[0] - v[0], u[1] - v[1])
     excess = n[0] * shift[0] + n[1] * shift[1] - wanted
-    share = excess / (n[0] ** 2 + n[1] ** 2) if abs(excess) > CLOSE else 0.0
+    square = n[0] ** 2 + n[1] ** 2
+    share = excess / (max(square, 1.0) if abs(turned) > math.pi else square) if abs(excess) > CLOSE else 0.0
     return centre[0] + shift[0] - share * n[0], centre[1] + shift[1] - share * n[1]
 
 

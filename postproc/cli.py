@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, BinaryIO
 
 import typer
 from typer.core import TyperGroup
@@ -112,9 +114,6 @@ def correct(
     Only coordinate words change, and a comment is added that names machine and calibration. What ncomp does not fully
     understand is refused: exit status 2, no output.
     """
-    import contextlib
-
-    from kinematics.files import whole_file
     from postproc.dialects import find_dialect
     from postproc.pipeline import Job, Pipeline
     from postproc.source import open_source
@@ -122,24 +121,19 @@ def correct(
 
     if json == "-" and output == "-":
         raise UserError("--json - and the program can't both go to standard output; name a file for one")
+    if json is not None and json != "-" and Path(json).resolve() == Path(output).resolve():
+        raise UserError(f"--json and --output both name {json}")
     found = _machine(machine)
     model = _model(calibration, found)
     source = open_source(program)
     setup = _setup(found, work_offset, tool_length, tool_table)
     language = find_dialect(dialect, source.name, source.text_head)
     job = Job(source, language, found, model, setup, not no_travel_check, force, tolerance_um)
-    with contextlib.ExitStack() as stack:
-        progress = stack.enter_context(progress_of(source.size, "correcting"))
-        if output == "-":
-            import io
-
-            buffer = io.BytesIO()
-            report = Pipeline(job).run(buffer, progress)
-            sys.stdout.buffer.write(buffer.getbuffer())
-        else:
-            report = Pipeline(job).run(stack.enter_context(whole_file(Path(output))), progress)
+    with _result(json) as results:
+        with progress_of(source.size, "correcting") as progress, _result(output) as file:
+            report = Pipeline(job).run(file, progress)
+        _write_json(report.json(), results)
     show_report(report)
-    _write_json(report.json(), json)
 
 
 @app.command(
@@ -172,8 +166,9 @@ def verify_command(
         language = find_dialect(dialect, source.name, source.text_head)
         motions.append(merged(read_motions(source, language, found, setup)))
     verdict = verify(motions[0], motions[1], model)
+    with _result(json) as results:
+        _write_json(verdict.json(), results)
     show_verdict(verdict, console if json == "-" else output)
-    _write_json(verdict.json(), json)
 
 
 @app.command(
@@ -258,15 +253,36 @@ def _setup(machine: Any, offsets: list[str] | None, lengths: list[str] | None, t
     return make_setup(machine, offsets or (), lengths or (), read_tool_table(table) if table else {})
 
 
-def _write_json(results: dict[str, Any], target: str | None) -> None:
-    if target is None:
+@contextmanager
+def _result(target: str | None) -> Iterator[BinaryIO]:
+    """A file for one result, which comes out whole or not at all: also on standard output (`-`) and on a device.
+
+    None is a result that nobody asked for.
+    """
+    import shutil
+    import tempfile
+
+    from kinematics.files import whole_file
+
+    if target not in (None, "-") and _can_be_replaced(Path(target)):
+        with whole_file(Path(target)) as file:
+            yield file
         return
+    with tempfile.TemporaryFile() as spool:
+        yield spool
+        spool.seek(0)
+        if target == "-":
+            shutil.copyfileobj(spool, sys.stdout.buffer)
+        elif target is not None:
+            with Path(target).open("wb") as device:
+                shutil.copyfileobj(spool, device)
+
+
+def _can_be_replaced(path: Path) -> bool:
+    return path.is_file() or path.is_dir() or not path.exists()
+
+
+def _write_json(results: dict[str, Any], file: BinaryIO) -> None:
     import json
 
-    from kinematics.files import write_whole
-
-    text = json.dumps(results, indent=2) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-    else:
-        write_whole(Path(target), text.encode())
+    file.write((json.dumps(results, indent=2) + "\n").encode())

@@ -362,21 +362,21 @@ class HeidenhainInterpreter:
 
     def _functions_at_end(self, content: _Content) -> None:
         if 129.0 in content.m:
-            self._end_tcp()
+            self._switch_tcp(False)
         if 6.0 in content.m:
             self._forget(self.machine.control.tool_change_moves)
         if not PROGRAM_END_M.isdisjoint(content.m):
             self.ended = True
 
     def _start_tcp(self, block: Block, name: str) -> None:
-        self.tcp = True
-        self._change_frame()
+        self._switch_tcp(True)
         text = f"{name}: X Y Z taken as the tool point in the workpiece frame that turns with a table"
         self.notes.add(text, block.line)
 
-    def _end_tcp(self) -> None:
-        self.tcp = False
-        self._change_frame()
+    def _switch_tcp(self, on: bool) -> None:
+        if on != self.tcp:
+            self.tcp, self.pole = on, None
+            self._change_frame(cartesian(self.machine))
 
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""
@@ -393,11 +393,9 @@ class HeidenhainInterpreter:
             offset[cartesian(self.machine)[2]] += length
         return Frame(tuple(offset), length, self.tcp)
 
-    def _change_frame(self) -> None:
-        frame = self._frame()
-        if frame.tcp != self.recorder.frame.tcp:
-            self.pole = None
-        self.recorder.set_frame(frame)
+    def _change_frame(self, axes: Iterable[int]) -> None:
+        """Program in the present frame from here, in which coordinates of these axes mean something else."""
+        self.recorder.set_frame(self._frame(), axes)
 
     # ---- statements
 
@@ -418,7 +416,7 @@ class HeidenhainInterpreter:
             self.tool_length = self.setup.tool_length(number) if number else 0.0
             self.oversize = oversize
             self._forget(self.machine.control.tool_change_moves)
-        self._change_frame()
+        self._change_frame(cartesian(self.machine)[2:])
 
     def _tool_def(self, block: Block) -> None:
         words = {word.address: word for word in block.words}
@@ -458,7 +456,7 @@ class HeidenhainInterpreter:
         self.preset = f"{values[0]:.0f}"
         self.notes.add("presets taken without rotation", block.line)
         self.pole = None
-        self._change_frame()
+        self._change_frame(range(len(self.machine.axes)))
 
     def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
         addresses, neutral, meaning = FRAME_CYCLES[number]
@@ -483,6 +481,6 @@ class HeidenhainInterpreter:
         if _TCPM.fullmatch(block.detail):
             self._start_tcp(block, "FUNCTION TCPM")
         elif block.detail.upper() == "FUNCTION RESET TCPM":
-            self._end_tcp()
+            self._switch_tcp(False)
         elif not _HARMLESS_FUNCTION.fullmatch(block.detail):
             raise block.refuse(f"{block.detail}: is not known")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
-from postproc.circles import centre_from_radius, radius_fault
+from postproc.circles import centre_from_radius, radius_fault, same
 from postproc.frames import Frame, cartesian
 from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
 from postproc.notes import Notes
@@ -15,20 +15,47 @@ from postproc.program import Block
 from postproc.setup import Setup
 
 AXES = "XYZABCUVW"
+CENTRES = "IJK"
 INCH = 25.4
+LARGEST = 1e9
+"""No control has a number of this size."""
 
 MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 
-# Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, feed and speed
-# modes, return levels of cycles.
+# Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
+# return levels of cycles.
 HARMLESS_G = frozenset(
     [
         *(4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0, 69.0, 80.0),
-        *(93.0, 94.0, 95.0, 96.0, 97.0, 98.0, 99.0),
+        *(92.1, 92.2, 96.0, 97.0, 98.0, 99.0),
     ]
 )
+PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
+UNITS = {20.0: INCH, 21.0: 1.0}
+DISTANCES = frozenset((90.0, 91.0))
+CENTRE_DISTANCES = frozenset((90.1, 91.1))
+INVERSE_TIME = 93.0
+FEED_MODES = frozenset((INVERSE_TIME, 94.0, 95.0))
 WORK_OFFSETS = {**{float(g): f"G{g}" for g in range(54, 60)}, 59.1: "G59.1", 59.2: "G59.2", 59.3: "G59.3"}
-FRAME_CODES = frozenset((43.0, 43.4, 49.0, 54.1, *WORK_OFFSETS))
+LENGTH_CODES = frozenset((43.0, 43.4, 49.0))
+OFFSET_CODES = frozenset((54.1, *WORK_OFFSETS))
+FRAME_CODES = LENGTH_CODES | OFFSET_CODES
+
+STANDING = frozenset((4.0, 5.1, 50.1, 92.1, 92.2))
+"""Take the coordinates of their block for something else than a move."""
+ONE_SHOT = STANDING | {28.0, 30.0, 53.0}
+GROUPS = (
+    frozenset(MOTION),
+    frozenset(PLANES),
+    frozenset(UNITS),
+    FEED_MODES,
+    DISTANCES,
+    CENTRE_DISTANCES,
+    LENGTH_CODES,
+    OFFSET_CODES,
+    ONE_SHOT,
+)
+"""A block may hold one code of a group: of two, some controls take the last, others each for what follows it."""
 
 REFUSED_G = {
     **dict.fromkeys((5.0, 5.2, 5.3, 6.2), "splines are not corrected"),
@@ -37,13 +64,13 @@ REFUSED_G = {
     **dict.fromkeys((12.0, 13.0, 12.1, 13.1, 7.1, 107.0, 112.0), "polar or cylindrical interpolation is not corrected"),
     16.0: "polar coordinates are not corrected",
     **dict.fromkeys((31.0, 37.0, 38.2, 38.3, 38.4, 38.5), "where a probing move ends is not known"),
-    **dict.fromkeys((32.0, 33.0, 33.1, 76.0, 92.1), "is not corrected"),
+    **dict.fromkeys((32.0, 33.0, 33.1, 76.0), "threading is not corrected"),
     **dict.fromkeys((41.0, 42.0, 41.1, 42.1), "cutter radius compensation: the control shifts the path by itself"),
     44.0: "a negative length offset is not corrected",
     43.1: "a length offset given in the program is not corrected",
     **dict.fromkeys((43.5, 53.1), "tool vectors are not corrected"),
     **dict.fromkeys((51.0, 51.1), "scaling or mirroring changes what coordinates mean"),
-    **dict.fromkeys((52.0, 92.0), "shifts the coordinates"),
+    **dict.fromkeys((50.0, 52.0, 92.0, 92.3), "shifts or scales the coordinates"),
     **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
     **dict.fromkeys((65.0, 66.0, 66.1), "calls a macro"),
     **dict.fromkeys((68.0, 68.2, 68.3, 68.4), "turns the coordinates"),
@@ -55,20 +82,26 @@ REFUSED_M = {
     98.0: "calls a subprogram",
     99.0: "jumps back in the program",
     198.0: "calls a subprogram",
+    **dict.fromkeys((70.0, 71.0, 72.0, 73.0), "brings back other modes on some controls, and mirrors on others"),
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }
+TOOL_CHANGE, PALLET_CHANGE = 6.0, 60.0
+PROGRAM_ENDS = frozenset((2.0, 30.0))
 HARMLESS_M = frozenset(
-    map(float, [*range(12), 13, 14, 16, 17, 18, 19, 21, 22, 29, 30, 48, 49, 50, 51, 52, 53, 60, 88, 89])
+    map(float, [*range(12), 13, 14, 16, 17, 18, 19, 29, 30, 48, 49, 50, 51, 52, 53, PALLET_CHANGE, 88, 89])
 )
+MOVE_WORDS = frozenset("NFSTHDPQIJKR")
+"""What may stand in a move beside G, M and axes."""
 
 CONSTRUCTS = {
+    "compound": "several values to compute in one block",
     "keyword": "control flow (IF, WHILE, GOTO) is not followed",
     "subroutine": "control flow (O-words) is not followed",
     "bracket": "an expression that stands alone is not understood",
     "number": "a number without an address",
 }
-PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
 CENTRE_WORD = {"X": "I", "Y": "J", "Z": "K"}
+_WORDS = re.compile(r"(?:[ \t]*[A-Z][ \t]*[+-]?[ \t]*(?:\d+\.?|\d*\.\d+))+[ \t]*", re.I)
 _USER_VARIABLE = re.compile(r"#\s*(\d{1,3}|<[^_<>][^<>]*>)\s*=")
 
 
@@ -93,7 +126,16 @@ class IsoInterpreter:
     notes: Notes
 
     def __post_init__(self) -> None:
+        self.begun = self.ended = False
+        self.opened = self.torn = False
+        """A tape mark has stood before all words; the first one came behind words."""
         self.motion: float | None = None
+        self.timed = False
+        self.unsaid = {
+            "unit": "no G20 or G21 before it: coordinates taken in mm",
+            "distance": "no G90 or G91 before it: coordinates taken as absolute",
+            "plane": "no G17, G18 or G19 before it: arcs taken in X Y",
+        }
         self.plane = "XYZ"
         self.absolute = True
         self.arc_absolute = self.machine.control.arc_centres == "absolute"
@@ -108,11 +150,30 @@ class IsoInterpreter:
     def read(self, blocks: Sequence[Block]) -> Motions:
         """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood."""
         for index, block in enumerate(blocks):
-            if block.kind == "words":
-                self._read_words(index, block)
-            elif block.kind not in ("blank", "tape_mark"):
-                self._read_construct(block)
+            if block.kind != "blank":
+                self._read_block(index, block)
         return self.recorder.finish(list(blocks))
+
+    def _read_block(self, index: int, block: Block) -> None:
+        if self.ended:
+            if any(word.address == "O" for word in block.words):
+                raise block.refuse("a second program in one file")
+            if self.torn and block.kind != "tape_mark":
+                raise block.refuse("behind a tape mark that none opened: for some controls the program begins here")
+            if block.kind != "tape_mark":
+                self.notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+        elif block.kind == "words":
+            self._read_words(index, block)
+        elif block.kind == "tape_mark":
+            self._read_tape_mark(block)
+        else:
+            self._read_construct(block)
+
+    def _read_tape_mark(self, block: Block) -> None:
+        if block.words or block.skippable:
+            raise block.refuse("a tape mark that does not stand alone")
+        self.torn = self.begun and not self.opened
+        self.opened, self.ended = True, self.begun
 
     def _read_construct(self, block: Block) -> None:
         if block.kind == "assignment" and not block.words:
@@ -127,20 +188,45 @@ class IsoInterpreter:
 
     def _read_words(self, index: int, block: Block) -> None:
         content = self._sort(block)
-        moves = bool(content.axes or {"I", "J", "K", "R"} & content.other.keys())
-        if block.skippable and (moves or content.g or content.m):
-            raise block.refuse("whether it runs depends on the block-skip switch")
-        if content.m or "T" in content.other:
+        other = content.other.keys()
+        moves = bool(content.axes) or not other.isdisjoint("IJKR")
+        self._check_block(block, content, moves)
+        if content.m or "T" in other:
             self._functions(block, content)
         claimed = self._modes(block, content) if content.g else None
-        if claimed == 4.0 or (claimed is None and not moves):
-            return
-        if claimed in (28.0, 30.0):
+        if claimed in STANDING or (claimed is None and not moves):
+            pass
+        elif claimed in (28.0, 30.0):
             self._reference_return(block, content)
         elif claimed == 53.0:
             self._machine_move(index, block, content)
         else:
             self._move(index, block, content)
+        self.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
+        self.ended = not PROGRAM_ENDS.isdisjoint(content.m)
+
+    def _check_block(self, block: Block, content: _Content, moves: bool) -> None:
+        """Refuse what controls read in different ways, whatever the modes are."""
+        other = content.other.keys()
+        if block.skippable and (moves or content.g or content.m or "T" in other):
+            raise block.refuse("whether it runs depends on the block-skip switch")
+        if "O" in other and self.begun:
+            raise block.refuse("a second program in one file")
+        if ";" in block.text:
+            self._check_line_end(block)
+        if "H" in other and LENGTH_CODES.isdisjoint(content.g) and REFUSED_G.keys().isdisjoint(content.g):
+            raise block.refuse("H without G43: some controls take the new length at once, others do not")
+        if len(content.g) > 1:
+            for group in GROUPS:
+                clash = sorted(group.intersection(content.g))
+                if len(clash) > 1:
+                    raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
+
+    def _check_line_end(self, block: Block) -> None:
+        """Refuse words behind a semicolon that stands behind words: where it ends a block, they are the next one."""
+        _, mark, rest = block.text[block.words[-1].end :].partition(";")
+        if mark and _WORDS.fullmatch(rest.rstrip("\r\n")) and not set(AXES).isdisjoint(rest.upper()):
+            raise block.refuse("coordinates behind a semicolon: a comment on some controls, the next block on others")
 
     def _sort(self, block: Block) -> _Content:
         content = _Content()
@@ -161,69 +247,106 @@ class IsoInterpreter:
 
     def _functions(self, block: Block, content: _Content) -> None:
         if "T" in content.other:
-            self.selected_tool = int(block.words[content.other["T"]].value or 0)
+            self.selected_tool = self._whole_number(block, content.other["T"])
         for code in content.m:
             if code in REFUSED_M:
                 raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
             if code not in HARMLESS_M:
                 self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
-            if code == 6.0:
-                self.spindle_tool = self.selected_tool
-                moved = [
-                    self.machine.index(a) for a in self.machine.control.tool_change_moves if a in self.machine.names
-                ]
-                self.recorder.forget(moved)
-                self.recorder.set_frame(self._frame())
+            if code == TOOL_CHANGE:
+                self._change_tool()
+            elif code == PALLET_CHANGE:
+                self.recorder.forget(list(range(len(self.machine.axes))))
+
+    def _change_tool(self) -> None:
+        self.spindle_tool = self.selected_tool
+        moved = [self.machine.index(a) for a in self.machine.control.tool_change_moves if a in self.machine.names]
+        self.recorder.forget(moved)
+        by_spindle_tool = self.tcp and not self.length_offset
+        self.recorder.set_frame(self._frame(), cartesian(self.machine) if by_spindle_tool else ())
 
     def _modes(self, block: Block, content: _Content) -> float | None:
         """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
         claimed = None
+        frame = self.work_offset, self.length_offset or 0, self.tcp
         for code in content.g:
-            if code in MOTION:
-                self.motion = code
-            elif code in PLANES:
-                self.plane = PLANES[code]
-            elif code in (4.0, 28.0, 30.0, 53.0):
+            if code == 5.1 and "Q" not in content.other:
+                raise block.refuse("G5.1 without Q: splines are not corrected")
+            if code in ONE_SHOT:
                 claimed = code
-            elif code in (20.0, 21.0):
-                self.unit = INCH if code == 20.0 else 1.0
-            elif code in (90.0, 91.0):
-                self.absolute = code == 90.0
-            elif code in (90.1, 91.1):
-                self.arc_absolute = code == 90.1
-            elif code in FRAME_CODES:
-                self._frame_code(block, content, code)
-            elif code in REFUSED_G:
-                raise block.refuse(f"G{code:g} {REFUSED_G[code]}")
-            elif code not in HARMLESS_G:
-                raise block.refuse(f"G{code:g} is not known")
+            elif code in OFFSET_CODES:
+                self._select_work_offset(block, content, code)
+            elif code in LENGTH_CODES:
+                self._select_length_offset(block, content, code)
+            elif not self._take_mode(code) and code not in HARMLESS_G:
+                raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
         if not FRAME_CODES.isdisjoint(content.g):
-            self.recorder.set_frame(self._frame())
+            self._change_frame(*frame)
         return claimed
 
-    def _frame_code(self, block: Block, content: _Content, code: float) -> None:
-        if code in WORK_OFFSETS:
-            self.work_offset = WORK_OFFSETS[code]
-        elif code == 54.1:
-            if "P" not in content.other:
-                raise block.refuse("G54.1 without P")
-            self.work_offset = f"G54.1P{block.words[content.other['P']].value:g}"
+    def _take_mode(self, code: float) -> bool:
+        """Take over a modal G code that changes how later words are read; False when it is none."""
+        said = None
+        if code in MOTION:
+            self.motion = code
+        elif code in PLANES:
+            self.plane, said = PLANES[code], "plane"
+        elif code in UNITS:
+            self.unit, said = UNITS[code], "unit"
+        elif code in DISTANCES:
+            self.absolute, said = code == 90.0, "distance"
+        elif code in CENTRE_DISTANCES:
+            self.arc_absolute = code == 90.1
+        elif code in FEED_MODES:
+            self.timed = code == INVERSE_TIME
         else:
-            self._length_offset(block, content, code)
+            return False
+        if said is not None:
+            self.unsaid.pop(said, None)
+        return True
 
-    def _length_offset(self, block: Block, content: _Content, code: float) -> None:
+    def _select_work_offset(self, block: Block, content: _Content, code: float) -> None:
+        extended = "P" in content.other and code in (54.0, 54.1)
+        if code == 54.1 and not extended:
+            raise block.refuse("G54.1 without P")
+        if extended and not ONE_SHOT.isdisjoint(content.g):
+            raise block.refuse("P in one block with two codes that may take it")
+        if extended:
+            self.work_offset = f"G54.1P{self._whole_number(block, content.other['P'])}"
+        else:
+            self.work_offset = WORK_OFFSETS[code]
+
+    def _select_length_offset(self, block: Block, content: _Content, code: float) -> None:
         if code == 49.0:
             self.length_offset, self.tcp = None, self.machine.control.tcp_at_start
             return
         if "H" in content.other:
-            self.length_offset = int(block.words[content.other["H"]].value or 0)
+            self.length_offset = self._whole_number(block, content.other["H"])
         elif self.length_offset is None:
             self.length_offset = self.spindle_tool or 0
+            self.notes.add("G43 without H: taken for the length of the tool in the spindle", block.line)
+        elif self.spindle_tool not in (None, self.length_offset):
+            raise block.refuse(
+                f"G43 without H while tool {self.spindle_tool} is in the spindle and H{self.length_offset} in force: "
+                "some controls take the one, some the other"
+            )
+        self.tcp = code == 43.4 or self.machine.control.tcp_at_start
         if code == 43.4:
-            self.tcp = True
             self.notes.add(
                 "G43.4: X Y Z taken as the tool point in the workpiece frame that turns with a table", block.line
             )
+
+    def _change_frame(self, work_offset: str, length_offset: int, tcp: bool) -> None:
+        """Tell the recorder of the new frame, and which axes are another place in it than in the one given."""
+        x_y_z, length = cartesian(self.machine), self.length_offset or 0
+        changed: set[int] = set()
+        if self.work_offset != work_offset:
+            changed.update(range(len(self.machine.axes)))
+        if self.tcp != tcp or (tcp and length != length_offset):
+            changed.update(x_y_z)
+        elif length != length_offset:
+            changed.add(x_y_z[2])
+        self.recorder.set_frame(self._frame(), changed)
 
     def _frame(self) -> Frame:
         offset = list(self.setup.work_offset(self.work_offset))
@@ -240,13 +363,24 @@ class IsoInterpreter:
         """The number of a word in mm or degrees."""
         word = block.words[index]
         value = word.value or 0.0
+        if not abs(value) < LARGEST:
+            raise block.refuse(f"{word.address} with a number that no control reads")
         if value and "." not in block.text[word.start : word.end]:
             if self.machine.control.integer_words == "increments":
+                if unit == INCH:
+                    raise block.refuse("an inch coordinate without decimal point: its increment is not known")
                 return value * self.machine.control.increment
             self.notes.add(
                 "coordinates without decimal point taken in mm, inches or degrees, not in increments", block.line
             )
         return value * unit
+
+    def _whole_number(self, block: Block, index: int) -> int:
+        word = block.words[index]
+        value = word.value or 0.0
+        if not (abs(value) < LARGEST and value == int(value)):
+            raise block.refuse(f"{word.address} with a number that is not whole")
+        return int(value)
 
     def _axis_words(self, block: Block, content: _Content) -> list[tuple[AxisWord, float]]:
         """Axis words with their values, mm or degrees, in the order of the block."""
@@ -277,6 +411,7 @@ class IsoInterpreter:
     def _move(self, index: int, block: Block, content: _Content) -> None:
         if self.motion is None:
             raise block.refuse("coordinates before any G0, G1, G2 or G3")
+        self._check_move_words(block, content)
         words = self._axis_words(block, content)
         target = list(self.recorder.position)
         for word, value in words:
@@ -288,12 +423,25 @@ class IsoInterpreter:
             else:
                 target[word.axis] += value
         kind = MOTION[self.motion]
-        stray = {"I", "J", "K", "R"} & content.other.keys()
-        if kind is not Kind.ARC and stray:
-            raise block.refuse(f"{', '.join(sorted(stray))} without an arc")
         arc = self._arc(block, content, target) if kind is Kind.ARC else None
+        if self.unsaid:
+            self._note_unsaid(block, kind)
         named = tuple(word for word, _ in words)
-        self.recorder.move(index, kind, target, self.unit, named, arc, incremental=not self.absolute)
+        modes = {"incremental": not self.absolute, "timed": self.timed}
+        self.recorder.move(index, kind, target, self.unit, named, arc, **modes)
+
+    def _check_move_words(self, block: Block, content: _Content) -> None:
+        other = content.other.keys()
+        strange = sorted(other - MOVE_WORDS)
+        if strange:
+            raise block.refuse(f"{strange[0]} in a move: what it does depends on the control")
+        if self.motion in (0.0, 1.0) and not other.isdisjoint("IJKR"):
+            raise block.refuse(f"{', '.join(sorted(other & set('IJKR')))} without an arc")
+
+    def _note_unsaid(self, block: Block, kind: Kind) -> None:
+        for what in ("unit", "distance", "plane") if kind is Kind.ARC else ("unit", "distance"):
+            if what in self.unsaid:
+                self.notes.add(self.unsaid.pop(what), block.line)
 
     def _arc(self, block: Block, content: _Content, target: list[float]) -> Arc:
         first, second, normal = (self.machine.index(letter) for letter in self.plane)
@@ -306,33 +454,35 @@ class IsoInterpreter:
         start, end = (position[first], position[second]), (target[first], target[second])
         plane = (first, second, normal)
         if "R" in content.other:
+            if not content.other.keys().isdisjoint(CENTRES):
+                raise block.refuse("an arc by its radius and its centre at once")
             i = content.other["R"]
             centre = centre_from_radius(start, end, self._value(block, i, self.unit), sense)
             if centre is None:
                 raise block.refuse("no circle of this radius joins start and end")
-            return Arc(plane, sense, centre, False, "radius", (i, None))
+            return Arc(plane, sense, centre, False, "radius-absolute" if self.arc_absolute else "radius", (i, None))
         letters = [CENTRE_WORD[letter] for letter in self.plane[:2]]
         indices = [content.other.get(letter) for letter in letters]
         self._check_centre_words(block, content, letters, indices)
         values = [None if i is None else self._value(block, i, self.unit) for i in indices]
-        if self.arc_absolute:
-            centre = (start[0] if values[0] is None else values[0], start[1] if values[1] is None else values[1])
-        else:
-            centre = (start[0] + (values[0] or 0.0), start[1] + (values[1] or 0.0))
+        base = (0.0, 0.0) if self.arc_absolute else start
+        centre = (base[0] + (values[0] or 0.0), base[1] + (values[1] or 0.0))
         fault = radius_fault(start, end, centre)
         if fault is not None:
             raise block.refuse(fault + self._arc_hint(start, end, values))
         form = "absolute" if self.arc_absolute else "incremental"
-        return Arc(plane, sense, centre, start == end, form, (indices[0], indices[1]))
+        return Arc(plane, sense, centre, same(start, end), form, (indices[0], indices[1]))
 
     def _check_centre_words(
         self, block: Block, content: _Content, letters: list[str], indices: list[int | None]
     ) -> None:
-        stray = [a for a in "IJK" if a not in letters and a in content.other and block.words[content.other[a]].value]
+        stray = [a for a in CENTRES if a not in letters and a in content.other and block.words[content.other[a]].value]
         if stray:
             raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(self.plane[:2])}")
         if indices == [None, None]:
             raise block.refuse(f"an arc without {' or '.join(letters)} or R")
+        if self.arc_absolute and None in indices:
+            raise block.refuse(f"an absolute centre (G90.1) takes both {' and '.join(letters)}")
 
     def _arc_hint(self, start: tuple[float, float], end: tuple[float, float], values: list[float | None]) -> str:
         absolute = (values[0] or 0.0, values[1] or 0.0)

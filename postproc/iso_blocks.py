@@ -6,6 +6,7 @@ the grammar gives (a property test holds them together). Every other block goes 
 
 from __future__ import annotations
 
+import itertools
 import re
 
 from lark import Token
@@ -14,9 +15,13 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 from grammars import block_parser
 from postproc.program import Block, Refusal, Word
 
-_WORD = r"[A-Za-z][ \t]*[+-]?[ \t]*(?:\d+\.?\d*|\.\d+)"
-_PLAIN = re.compile(rf"((?:[ \t]*{_WORD})*)[ \t]*(?:\([^()]*\)[ \t]*|;.*)?[\r\n]*")
+# Written so that there is one way only to match a text: trying all would take for ever on a long block.
+_WORD = r"[A-Za-z][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
+_PLAIN = re.compile(rf"((?:[ \t]*{_WORD})*)[ \t]*(?:\([^()\r\n]*\)[ \t]*|;[^\r\n]*)?[\r\n]*")
 _PARTS = re.compile(r"([A-Za-z])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
+
+CONSTRUCTS = ("TAPE_MARK", "SUBROUTINE", "KEYWORD", "assignment", "computed", "bracket", "NUMBER")
+"""What a block may hold beside words; the first that it holds names its kind, several values to compute `compound`."""
 
 
 def read_block(line: int, text: str) -> Block:
@@ -44,21 +49,24 @@ def parse_block(line: int, text: str) -> Block:
     except UnexpectedInput as fault:
         raise Refusal(line, text, _explain(text, fault)) from None
     words: list[Word] = []
-    details: dict[str, str] = {}
+    details: dict[str, list[str]] = {}
     for item in tree.children:
         if isinstance(item, Token) and item.type == "WORD":
             words.append(_word(item))
         elif isinstance(item, Token):
-            details.setdefault(item.type, str(item))
+            details.setdefault(item.type, []).append(str(item))
         else:
-            details.setdefault(item.data, text[item.meta.start_pos : item.meta.end_pos])
+            details.setdefault(item.data, []).append(text[item.meta.start_pos : item.meta.end_pos])
     skippable = details.pop("SKIP", None) is not None
     details.pop("COMMENT", None)
-    kind = "words" if words else "blank"
-    for construct in ("TAPE_MARK", "SUBROUTINE", "KEYWORD", "assignment", "computed", "bracket", "NUMBER"):
+    kind, detail = "words" if words else "blank", ""
+    for construct in CONSTRUCTS:
         if construct in details:
-            return Block(line, text, construct.lower(), tuple(words), details[construct], skippable)
-    return Block(line, text, kind, tuple(words), "", skippable)
+            kind, detail = construct.lower(), details[construct][0]
+            break
+    if kind in ("assignment", "computed") and sum(map(len, details.values())) > 1:
+        kind, detail = "compound", " ".join(itertools.chain(*details.values()))
+    return Block(line, text, kind, tuple(words), detail, skippable)
 
 
 def _word(token: Token) -> Word:

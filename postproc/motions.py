@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
-from postproc.frames import Frame, to_machine, to_program
+from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.program import Block
 
 
@@ -30,7 +31,8 @@ class Known(IntEnum):
     ASSUMED = 0
     """The program has not said it; taken at home."""
     MACHINE = 1
-    """Said in machine coordinates."""
+    """Said in machine coordinates, or in a frame that has been left since. Where that is in the present frame is only
+    as sure as the offsets that were given, so the axis is neither corrected nor ever named by a word of ours."""
     PROGRAM = 2
     """Said in the programmed frame: the axis stands at a corrected position."""
 
@@ -55,9 +57,10 @@ class Arc(NamedTuple):
     full: bool
     """True when start and end coincide and the move goes once round."""
     form: str
-    """How the program gives the circle: `incremental` or `absolute` (I J K), `radius`, or `pole` (Klartext CC)."""
+    """How the program gives the circle: `incremental` or `absolute` (I J K), `pole` (Klartext CC), `radius`, or
+    `radius-absolute` where I J K in its place would be positions."""
     words: tuple[int | None, int | None]
-    """Indices of the centre words in the block; of the radius word, and None, for `radius`."""
+    """Indices of the centre words in the block; of the radius word, and None, for both kinds of `radius`."""
     pole_block: int = -1
     """For `pole`: the block of the chunk that holds the CC, -1 when it came earlier."""
 
@@ -79,8 +82,12 @@ class Motions:
     """mm per unit of the words `(n,)`: 1, or 25.4 in an inch block."""
     incremental: np.ndarray
     """True `(n,)` where a word added to the block would be read as an increment (G91)."""
+    timed: np.ndarray
+    """True `(n,)` where F gives the time of the move (G93) and not a speed."""
     start: Array
     target: Array
+    known_start: np.ndarray
+    """Known `(n, axes)`, before the move."""
     known: np.ndarray
     """Known `(n, axes)`, after the move."""
     words: list[tuple[AxisWord, ...]]
@@ -89,6 +96,19 @@ class Motions:
 
     def __len__(self) -> int:
         return len(self.block)
+
+    @property
+    def judged(self) -> NDArrayBool:
+        """Rows `(n,)` that end where the program has said all axes that place the tool: what correction answers for."""
+        return np.asarray(self._said(self.known) & (self.kind != Kind.MACHINE))
+
+    @property
+    def judged_start(self) -> NDArrayBool:
+        """Rows `(n,)` that also start from such a position, so that the way between is known."""
+        return np.asarray(self._said(self.known_start) & self.judged)
+
+    def _said(self, known: np.ndarray) -> NDArrayBool:
+        return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
 
     @property
     def machine_target(self) -> Array:
@@ -120,7 +140,9 @@ class Motions:
         return program
 
 
-_Row = tuple[int, Kind, int, float, bool, tuple[float, ...], tuple[float, ...], tuple[Known, ...]]
+_Places = tuple[float, ...]
+_Knowledge = tuple[Known, ...]
+_Row = tuple[int, Kind, int, float, bool, bool, _Places, _Places, _Knowledge, _Knowledge]
 
 
 @dataclass
@@ -148,8 +170,15 @@ class Recorder:
         if self.frame.tcp:
             self.position = self._stand_at(home)
 
-    def set_frame(self, frame: Frame) -> None:
-        """Program in another frame from here; the machine does not move."""
+    def set_frame(self, frame: Frame, axes: Iterable[int] | None = None) -> None:
+        """Program in another frame from here; the machine does not move.
+
+        The axes whose coordinates mean something else now are no longer said by the program. They are given by what
+        the program says, for two offsets that nobody has entered are both zero here and differ on the machine; None
+        for those whose offset differs.
+        """
+        for axis in self._moved_by(frame) if axes is None else axes:
+            self.known[axis] = min(self.known[axis], Known.MACHINE)
         if frame == self.frame:
             return
         q = to_machine(self.machine, self.frame, np.array([self.position]))
@@ -167,28 +196,39 @@ class Recorder:
         arc: Arc | None = None,
         *,
         incremental: bool = False,
+        timed: bool = False,
     ) -> None:
-        """A move in the programmed frame to `target`, of which `words` name the axes that the block names."""
+        """A move in the programmed frame to `target`, of which `words` name the axes that the block names.
+
+        An increment says as much about where the axis is as was known before.
+        """
         if arc is not None:
             self._arcs[len(self._rows)] = arc
+        before = tuple(self.known)
         for word in words:
-            self.known[word.axis] = Known.PROGRAM
-        self._record(block, kind, target, unit, incremental, words)
+            if not word.incremental:
+                self.known[word.axis] = Known.PROGRAM
+        self._record(block, kind, target, unit, (incremental, timed), words, before)
 
     def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
         """A move of some axes to machine positions, mm and degrees."""
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
+        before = tuple(self.known)
         for axis, value in targets.items():
             q[axis] = value * self.machine.scale[axis]
             self.known[axis] = Known.MACHINE
+        for axis in self._coupled():
+            self.known[axis] = min(self.known[axis], Known.MACHINE)
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
-        self._record(block, Kind.MACHINE, target, 1.0, False, words)
+        self._record(block, Kind.MACHINE, target, 1.0, (False, False), words, before)
 
     def forget(self, axes: list[int]) -> None:
         """The axes now stand somewhere the program does not say; taken at home."""
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
         for axis in axes:
             q[axis] = self.machine.axes[axis].home * self.machine.scale[axis]
+            self.known[axis] = Known.ASSUMED
+        for axis in self._coupled():
             self.known[axis] = Known.ASSUMED
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
 
@@ -197,7 +237,8 @@ class Recorder:
         rows, words, arcs, frames = self._rows, self._words, self._arcs, self._frames
         self._rows, self._words, self._arcs, self._frames = [], [], {}, [self.frame]
         n, axes = len(rows), len(self.machine.axes)
-        block, kind, frame, unit, incremental, start, target, known = zip(*rows, strict=True) if rows else ((),) * 8
+        columns = zip(*rows, strict=True) if rows else ((),) * 10
+        block, kind, frame, unit, incremental, timed, start, target, known_start, known = columns
         return Motions(
             self.machine,
             blocks,
@@ -207,21 +248,42 @@ class Recorder:
             np.array(frame, int),
             np.array(unit, float),
             np.array(incremental, bool),
+            np.array(timed, bool),
             np.array(start, float).reshape(n, axes),
             np.array(target, float).reshape(n, axes),
+            np.array(known_start, int).reshape(n, axes),
             np.array(known, int).reshape(n, axes),
             words,
             arcs,
         )
 
     def _record(
-        self, block: int, kind: Kind, target: list[float], unit: float, incremental: bool, words: tuple[AxisWord, ...]
+        self,
+        block: int,
+        kind: Kind,
+        target: list[float],
+        unit: float,
+        modes: tuple[bool, bool],
+        words: tuple[AxisWord, ...],
+        before: _Knowledge,
     ) -> None:
         start = tuple(self.position)
         self.position = target
         frame = len(self._frames) - 1
-        self._rows.append((block, kind, frame, unit, incremental, start, tuple(target), tuple(self.known)))
+        self._rows.append((block, kind, frame, unit, *modes, start, tuple(target), before, tuple(self.known)))
         self._words.append(words)
+
+    def _moved_by(self, frame: Frame) -> list[int]:
+        """Axes whose coordinates mean something else in another frame."""
+        old, new = self.frame.offset, frame.offset
+        moved = {i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b}
+        if (frame.tcp or self.frame.tcp) and frame != self.frame:
+            moved.update(cartesian(self.machine))
+        return sorted(moved)
+
+    def _coupled(self) -> tuple[int, ...]:
+        """Axes whose programmed coordinates change when any axis moves in machine coordinates."""
+        return cartesian(self.machine) if self.frame.tcp else ()
 
     def _stand_at(self, positions: list[float]) -> list[float]:
         q = np.array([positions]) * self.machine.scale

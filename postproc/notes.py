@@ -12,10 +12,10 @@ class Notes:
     first: dict[str, int] = field(default_factory=dict)
     count: dict[str, int] = field(default_factory=dict)
 
-    def add(self, text: str, line: int) -> None:
-        """Note `text` for a block at `line`."""
+    def add(self, text: str, line: int, times: int = 1) -> None:
+        """Note `text` for a block at `line`, the first of so many."""
         self.first.setdefault(text, line)
-        self.count[text] = self.count.get(text, 0) + 1
+        self.count[text] = self.count.get(text, 0) + times
 
     def texts(self) -> list[str]:
         """Each note with its first line and count."""

@@ -17,6 +17,11 @@ def decimals_of(text: str) -> int:
     return len(text) - mark - 1 if mark >= 0 else 0
 
 
+def decimals_holding(value: float, most: int = 9) -> int:
+    """Fewest decimals that say a value without rounding it."""
+    return next((n for n in range(most) if abs(round(value, n) - value) < 0.5 * 10.0**-most), most)
+
+
 @dataclass(frozen=True)
 class NumberStyle:
     """How a program writes numbers: sign on positive ones, decimal mark, zero before the mark."""
@@ -28,6 +33,8 @@ class NumberStyle:
     @classmethod
     def of(cls, text: str, otherwise: NumberStyle) -> NumberStyle:
         """The style of one written number; what it does not show is taken from `otherwise`."""
+        if not text:
+            return otherwise
         sign = text[0] if text[0] in "+-" else ""
         digits = text[len(sign) :].lstrip()
         plus = otherwise.plus if sign == "-" else sign == "+"

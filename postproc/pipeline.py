@@ -21,14 +21,14 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.compensate import Correction, correct, missed_um
 from postproc.dialects import Dialect
-from postproc.mark import line_end, mark_in, mark_line, mark_place
+from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Kind, Known, Motions
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic
 from postproc.setup import Setup
 from postproc.source import CHUNK, ENCODING, Source, chunks
-from postproc.travel import check_travel
+from postproc.travel import check_size, check_travel
 from postproc.writer import Writer, Written
 
 UNCERTAINTY_ROWS = 500
@@ -59,6 +59,7 @@ class Pipeline:
         self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
         self.writer = Writer(job.machine)
         self.report = _new_report(job)
+        self._marked = False
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
         """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
@@ -77,6 +78,8 @@ class Pipeline:
         except Refusal as refusal:
             raise refusal.located(job.source.name) from None
         report.work_offsets, report.tools = job.setup.used_offsets, job.setup.used_tools
+        for name in job.setup.unused():
+            self.notes.add(f"work offset {name} was given and is not used by the program", 1)
         report.notes = self.notes.texts()
         return report
 
@@ -91,15 +94,16 @@ class Pipeline:
             return [block.text for block in blocks]
         self._refuse_marked(blocks)
         correction = correct(motions, job.model)
+        check_size(motions, correction.nominal, correction.corrected)
         check_travel(motions, correction.corrected, "after correction", notes)
         written = self.writer.write(motions, correction)
         self._judge(motions, correction, written)
         texts = written.texts
         report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
-        if report.blocks == 0:
-            place = mark_place(job.dialect, blocks)
-            end = line_end(blocks[max(place - 1, 0)].text)
-            texts.insert(place, mark_line(job.dialect, job.machine, job.model, job.source.hash, end))
+        place = None if self._marked else mark_place(job.dialect, blocks)
+        if place is not None:
+            texts.insert(place, mark_line(job.dialect, job.machine, job.model, job.source))
+            self._marked = True
         return texts
 
     def _refuse_marked(self, blocks: list[Block]) -> None:
@@ -115,8 +119,7 @@ class Pipeline:
         """Gather what the correction is and what the exact model predicts before and after it."""
         job, report = self.job, self.report
         machine, tool = job.machine, motions.tool
-        correctable = motions.kind != Kind.MACHINE
-        judged = correctable & (motions.known[:, machine.translators] == Known.PROGRAM).all(axis=1)
+        correctable, judged = motions.kind != Kind.MACHINE, motions.judged
         moved = (written.ends - motions.target)[correctable]
         report.corrected += int((np.abs(moved) > 0.0).any(axis=1).sum())
         report.not_judged += int((~judged).sum())
@@ -128,7 +131,8 @@ class Pipeline:
         nominal, ends = correction.nominal[judged], motions.in_machine(written.ends)[judged]
         report.before.add(missed_um(machine, job.model, nominal, nominal, tool[judged]))
         report.after.add(missed_um(machine, job.model, ends, nominal, tool[judged]))
-        self._judge_between(motions, written, judged)
+        self._judge_between(motions, written)
+        self._note_turning(motions, correction, written)
         some = np.flatnonzero(judged)[:: max(1, int(judged.sum()) // UNCERTAINTY_ROWS)]
         report.uncertainty.add(_uncertainty_um(machine, job.model, correction.nominal[some], tool[some]))
         for name, excess in job.model.outside(machine, State(nominal)).items():
@@ -137,17 +141,26 @@ class Pipeline:
             )
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
-        """Say which moves were corrected although the program had not said yet where a linear axis stands."""
-        for i in self.job.machine.translators:
-            for row in np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED)):
-                axis = self.job.machine.axes[i]
-                line = motions.blocks[motions.block[row]].line
-                self.notes.add(f"{axis.name} not said by the program yet, taken at its home {axis.home:g}", line)
+        """Say which moves were corrected although the program had not said yet where an axis stands."""
+        for i, axis in enumerate(self.job.machine.axes):
+            rows = np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED))
+            if rows.size:
+                line = motions.blocks[motions.block[rows[0]]].line
+                text = f"{axis.name} not said by the program yet, taken at its home {axis.home:g}"
+                self.notes.add(text, line, rows.size)
 
-    def _judge_between(self, motions: Motions, written: Written, judged: NDArrayBool) -> None:
+    def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
+        """Say where a feed move of rotary axes alone leaves an error that the next move takes out."""
+        missed = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
+        for row in np.flatnonzero(written.turning & (missed * 1e3 > self.job.tolerance_um)):
+            line = motions.blocks[motions.block[row]].line
+            self.notes.add(
+                "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else", line
+            )
+
+    def _judge_between(self, motions: Motions, written: Written) -> None:
         """Half-way along straight feed moves, where nothing is corrected by itself."""
-        follows = np.append(False, judged[:-1])
-        rows = judged & follows & (motions.kind == Kind.LINE)
+        rows = motions.judged_start & (motions.kind == Kind.LINE)
         if not rows.any():
             return
         nominal = motions.in_machine((motions.start + motions.target) / 2)[rows]

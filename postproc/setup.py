@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -29,6 +30,10 @@ class Setup:
         self.used_offsets[name] = said
         return tuple((values or {}).get(axis, 0.0) for axis in self.machine.names)
 
+    def unused(self) -> list[str]:
+        """Names of work offsets that were given for this run and not looked up: misspelt, perhaps."""
+        return sorted(self.work_offsets.keys() - self.used_offsets.keys())
+
     def tool_length(self, number: int) -> float:
         """Length of a tool, mm, from the tool reference point to the tip."""
         key = str(number)
@@ -49,7 +54,7 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
         offsets[axis] = _number(number, f"--work-offset {text}")
     if not name.strip():
         raise UserError(f"--work-offset {text}: expected e.g. G54=10,20,-5")
-    return name.strip().upper(), offsets
+    return "".join(name.split()).upper(), offsets
 
 
 def parse_tool_length(text: str) -> tuple[str, float]:
@@ -75,6 +80,9 @@ def make_setup(
 
 def _number(text: str, where: str) -> float:
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
-        raise UserError(f"{where}: {text.strip()!r} is no number") from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise UserError(f"{where}: {text.strip()!r} is no number")
+    return number

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import itertools
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ class Source:
     head: str
     """Its beginning."""
     data: bytes | None = None
-    """What came from standard input."""
+    """What came from standard input or another pipe."""
 
     def open(self) -> io.BufferedReader | io.BytesIO:
         """The bytes from the start."""
@@ -57,12 +58,19 @@ class Source:
         """The beginning behind a byte order mark, for finding the dialect."""
         return self.head.removeprefix(BYTE_ORDER_MARK)
 
+    @property
+    def line_end(self) -> str:
+        """How its first line ends, a line feed when nothing shows it."""
+        match = re.search(r"\r*\n|\r", self.head)
+        return match[0] if match else "\n"
+
     def lines(self) -> Iterator[tuple[int, str]]:
         """Lines with their ends, numbered from 1, behind a byte order mark."""
         with self.open() as stream:
             stream.seek(len(self.mark))
             newline = "\n" if "\n" in self.head or "\r" not in self.head else "\r"
-            yield from enumerate(io.TextIOWrapper(stream, encoding=ENCODING, newline=newline), start=1)
+            with io.TextIOWrapper(stream, encoding=ENCODING, newline=newline) as text:
+                yield from enumerate(text, start=1)
 
 
 def open_source(path: str) -> Source:
@@ -73,7 +81,10 @@ def open_source(path: str) -> Source:
     else:
         try:
             with Path(path).open("rb") as stream:
-                source = Source(path, stream.read(HEAD_SIZE).decode(ENCODING))
+                head = stream.read(HEAD_SIZE)
+                # a pipe can be read but once
+                data = None if stream.seekable() else head + stream.read()
+                source = Source(path, head.decode(ENCODING), data)
         except OSError as fault:
             raise UserError(f"program {path}: {fault.strerror or fault}") from None
     _check(source)

@@ -20,7 +20,7 @@ from kinematics.transforms import Array
 from postproc.circles import point_at, sweep
 from postproc.compensate import missed_um
 from postproc.dialects import Dialect
-from postproc.motions import Kind, Known, Motions
+from postproc.motions import Kind, Motions
 from postproc.notes import Notes
 from postproc.program import Refusal
 from postproc.report import Statistic
@@ -69,12 +69,12 @@ def verify(nominal: Motions, commanded: Motions, model: ErrorModel) -> Verdict:
     if len(nominal) != len(commanded) or not np.array_equal(nominal.kind, commanded.kind):
         raise UserError("the two programs do not make the same moves: is the second one a correction of the first?")
     machine, tool = nominal.machine, nominal.tool
-    judged = (nominal.kind != Kind.MACHINE) & (nominal.known[:, machine.translators] == Known.PROGRAM).all(axis=1)
+    judged = nominal.judged
     q, q_commanded = nominal.machine_target[judged], commanded.machine_target[judged]
     verdict = Verdict(len(nominal), Statistic(), Statistic(), Statistic(), Statistic(), {})
     verdict.before.add(missed_um(machine, model, q, q, tool[judged]))
     verdict.after.add(missed_um(machine, model, q_commanded, q, tool[judged]))
-    feed = judged & np.append(False, judged[:-1]) & (nominal.kind != Kind.RAPID)
+    feed = nominal.judged_start & (nominal.kind != Kind.RAPID)
     for share in PATH_POINTS:
         path, path_commanded = (_along(motions, share)[feed] for motions in (nominal, commanded))
         verdict.path_before.add(missed_um(machine, model, path, path, tool[feed]))
@@ -91,7 +91,7 @@ def merged(parts: list[Motions]) -> Motions:
     frame_starts = np.cumsum([0, *(len(part.frames) for part in parts)])
     stacked = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("block", "kind", "unit", "incremental", "start", "target", "known")
+        for name in ("block", "kind", "unit", "incremental", "timed", "start", "target", "known_start", "known")
     }
     frame = np.concatenate([part.frame + offset for part, offset in zip(parts, frame_starts, strict=False)])
     arcs = {

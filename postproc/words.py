@@ -16,7 +16,7 @@ _RANKS.update({f"I{letter}": i for i, letter in enumerate(ORDER) if letter not i
 
 def rank(word: Word) -> int | None:
     """Place of a word (X, or IX for a Klartext increment) among coordinates; None for what is no coordinate."""
-    return _RANKS.get(word.address)
+    return _RANKS.get(word.address) if word.start < word.end else None
 
 
 @dataclass(frozen=True)
@@ -47,14 +47,18 @@ class WordEditor:
     def set(self, index: int, value: float, decimals: int) -> float:
         """Make a word say `value`, with no fewer decimals than it has or than given; returns what it says then."""
         word = self.block.words[index]
-        text = self._number(word)
-        decimals = max(decimals_of(text), decimals)
-        original = word.value or 0.0
-        number = round(value, decimals)
-        if abs(number - original) < 0.5 * 10.0**-decimals:
-            return original
-        self.edits.append(Edit(word.start, word.end, self._style(word).write(number, decimals)))
+        number = self.rounded(index, value, decimals)
+        if number != word.value:
+            decimals = max(decimals_of(self._number(word)), decimals)
+            self.edits.append(Edit(word.start, word.end, self._style(word).write(number, decimals)))
         return number
+
+    def rounded(self, index: int, value: float, decimals: int) -> float:
+        """What a word would say that `set` makes say `value`: just what it says, when that is the same rounded."""
+        word = self.block.words[index]
+        decimals = max(decimals_of(self._number(word)), decimals)
+        number, original = round(value, decimals), word.value or 0.0
+        return original if abs(number - original) < 0.5 * 10.0**-decimals else number
 
     def insert(self, address: str, value: float, decimals: int) -> None:
         """Add a word at its place in the order X Y Z A B C U V W I J K R."""

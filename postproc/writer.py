@@ -11,19 +11,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
-from postproc.circles import Point, height_over_chord, moved_centre
+from postproc.circles import (
+    OUT_OF_ROUND,
+    SAME,
+    Point,
+    centre_from_radius,
+    height_over_chord,
+    moved_centre,
+    point_at,
+    same,
+    sweep,
+)
 from postproc.compensate import Correction
-from postproc.frames import Frame, to_machine, to_program
+from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.motions import Arc, Kind, Known, Motions
-from postproc.numbers import decimals_for
+from postproc.numbers import decimals_for, decimals_holding
 from postproc.program import edited
 from postproc.words import Layout, WordEditor
 
-FLAT_ARC = 0.1
-"""An arc by radius whose centre lies nearer to its chord than this share of the radius is rewritten by its centre:
-next to a half circle, rounding the radius moves the path by many times as much."""
+STRAY = 5e-4
+"""mm: an arc by radius whose middle strays farther than this is rewritten by its centre. Near a half circle rounding
+the radius, and near a full one rounding the end points, moves the path by many times as much."""
+DOT = 0.01
+"""mm: the radius of an arc so small that it does not matter which way round it is run."""
 
 
 class Written(NamedTuple):
@@ -35,6 +47,27 @@ class Written(NamedTuple):
     """Where the control stands before each move."""
     ends: Array
     """Where each move takes it, after rounding."""
+    turning: NDArrayBool
+    """Feed moves `(rows,)` of rotary axes alone, which leave the linear axes where they are."""
+
+
+def _plane_ends(motions: Motions, row: int) -> tuple[Point, Point]:
+    """Nominal start and end of an arc in its plane."""
+    i, j, _ = motions.arcs[row].plane
+    start, end = motions.start[row].tolist(), motions.target[row].tolist()
+    return (start[i], start[j]), (end[i], end[j])
+
+
+def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
+    """Centre of an arc whose ends go to other places, and its middle by about `middle_shift` `(axes,)`, mm."""
+    arc = motions.arcs[row]
+    before, after = _plane_ends(motions, row)
+    start_shift = (start[0] - before[0], start[1] - before[1])
+    end_shift = (end[0] - after[0], end[1] - after[1])
+    middle = middle_shift[list(arc.plane[:2])].tolist()
+    shift = tuple((a + b) / 4 + m / 2 for a, b, m in zip(start_shift, end_shift, middle, strict=True))
+    turned = sweep(before, after, arc.centre, arc.sense, arc.full)
+    return moved_centre((before, after), arc.centre, (start_shift, end_shift), (shift[0], shift[1]), turned)
 
 
 class Writer:
@@ -51,23 +84,23 @@ class Writer:
         """Edit the blocks of a chunk."""
         self._editors = {}
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
+        turning = self._turning(motions)
         for row in range(len(motions)):
             held = self._before(motions, row)
             starts[row] = held
             if motions.kind[row] == Kind.MACHINE:
-                for word in motions.words[row]:
-                    held[word.axis] = float(motions.target[row, word.axis])
+                self._go_to_machine_position(motions, row, held)
             else:
-                self._write_row(motions, correction, row, held)
+                self._write_row(motions, correction, row, held, bool(turning[row]))
             ends[row] = self._held = held
         editors = self._editors
         texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
-        return Written(texts, starts, ends)
+        return Written(texts, starts, ends, turning)
 
     def _before(self, motions: Motions, row: int) -> list[float]:
         """Programmed position that the control holds before the row, in the row's frame.
 
-        That is what has been written, for axes that carry a correction; for all others the nominal start.
+        That is what has been written; for axes that the program has not said since, the assumed start.
         """
         frame = motions.frames[motions.frame[row]]
         start: list[float] = motions.start[row].tolist()
@@ -76,8 +109,28 @@ class Writer:
             q = to_machine(self.machine, self._frame, np.array([held]))
             held = to_program(self.machine, frame, q)[0].tolist()
         self._frame = frame
-        said = (motions.known[row] == Known.PROGRAM).tolist()
-        return [h if program else s for h, s, program in zip(held, start, said, strict=True)]
+        assumed = (motions.known_start[row] == Known.ASSUMED).tolist()
+        return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
+
+    def _turning(self, motions: Motions) -> NDArrayBool:
+        """Feed moves that turn rotary axes and leave the tool where it is in programmed coordinates.
+
+        Their F is a speed of turning. A correction of some micrometres would make it, on controls where F is the
+        speed of X Y Z when any of them moves, the speed along those micrometres: the rotary axes would run at rapid.
+        """
+        way = np.abs(motions.target - motions.start)
+        linear, rotary = list(self.machine.translators), self.machine.rotary
+        still = (way[:, linear] < SAME).all(axis=1) & (motions.known == motions.known_start)[:, linear].all(axis=1)
+        turns = (way[:, rotary] > SAME).any(axis=1)
+        return np.asarray((motions.kind == Kind.LINE) & ~motions.timed & still & turns)
+
+    def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
+        """A move in machine coordinates; under TCP the other coordinates of the tool point follow."""
+        moved = {word.axis for word in motions.words[row]}
+        if motions.frames[motions.frame[row]].tcp:
+            moved.update(cartesian(self.machine))
+        for axis in moved:
+            held[axis] = float(motions.target[row, axis])
 
     def _editor(self, motions: Motions, block: int) -> WordEditor:
         return self._editors.setdefault(block, WordEditor(motions.blocks[block], self._layout))
@@ -85,7 +138,7 @@ class Writer:
     def _decimals(self, axis: int, unit: float) -> int:
         return decimals_for(self.machine.axes[axis].resolution / unit)
 
-    def _write_row(self, motions: Motions, correction: Correction, row: int, held: list[float]) -> None:
+    def _write_row(self, motions: Motions, correction: Correction, row: int, held: list[float], turning: bool) -> None:
         """Edit the block of one move; `held` becomes the position after it."""
         block = int(motions.block[row])
         self._layout = self._layout.after(motions.blocks[block])
@@ -93,24 +146,49 @@ class Writer:
         start = list(held)
         wanted = correction.target[row].tolist()
         arc = motions.arcs.get(row)
-        if arc is not None and arc.full:
-            # a full circle must close exactly: a hair too far, and the control runs just that hair
-            for axis in arc.plane[:2]:
-                wanted[axis] = start[axis]
+        kept = self.machine.translators if turning else arc.plane[:2] if arc is not None and arc.full else ()
+        for axis in kept:
+            # exactly: a full circle that closes but for a hair is, for the control, just that hair
+            wanted[axis] = start[axis]
+        if arc is not None and not arc.full:
+            self._round_off(motions, row, start, wanted, correction.middle_shift[row])
         unit = float(motions.unit[row])
+        said = (motions.known[row] == Known.PROGRAM).tolist()
         named = set()
         for axis, index, incremental in motions.words[row]:
             named.add(axis)
-            if axis in self.machine.translators:
+            if not said[axis]:
+                held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
+            elif axis in self.machine.translators:
                 base = start[axis] if incremental else 0.0
-                held[axis] = base + editor.set(index, (wanted[axis] - base) / unit, self._decimals(axis, unit)) * unit
+                number = (wanted[axis] - base) / unit
+                decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in kept else 0)
+                held[axis] = base + editor.set(index, number, decimals) * unit
             else:
                 held[axis] = float(motions.target[row, axis])
         for axis in self.machine.translators:
-            if axis not in named and motions.known[row, axis] == Known.PROGRAM:
+            if axis not in named and said[axis]:
                 held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, bool(motions.incremental[row]))
         if arc is not None:
             self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row])
+
+    def _round_off(self, motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
+        """Move the wanted end of a nearly full circle in or out where it would be too far from round.
+
+        A full circle ends where it starts, whatever the correction there; so does one that is nearly full.
+        """
+        arc = motions.arcs[row]
+        i, j, _ = arc.plane
+        first, last = (start[i], start[j]), (wanted[i], wanted[j])
+        before, after = _plane_ends(motions, row)
+        centre = _new_centre(motions, row, first, last, shift)
+        radius = math.dist(last, centre)
+        fault = math.dist(first, centre) - radius - math.dist(before, arc.centre) + math.dist(after, arc.centre)
+        excess = abs(fault) - OUT_OF_ROUND / 2
+        if excess > 0.0:
+            share = math.copysign(excess, fault) / radius
+            wanted[i] += share * (last[0] - centre[0])
+            wanted[j] += share * (last[1] - centre[1])
 
     def _insert(
         self, editor: WordEditor, axis: int, held: float, wanted: float, unit: float, incremental: bool
@@ -128,58 +206,80 @@ class Writer:
         self, motions: Motions, row: int, arc: Arc, ends: tuple[list[float], list[float]], middle_shift: Array
     ) -> None:
         """Make start, end and centre as written one circle again, moved as the path along the arc is moved."""
+        block = motions.blocks[motions.block[row]]
         i, j = arc.plane[:2]
+        if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
+            raise block.refuse("an arc from a position that the program has not said in this frame")
         start, end = ((at[i], at[j]) for at in ends)
-        before, after = (motions.start[row, [i, j]].tolist(), motions.target[row, [i, j]].tolist())
-        start_shift = (start[0] - before[0], start[1] - before[1])
-        end_shift = (end[0] - after[0], end[1] - after[1])
-        shift = (np.array(start_shift) + np.array(end_shift)) / 4 + middle_shift[[i, j]] / 2
-        mean = (float(shift[0]), float(shift[1]))
-        centre = moved_centre((before[0], before[1]), (after[0], after[1]), arc.centre, start_shift, end_shift, mean)
+        if same(start, end) != arc.full:
+            raise block.refuse("an arc so short, or so nearly a full circle, that rounding makes it the other")
+        before, after = _plane_ends(motions, row)
+        turned = sweep(before, after, arc.centre, arc.sense, arc.full)
+        centre = _new_centre(motions, row, start, end, middle_shift)
         unit = float(motions.unit[row])
-        decimals = self._decimals(arc.plane[0], unit)
-        block = int(motions.block[row])
-        if arc.form == "radius":
-            self._write_radius(self._editor(motions, block), arc, (start, end, centre), unit, decimals)
+        if arc.form.startswith("radius"):
+            centre = self._write_radius(self._editor(motions, int(motions.block[row])), arc, (start, end, centre), unit)
         elif arc.form == "pole":
-            self._write_pole(motions, block, arc, (centre[0] / unit, centre[1] / unit), decimals)
+            centre = self._write_pole(motions, int(motions.block[row]), arc, centre, unit)
         else:
-            base = start if arc.form == "incremental" else (0.0, 0.0)
-            values = ((centre[0] - base[0]) / unit, (centre[1] - base[1]) / unit)
-            self._write_centre(self._editor(motions, block), arc, values, decimals)
+            editor, base = (
+                self._editor(motions, int(motions.block[row])),
+                start if arc.form == "incremental" else (0.0, 0.0),
+            )
+            centre = self._write_centre(editor, arc, base, centre, unit)
+        if abs(sweep(start, end, centre, arc.sense, arc.full) - turned) > 1.0 and math.dist(start, centre) > DOT:
+            raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
 
     def _centre_letter(self, axis: int) -> str:
         return "IJK"["XYZ".index(self.machine.names[axis][0])]
 
-    def _write_centre(self, editor: WordEditor, arc: Arc, values: Point, decimals: int) -> None:
-        for axis, index, value in zip(arc.plane, arc.words, values, strict=False):
+    def _write_centre(self, editor: WordEditor, arc: Arc, base: Point, centre: Point, unit: float) -> Point:
+        """Say the centre as seen from `base`; returns where that puts it."""
+        written = []
+        for axis, index, origin, place in zip(arc.plane, arc.words, base, centre, strict=False):
+            decimals = self._decimals(axis, unit)
+            value = round((place - origin) / unit, decimals)
             if index is not None:
-                editor.set(index, value, decimals)
-            elif round(value, decimals) != 0.0:
+                value = editor.set(index, (place - origin) / unit, decimals)
+            elif value != 0.0:
                 editor.insert(self._centre_letter(axis), value, decimals)
+            written.append(origin + value * unit)
+        return written[0], written[1]
 
-    def _write_radius(
-        self, editor: WordEditor, arc: Arc, points: tuple[Point, Point, Point], unit: float, decimals: int
-    ) -> None:
+    def _write_radius(self, editor: WordEditor, arc: Arc, points: tuple[Point, Point, Point], unit: float) -> Point:
+        """Say the radius, or the centre in its place where that leads the path astray; returns the control's centre."""
         start, end, centre = points
         index = arc.words[0]
         assert index is not None
-        height = height_over_chord(start, end, centre)
-        radius = math.hypot(math.dist(start, end) / 2, height)
-        if height > FLAT_ARC * radius:
-            signed = math.copysign(radius, editor.block.words[index].value or 0.0)
+        decimals = self._decimals(arc.plane[0], unit)
+        signed = math.copysign(
+            math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)),
+            editor.block.words[index].value or 0.0,
+        )
+        by_radius = centre_from_radius(start, end, editor.rounded(index, signed / unit, decimals) * unit, arc.sense)
+        if by_radius is not None and self._strays(start, end, centre, by_radius, arc.sense) < STRAY:
             editor.set(index, signed / unit, decimals)
-        elif editor.block.kind != "words":
-            raise editor.block.refuse("a half circle by its radius can't be corrected: give its centre (CC and C)")
-        else:
-            offsets = [(c - s) / unit for c, s in zip(centre, start, strict=True)]
-            letters = [self._centre_letter(axis) for axis in arc.plane[:2]]
-            editor.replace(index, sorted(zip(letters, offsets, strict=True)), decimals)
+            return by_radius
+        if editor.block.kind != "words":
+            raise editor.block.refuse("rounding its radius would move this arc: give its centre (CC and C)")
+        base = (0.0, 0.0) if arc.form == "radius-absolute" else start
+        values = [round((c - b) / unit, decimals) for c, b in zip(centre, base, strict=True)]
+        letters = [self._centre_letter(axis) for axis in arc.plane[:2]]
+        editor.replace(index, sorted(zip(letters, values, strict=True)), decimals)
+        return base[0] + values[0] * unit, base[1] + values[1] * unit
 
-    def _write_pole(self, motions: Motions, block: int, arc: Arc, values: Point, decimals: int) -> None:
+    @staticmethod
+    def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
+        """Distance of the middles of two arcs with the same ends."""
+        middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
+        return math.dist(*middles)
+
+    def _write_pole(self, motions: Motions, block: int, arc: Arc, centre: Point, unit: float) -> Point:
         """Klartext: change a CC that stands right before its arc, else put one of our own there."""
         if arc.pole_block == block - 1 and None not in arc.words:
-            self._write_centre(self._editor(motions, arc.pole_block), arc, values, decimals)
-        else:
-            names = [self.machine.names[axis] for axis in arc.plane[:2]]
-            self._editor(motions, block).line_before("CC", list(zip(names, values, strict=True)), decimals)
+            return self._write_centre(self._editor(motions, arc.pole_block), arc, (0.0, 0.0), centre, unit)
+        names = [self.machine.names[axis] for axis in arc.plane[:2]]
+        decimals = self._decimals(arc.plane[0], unit)
+        values = [round(place / unit, decimals) for place in centre]
+        self._editor(motions, block).line_before("CC", list(zip(names, values, strict=True)), decimals)
+        return values[0] * unit, values[1] * unit

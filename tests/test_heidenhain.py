@@ -626,3 +626,18 @@ def test_chunks_carry_the_state_over(nc_data):
     parts = [interpreter.read(blocks[i : i + 1000]) for i in range(0, len(blocks), 1000)]
     assert np.array_equal(np.concatenate([part.target for part in parts]), whole.target)
     assert np.array_equal(np.concatenate([part.machine_target for part in parts]), whole.machine_target)
+
+
+@pytest.mark.parametrize(
+    ("change", "left"),
+    [
+        ("CYCL DEF 247 DATUM SETTING~\nQ339=2\n", {"Z"}),
+        ("M128\n", {"Z"}),
+        ("TOOL CALL 2 Z S1000\n", {"X", "Y", "Z"}),
+    ],
+)
+def test_only_what_is_said_in_the_new_frame_counts_as_said(change, left):
+    """Offsets that nobody entered are all zero here and differ on the machine."""
+    program = run(f"TOOL CALL 1 Z S1000\nL X10 Y20 Z300 F500\n{change}L Z310\n")
+    known = zip(program.machine.names, program.motions.known[-1], strict=True)
+    assert {name for name, state in known if state == Known.PROGRAM} == left

@@ -1,0 +1,94 @@
+"""The main job on Klartext: real five-axis programs and what Klartext has of its own."""
+
+import io
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import machines
+from kinematics.model import read_model
+from postproc.dialects import find_dialect
+from postproc.pipeline import Job, Pipeline
+from postproc.setup import make_setup
+from postproc.source import Source, open_source
+from postproc.verify import merged, read_motions, verify
+
+DMU50 = machines.load("dmu50")
+MODEL = read_model(machines.default_calibration(DMU50), DMU50)
+OFFSETS = ("0=0,0,150", "1=0,0,200")
+HEIDENHAIN = find_dialect("heidenhain", "a.h", "")
+HEAD = "0 BEGIN PGM A MM\r\n1 TOOL CALL 1 Z S1000\r\n2 L X+10 Y+20 Z+50 R0 FMAX M3\r\n"
+
+
+def setup():
+    return make_setup(DMU50, OFFSETS, ("T1=80",))
+
+
+def corrected(source):
+    out = io.BytesIO()
+    report = Pipeline(Job(source, HEIDENHAIN, DMU50, MODEL, setup(), travel_check=False)).run(out, lambda _: None)
+    return Source("corrected.h", out.getvalue().decode("latin-1"), out.getvalue()), report
+
+
+def program(text):
+    data = (HEAD + text).encode("latin-1")
+    return Source("a.h", data.decode("latin-1"), data)
+
+
+def judged(source):
+    """The verdict on the corrected program, and its text without the mark."""
+    result, _ = corrected(source)
+    before, after = (merged(read_motions(s, HEIDENHAIN, DMU50, setup())) for s in (source, result))
+    lines = [line for _, line in result.lines() if "NCOMP" not in line]
+    return verify(before, after, MODEL), "".join(lines)
+
+
+@pytest.mark.parametrize("name", ["xg_model3.h", "YL-01.h"])
+def test_real_five_axis_programs(nc_data, name):
+    source = open_source(str(nc_data / "heidenhain" / "five_axis_bc" / name))
+    verdict, text = judged(source)
+    assert verdict.moves == 7854
+    assert verdict.before.largest > 40
+    assert verdict.after.largest < 0.09  # four decimals: 0.05 um in each axis
+    original = [line for _, line in source.lines()]
+    kept = [line for line in original if not line.split(";")[0].partition("L ")[2].strip().startswith(tuple("XYZB"))]
+    assert len(kept) < len(original) - 7800
+    new = text.splitlines(keepends=True)
+    assert len(new) == len(original)
+    unchanged = [a for a, b in zip(original, new, strict=True) if a == b]
+    assert set(kept) <= set(unchanged)
+
+
+def test_numbers_keep_sign_comma_and_blanks():
+    _, text = judged(program("3 L  X+1,5  Y-2,25 R F500 M\r\n4 L Z+40 R0\r\n"))
+    line = text.splitlines()[3]
+    assert re.fullmatch(r"3 L  X\+1,4\d{3}  Y-2,2\d{3} Z\+\d\d,\d{4} R F500 M", line), line
+    assert text.count("\r\n") == 5
+
+
+def test_an_arc_takes_its_pole_along():
+    verdict, text = judged(program("3 L X+20 Y+0\r\n4 CC X+0 Y+0\r\n5 C X+0 Y+20 DR+ R0 F100\r\n6 C X-20 Y+0 DR+\r\n"))
+    lines = text.splitlines()
+    assert re.fullmatch(r"4 CC X-0\.0\d{3} Y\+0\.0\d{3}", lines[4]), lines[4]
+    assert lines[5].startswith("5 C X-0.0")
+    assert lines[6].startswith("CC X")  # the second arc has no CC of its own
+    assert lines[7].startswith("6 C X-20.0")
+    assert verdict.after.largest < 0.09
+    assert verdict.path_after.largest < 2
+
+
+def test_tcp_programs_are_corrected_in_the_workpiece_frame():
+    moves = "".join(f"L X{x} Y{2 * x} Z{40 + x} B{20 + x} C{10 * x} F500\r\n" for x in range(0, 9, 2))
+    verdict, text = judged(program(f"L B+0 C+0\r\nM128\r\n{moves}M129\r\n"))
+    assert verdict.before.largest > 20
+    assert verdict.after.largest < 0.09
+    assert "B22 C20 F500" in text
+
+
+@given(st.lists(st.tuples(st.sampled_from("XYZ"), st.floats(-60, 60), st.booleans()), min_size=1, max_size=12))
+def test_modal_and_incremental_blocks_reach_the_nominal_points(moves):
+    lines = "".join(f"L {'I' * step}{axis}{value / (9 if step else 1):.3f} F300\r\n" for axis, value, step in moves)
+    verdict, _ = judged(program(lines))
+    assert verdict.after.largest < 0.09
