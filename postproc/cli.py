@@ -250,7 +250,7 @@ def _setup(machine: Any, offsets: list[str] | None, lengths: list[str] | None, t
     from postproc.setup import make_setup
     from postproc.tool_table import read_tool_table
 
-    return make_setup(machine, offsets or (), lengths or (), read_tool_table(table) if table else {})
+    return make_setup(machine, offsets or (), lengths or (), read_tool_table(table) if table else None)
 
 
 @contextmanager

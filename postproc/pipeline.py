@@ -28,7 +28,7 @@ from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic
 from postproc.setup import Setup
 from postproc.source import CHUNK, ENCODING, Source, chunks
-from postproc.travel import check_size, check_travel
+from postproc.travel import check_size, note_outside, refuse_outside
 from postproc.writer import Writer, Written
 
 UNCERTAINTY_ROWS = 500
@@ -88,14 +88,17 @@ class Pipeline:
         job, report = self.job, self.report
         motions = self.interpreter.read(blocks)
         report.moves += len(motions)
-        notes = None if job.travel_check else self.notes
-        check_travel(motions, motions.machine_target, "as programmed", notes)
+        if job.travel_check:
+            refuse_outside(motions, motions.machine_target, "as programmed")
         if not job.model.effects:
             return [block.text for block in blocks]
         self._refuse_marked(blocks)
         correction = correct(motions, job.model)
         check_size(motions, correction.nominal, correction.corrected)
-        check_travel(motions, correction.corrected, "after correction", notes)
+        if job.travel_check:
+            refuse_outside(motions, correction.corrected, "after correction")
+        else:
+            note_outside(motions, correction.corrected, self.notes)
         written = self.writer.write(motions, correction)
         self._judge(motions, correction, written)
         texts = written.texts

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
+from postproc.tool_table import ToolTable
 
 
 @dataclass
@@ -70,11 +71,16 @@ def make_setup(
     machine: Machine,
     work_offsets: Iterable[str] = (),
     tool_lengths: Iterable[str] = (),
-    table: Mapping[str, float] = {},
+    table: ToolTable | None = None,
 ) -> Setup:
     """The setup from the options of the command line and a tool table."""
-    offsets = dict(parse_work_offset(text, machine) for text in work_offsets)
-    lengths = {**table, **dict(map(parse_tool_length, tool_lengths))}
+    table = table or ToolTable()
+    for name, values in table.work_offsets.items():
+        for axis in values:
+            if axis not in machine.names:
+                raise UserError(f"tool table: work offset {name}: no axis {axis} on machine {machine.name}")
+    offsets = {**table.work_offsets, **dict(parse_work_offset(text, machine) for text in work_offsets)}
+    lengths = {**table.tools, **dict(map(parse_tool_length, tool_lengths))}
     return Setup(machine, dict(offsets), lengths)
 
 

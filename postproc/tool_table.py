@@ -1,4 +1,4 @@
-"""Tool tables: lengths by tool number, from a LinuxCNC `tool.tbl` or JSON."""
+"""Tool tables: lengths by tool number from a LinuxCNC `tool.tbl`, or with work offsets from JSON."""
 
 from __future__ import annotations
 
@@ -14,14 +14,23 @@ _LINUXCNC = re.compile(r"\s*T(?P<number>\d+)\b(?P<rest>[^;]*)", re.I)
 _LENGTH = re.compile(r"\bZ\s*([+-]?(?:\d+\.?\d*|\.\d+))", re.I)
 
 
-def read_tool_table(path: Path) -> dict[str, float]:
-    """Tool lengths, mm, by number as text. UserError with the line that isn't understood."""
+class ToolTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a table says of the set-up."""
+
+    tools: dict[str, float] = {}
+    """Lengths, mm, by number as text."""
+    work_offsets: dict[str, dict[str, float]] = {}
+    """By name and axis, mm or degrees."""
+
+
+def read_tool_table(path: Path) -> ToolTable:
+    """A table of tools; UserError with the line that isn't understood.
+
+    JSON is `{"1": 120.5, ...}`, or `{"tools": {"1": 120.5}, "work_offsets": {"G54": {"X": 10, "C": 30}}}`.
+    """
     data = read_input(path, "tool table")
     if path.suffix.lower() == ".json":
-        try:
-            return msgspec.json.decode(data, type=dict[str, float])
-        except msgspec.DecodeError as fault:
-            raise UserError(f'tool table {path}: {fault}; expected {{"1": 120.5, ...}}') from None
+        return _from_json(data, path)
     lengths = {}
     for i, line in enumerate(data.decode("latin-1").splitlines(), start=1):
         content = line.split(";")[0].strip()
@@ -32,4 +41,14 @@ def read_tool_table(path: Path) -> dict[str, float]:
         if match is None or length is None:
             raise UserError(f"tool table {path}:{i}: {line.strip()!r} is no LinuxCNC tool entry (T1 P1 Z120.5)")
         lengths[str(int(match["number"]))] = float(length[1])
-    return lengths
+    return ToolTable(lengths)
+
+
+def _from_json(data: bytes, path: Path) -> ToolTable:
+    try:
+        entries = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
+        if entries.keys() <= {"tools", "work_offsets"}:
+            return msgspec.json.decode(data, type=ToolTable)
+        return ToolTable(msgspec.json.decode(data, type=dict[str, float]))
+    except msgspec.DecodeError as fault:
+        raise UserError(f'tool table {path}: {fault}; expected {{"1": 120.5, ...}}') from None

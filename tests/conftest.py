@@ -3,9 +3,11 @@
 import os
 from pathlib import Path
 from types import ModuleType
+from typing import NoReturn
 
 import hypothesis
 import pytest
+from clients import linuxcnc_sim as simulator
 from clients import rs274
 
 hypothesis.settings.register_profile("default", deadline=None)
@@ -18,7 +20,7 @@ NC_DATA = Path(__file__).parents[2] / "shared" / "data" / "nc"
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test that asks for LinuxCNC, so that `-m "not linuxcnc"` leaves it out."""
     for item in items:
-        if "linuxcnc" in getattr(item, "fixturenames", ()):
+        if {"linuxcnc", "linuxcnc_sim"} & set(getattr(item, "fixturenames", ())):
             item.add_marker("linuxcnc")
 
 
@@ -26,11 +28,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def linuxcnc() -> ModuleType:
     """LinuxCNC's interpreter. Where it is missing the test is skipped, or fails if NCOMP_REQUIRE_CLIENTS is set."""
     if not rs274.available():
-        reason = "LinuxCNC's rs274 is missing (Debian: apt-get install --no-install-recommends linuxcnc-uspace)"
-        if os.environ.get("NCOMP_REQUIRE_CLIENTS"):
-            pytest.fail(f"{reason}, and NCOMP_REQUIRE_CLIENTS is set")
-        pytest.skip(reason)
+        _missing("LinuxCNC's rs274")
     return rs274
+
+
+@pytest.fixture(scope="session")
+def linuxcnc_sim() -> ModuleType:
+    """LinuxCNC's simulator; skipped or failed where it is missing, like `linuxcnc`."""
+    if not simulator.available():
+        _missing("LinuxCNC's simulator")
+    return simulator
+
+
+def _missing(client: str) -> NoReturn:
+    reason = f"{client} is missing (Debian: apt-get install --no-install-recommends linuxcnc-uspace)"
+    if os.environ.get("NCOMP_REQUIRE_CLIENTS"):
+        pytest.fail(f"{reason}, and NCOMP_REQUIRE_CLIENTS is set")
+    pytest.skip(reason)
 
 
 @pytest.fixture(scope="session")
