@@ -12,7 +12,7 @@ from kinematics.errors import UserError
 from kinematics.machine import Machine
 from postproc.motions import Motions
 from postproc.notes import Notes
-from postproc.program import Block
+from postproc.program import Block, Refusal
 from postproc.setup import Setup
 
 
@@ -88,8 +88,18 @@ def find_dialect(name: str, file: str, head: str) -> Dialect:
     if name == "auto":
         name = _guess(PurePath(file).suffix.lower(), head)
     if name == "siemens":
-        raise UserError(f"{file}: a Siemens 840D program; ncomp reads iso and heidenhain (--dialect overrules)")
+        line, text = _first_siemens(head)
+        raise Refusal(line, text, "Siemens 840D code; ncomp reads iso and heidenhain (--dialect overrules)").located(
+            file
+        )
     return DIALECTS[name]()
+
+
+def _first_siemens(head: str) -> tuple[int, str]:
+    """Number and text of the first line that only Siemens writes, or of the first that says something."""
+    lines = list(enumerate(head.splitlines(), start=1))
+    speaking = [(i, text) for i, text in lines if text.strip(" \t;")] or [(1, "")]
+    return next(((i, text) for i, text in speaking if _SIEMENS.search(text)), speaking[0])
 
 
 def _guess(suffix: str, head: str) -> str:
