@@ -98,12 +98,17 @@ def find_dialect(name: str, file: str, head: str) -> Dialect:
 def _first_siemens(head: str) -> tuple[int, str]:
     """Number and text of the first line that only Siemens writes, or of the first that says something."""
     lines = list(enumerate(head.splitlines(), start=1))
-    speaking = [(i, text) for i, text in lines if text.strip(" \t;")] or [(1, "")]
-    return next(((i, text) for i, text in speaking if _SIEMENS.search(text)), speaking[0])
+    speaking = [(i, text) for i, text in lines if _spoken(text).strip()] or [(1, head)]
+    return next(((i, text) for i, text in speaking if _SIEMENS.search(_spoken(text))), speaking[0])
+
+
+def _spoken(line: str) -> str:
+    """A line without its comment; a Siemens path is none."""
+    return line if "$PATH" in line else line.split(";")[0]
 
 
 def _guess(suffix: str, head: str) -> str:
-    spoken = "\n".join(line.split(";")[0] if "$PATH" not in line else line for line in head.splitlines())
+    spoken = "\n".join(map(_spoken, head.splitlines()))
     if suffix in _SIEMENS_SUFFIXES:
         return "siemens"
     if _HEIDENHAIN.search(spoken):
