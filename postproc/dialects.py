@@ -104,7 +104,7 @@ def _first_siemens(head: str) -> tuple[int, str]:
 
 def _spoken(line: str) -> str:
     """A line without its comment; a Siemens path is none."""
-    return line if "$PATH" in line else line.split(";")[0]
+    return line if "$PATH" in line else line.partition(";")[0]
 
 
 def _guess(suffix: str, head: str) -> str:
