@@ -20,8 +20,8 @@ demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it g
 	@mkdir -p out
 	$(BIN)/ncomp examples/$(PROGRAM) --machine $(MACHINE) $(SETUP) -o out/$(PROGRAM)
 	@echo
-	@echo "The first changed lines (< as programmed, > compensated):"
-	@diff examples/$(PROGRAM) out/$(PROGRAM) | head -n 24
+	@echo "Some changed lines, as programmed and corrected:"
+	@diff --side-by-side --suppress-common-lines --width 150 examples/$(PROGRAM) out/$(PROGRAM) | sed -n '1,12p;60,70p'
 	@echo
 	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE) $(SETUP)
 

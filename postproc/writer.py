@@ -29,11 +29,13 @@ from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.motions import Arc, Kind, Known, Motions
 from postproc.numbers import decimals_for, decimals_holding
 from postproc.program import edited
-from postproc.words import Layout, WordEditor
+from postproc.words import ORDER, Layout, WordEditor
 
 STRAY = 5e-4
 """mm: an arc by radius whose middle strays farther than this is rewritten by its centre. Near a half circle rounding
 the radius, and near a full one rounding the end points, moves the path by many times as much."""
+SHORT_ARC = 0.1
+"""1 - cos of half the angle, 52 deg, under which an arc is short."""
 DOT = 0.01
 """mm: the radius of an arc so small that it does not matter which way round it is run."""
 
@@ -59,15 +61,22 @@ def _plane_ends(motions: Motions, row: int) -> tuple[Point, Point]:
 
 
 def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
-    """Centre of an arc whose ends go to other places, and its middle by about `middle_shift` `(axes,)`, mm."""
+    """Centre of an arc whose ends go to other places, and its middle by `middle_shift` `(axes,)`, mm.
+
+    Where shifts grow evenly over the circle, those of its ends are on average that of its middle and 1 - cos of half
+    the angle between them times what lies between middle and centre. On short arcs, where this is next to nothing,
+    the centre goes less far than the rounding of the ends would send it.
+    """
     arc = motions.arcs[row]
     before, after = _plane_ends(motions, row)
+    turned = sweep(before, after, arc.centre, arc.sense, arc.full)
     start_shift = (start[0] - before[0], start[1] - before[1])
     end_shift = (end[0] - after[0], end[1] - after[1])
-    middle = middle_shift[list(arc.plane[:2])].tolist()
-    shift = tuple((a + b) / 4 + m / 2 for a, b, m in zip(start_shift, end_shift, middle, strict=True))
-    turned = sweep(before, after, arc.centre, arc.sense, arc.full)
-    return moved_centre((before, after), arc.centre, (start_shift, end_shift), (shift[0], shift[1]), turned)
+    x, y = middle_shift[list(arc.plane[:2])].tolist()
+    share = 1.0 / max(1.0 - math.cos(turned / 2), SHORT_ARC)
+    x += share * ((start_shift[0] + end_shift[0]) / 2 - x)
+    y += share * ((start_shift[1] + end_shift[1]) / 2 - y)
+    return moved_centre((before, after), arc.centre, (start_shift, end_shift), (x, y), turned)
 
 
 class Writer:
@@ -75,6 +84,7 @@ class Writer:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
+        self._by_letter = sorted(machine.translators, key=lambda axis: ORDER.index(machine.names[axis][0]))
         self._layout = Layout()
         self._held: list[float] | None = None
         self._frame: Frame | None = None
@@ -166,7 +176,7 @@ class Writer:
                 held[axis] = base + editor.set(index, number, decimals) * unit
             else:
                 held[axis] = float(motions.target[row, axis])
-        for axis in self.machine.translators:
+        for axis in self._by_letter:
             if axis not in named and said[axis]:
                 held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, bool(motions.incremental[row]))
         if arc is not None:
