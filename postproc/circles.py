@@ -13,6 +13,8 @@ CLOSE = 5e-4
 """mm: radii that differ by so little more at the two ends of a corrected arc are left so."""
 OUT_OF_ROUND = 5e-3
 """mm: radii that differ by so much at the two ends of an arc stop the controls that are strictest."""
+SHORT_ARC = 0.1
+"""1 - cos of half the angle, 52 deg, under which an arc is short."""
 SAME = 1e-6
 """mm: points nearer than this are one: no control counts finer, and sums of increments are not exact."""
 
@@ -45,27 +47,29 @@ def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> P
     return _beside_chord(start, end, height * sense * math.copysign(1.0, radius))
 
 
-def moved_centre(
-    ends: tuple[Point, Point], centre: Point, end_shifts: tuple[Point, Point], shift: Point, turned: float
-) -> Point:
-    """The centre of a circle whose end points are shifted, moved by about `shift`; `turned` is its sweep, rad.
+def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts: tuple[Point, Point, Point]) -> Point:
+    """The centre of a circle on which start, middle and end of an arc lie after their shifts, to first order.
 
-    Moved by just that when the two radii then differ no more than they did, up to CLOSE; otherwise along the nearest
-    way that leaves their difference as it was. On nearly full circles, whose ends lie side by side, that way is as
-    long as it is useless: there the radii are left to differ.
+    `turned` is the sweep of the arc, rad. Across its chord the centre goes where the middle asks it to; on short arcs
+    less far, where that takes a long way to no purpose. Along its chord it goes with the mean of the shifts when the
+    two radii then differ no more than they did, up to CLOSE; otherwise so that their difference stays as it was. On
+    nearly full circles, whose ends lie side by side, that too is a long way, and the radii are left to differ.
     """
-    (start, end), (start_shift, end_shift) = ends, end_shifts
+    start, end = ends
     first, last = math.dist(start, centre), math.dist(end, centre)
+    mean = [(a + b) / 4 + m / 2 for a, m, b in zip(*shifts, strict=True)]
     if first == 0.0 or last == 0.0:
-        return centre[0] + shift[0], centre[1] + shift[1]
+        return centre[0] + mean[0], centre[1] + mean[1]
     u = ((start[0] - centre[0]) / first, (start[1] - centre[1]) / first)
     v = ((end[0] - centre[0]) / last, (end[1] - centre[1]) / last)
-    wanted = u[0] * start_shift[0] + u[1] * start_shift[1] - v[0] * end_shift[0] - v[1] * end_shift[1]
+    w = point_at(u, (0.0, 0.0), turned / 2)
+    out = [d[0] * (s[0] - mean[0]) + d[1] * (s[1] - mean[1]) for d, s in zip((u, w, v), shifts, strict=True)]
+    across = (out[1] - (out[0] + out[2]) / 2) / max(1.0 - math.cos(turned / 2), SHORT_ARC)
     n = (u[0] - v[0], u[1] - v[1])
-    excess = n[0] * shift[0] + n[1] * shift[1] - wanted
+    excess = across * (n[0] * w[0] + n[1] * w[1]) - out[0] + out[2]
     square = n[0] ** 2 + n[1] ** 2
-    share = excess / (max(square, 1.0) if abs(turned) > math.pi else square) if abs(excess) > CLOSE else 0.0
-    return centre[0] + shift[0] - share * n[0], centre[1] + shift[1] - share * n[1]
+    along = excess / (max(square, 1.0) if abs(turned) > math.pi else square) if abs(excess) > CLOSE else 0.0
+    return centre[0] + mean[0] + across * w[0] - along * n[0], centre[1] + mean[1] + across * w[1] - along * n[1]
 
 
 def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool) -> float:

@@ -153,8 +153,9 @@ def verify_command(
 ) -> None:
     """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
     from postproc.dialects import find_dialect
+    from postproc.mark import calibration_of
     from postproc.source import open_source
-    from postproc.terminal import console, output, show_verdict
+    from postproc.terminal import console, output, say, show_verdict
     from postproc.verify import merged, read_motions, verify
 
     found = _machine(machine)
@@ -166,6 +167,9 @@ def verify_command(
         language = find_dialect(dialect, source.name, source.text_head)
         motions.append(merged(read_motions(source, language, found, setup)))
     verdict = verify(motions[0], motions[1], model)
+    marked = calibration_of(source)
+    if marked != model.id.upper():
+        say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
     with _result(json) as results:
         _write_json(verdict.json(), results)
     show_verdict(verdict, console if json == "-" else output)

@@ -28,6 +28,11 @@ def mark_in(text: str) -> str | None:
     return match[1] if match else None
 
 
+def calibration_of(source: Source) -> str | None:
+    """The calibration id in the mark of a corrected program, None when it bears none."""
+    return next((found for _, text in source.lines() if (found := mark_in(text))), None)
+
+
 def mark_place(dialect: Dialect, blocks: list[Block]) -> int | None:
     """Index of the block that the mark is put in front of: the first that says something.
 

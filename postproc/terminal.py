@@ -39,7 +39,7 @@ def show_report(report: Report) -> None:
     """The summary of a correction."""
     calibration = report.calibration
     if calibration["demonstration"]:
-        _say("demonstration calibration", "it describes no real machine; don't cut with it")
+        say("demonstration calibration", "it describes no real machine; don't cut with it")
     offsets = "; ".join(f"{name}: {value}" for name, value in report.work_offsets.items())
     tools = ", ".join(f"T{name}: {value}" for name, value in report.tools.items()) or "none called: length 0"
     console.print(f"program      {report.program['name']}  ({report.program['dialect']}, {report.blocks} blocks)")
@@ -52,7 +52,7 @@ def show_report(report: Report) -> None:
     if report.correction:
         console.print(_correction_table(report))
     for note in report.notes:
-        _say("note", note)
+        say("note", note)
 
 
 def show_verdict(verdict: Verdict, to: Console) -> None:
@@ -89,7 +89,8 @@ def show_machine(machine: Machine, calibration: str) -> None:
     output.print(table)
 
 
-def _say(what: str, text: str) -> None:
+def say(what: str, text: str) -> None:
+    """One line that a person should not miss."""
     console.print(Text.assemble((f"{what}: ", "yellow"), text))
 
 

@@ -6,7 +6,7 @@ straight and circular feed moves, as the control interpolates them in programmed
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,8 @@ def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setu
     motions = []
     try:
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
-            motions.append(interpreter.read([dialect.read_block(line, text) for line, text in lines]))
+            chunk = interpreter.read([dialect.read_block(line, text) for line, text in lines])
+            motions.append(replace(chunk, blocks=[]))  # the columns are all that is looked at
     except Refusal as refusal:
         raise refusal.located(source.name) from None
     return motions

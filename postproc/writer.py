@@ -34,8 +34,6 @@ from postproc.words import ORDER, Layout, WordEditor
 STRAY = 5e-4
 """mm: an arc by radius whose middle strays farther than this is rewritten by its centre. Near a half circle rounding
 the radius, and near a full one rounding the end points, moves the path by many times as much."""
-SHORT_ARC = 0.1
-"""1 - cos of half the angle, 52 deg, under which an arc is short."""
 DOT = 0.01
 """mm: the radius of an arc so small that it does not matter which way round it is run."""
 
@@ -61,22 +59,14 @@ def _plane_ends(motions: Motions, row: int) -> tuple[Point, Point]:
 
 
 def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
-    """Centre of an arc whose ends go to other places, and its middle by `middle_shift` `(axes,)`, mm.
-
-    Where shifts grow evenly over the circle, those of its ends are on average that of its middle and 1 - cos of half
-    the angle between them times what lies between middle and centre. On short arcs, where this is next to nothing,
-    the centre goes less far than the rounding of the ends would send it.
-    """
+    """Centre of an arc whose ends go to other places, and its middle by `middle_shift` `(axes,)`, mm."""
     arc = motions.arcs[row]
     before, after = _plane_ends(motions, row)
-    turned = sweep(before, after, arc.centre, arc.sense, arc.full)
     start_shift = (start[0] - before[0], start[1] - before[1])
     end_shift = (end[0] - after[0], end[1] - after[1])
     x, y = middle_shift[list(arc.plane[:2])].tolist()
-    share = 1.0 / max(1.0 - math.cos(turned / 2), SHORT_ARC)
-    x += share * ((start_shift[0] + end_shift[0]) / 2 - x)
-    y += share * ((start_shift[1] + end_shift[1]) / 2 - y)
-    return moved_centre((before, after), arc.centre, (start_shift, end_shift), (x, y), turned)
+    turned = sweep(before, after, arc.centre, arc.sense, arc.full)
+    return moved_centre((before, after), arc.centre, turned, (start_shift, (x, y), end_shift))
 
 
 class Writer:
