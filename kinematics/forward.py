@@ -53,7 +53,8 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
     """Pose of the tool reference point relative to the workpiece.
 
     q: axis positions `(n, axes)` or `(axes,)` in chain order, mm and rad. errors: error motions `(n, axes, 6)`,
-    mm and rad; None is the nominal machine. Returns rotations `(n, 3, 3)` and translations `(n, 3)`, mm, in the
+    mm and rad, or `(n, axes + 1, 6)` with a displacement of the tool in its own frame behind them; None is the nominal
+    machine. Returns rotations `(n, 3, 3)` and translations `(n, 3)`, mm, in the
     workpiece frame, which coincides with the machine frame when all axes stand at zero.
     """
     positions = np.atleast_2d(np.asarray(q, float))
@@ -64,6 +65,8 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
             error = error_pose(axis, positions[:, i], errors[:, i])
             link = error @ link if axis.side == "tool" else link @ error
         pose = pose @ link
+    if errors is not None and errors.shape[1] > len(machine.axes):
+        pose = pose @ Pose(rotation_vector_matrix(errors[:, -1, 3:]), errors[:, -1, :3])
     n = len(positions)
     return Pose(np.broadcast_to(pose.rotation, (n, 3, 3)), np.broadcast_to(pose.translation, (n, 3)))
 

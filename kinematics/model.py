@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 
-from kinematics.effects import Effect
+from kinematics.effects import INSTRUMENT, TOOL, Effect
 from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.machine import Machine
@@ -64,23 +64,29 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return (now - self.provenance.made_at).total_seconds() / 86400.0
 
     def errors(self, machine: Machine, state: State) -> Array:
-        """Error motions `(n, axes, 6)` at the state, mm and rad, in the error frames of the axes."""
-        errors = np.zeros((len(state.positions), len(machine.axes), 6))
+        """Error motions `(n, axes + 1, 6)` at the state, mm and rad: of each axis in its error frame, then of the tool.
+
+        Effects of the instrument have no part in it.
+        """
+        errors = np.zeros((len(state), len(machine.axes) + 1, 6))
         for effect in self.effects:
-            parameters = np.asarray(effect.parameters)
-            for axis, component, values in effect.columns(machine, state):
-                errors[:, axis, component] += values @ parameters
+            for place, component, values in effect.contributions(machine, state):
+                if place != INSTRUMENT:
+                    errors[:, place, component] += values
         return errors
 
     def design(self, machine: Machine, state: State, transform: Array) -> Array:
-        """Derivatives `(n, rows, parameters)` of `transform` `(n, rows, axes * 6)` times the error motions."""
-        blocks = []
+        """Derivatives `(n, rows, parameters)` of `transform` `(n, rows, (axes + 1) * 6)` times the error motions."""
+        blocks = [np.zeros((*transform.shape[:2], 0))]
+        last = len(machine.axes)
         for effect in self.effects:
             block = np.zeros((*transform.shape[:2], len(effect.parameters)))
-            for axis, component, values in effect.columns(machine, state):
-                block += transform[:, :, 6 * axis + component, None] * values[:, None, :]
+            for place, component, values in effect.columns(machine, state):
+                if place != INSTRUMENT:
+                    column = 6 * (last if place == TOOL else place) + component
+                    block += transform[:, :, column, None] * values[:, None, :]
             blocks.append(block)
-        return np.concatenate(blocks, axis=2) if blocks else np.zeros((*transform.shape[:2], 0))
+        return np.concatenate(blocks, axis=2)
 
     def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
         """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
@@ -96,7 +102,7 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         beyond: dict[str, float] = {}
         for effect in self.effects:
             if effect.interval is not None:
-                x, (low, high) = state.position(machine, effect.axis), effect.interval
+                x, (low, high) = state.position(machine, effect.axes[0]), effect.interval
                 excess = float(np.max(np.maximum(low - x, x - high), initial=0.0))
                 if excess > ROUNDING:
                     beyond[effect.name] = max(excess, beyond.get(effect.name, 0.0))
@@ -156,7 +162,7 @@ def encode_model(model: ErrorModel) -> bytes:
 def _check(model: ErrorModel, source: str) -> None:
     axes = set(model.machine.chain.split()) - {"w", "b", "t"}
     for effect in model.effects:
-        if effect.axis not in axes:
+        if not axes.issuperset(effect.axes):
             raise UserError(f"calibration {source}: {effect.name} is of an axis that {model.machine.chain} lacks")
         if min(effect.uncertainties, default=0.0) < 0:
             raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u")

@@ -35,20 +35,20 @@ DMU50 = machines.load("dmu50")
 
 # effect on the DMU 50; its name, unit, interval; the error motions that it touches
 EXAMPLES: list[tuple[Effect, str, str, tuple[float, float] | None, set[str]]] = [
-    (ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), (0.1, 0.1, 0.2), "seen"),
+    (ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), u=(0.1, 0.1, 0.2), note="seen"),
      "E_XX", "um", (-250.0, 250.0), {"E_XX"}),
-    (ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), (1.0, 1.0, 1.0)),
+    (ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), u=(1.0, 1.0, 1.0)),
      "E_CY", "urad", (-225.0, 225.0), {"E_CY"}),
-    (ErrorMotion("Z", "Z", Polynomial((0.0, 400.0), 1), (0.0, 9.0), (1.0, 1.0)),
+    (ErrorMotion("Z", "Z", Polynomial((0.0, 400.0), 1), (0.0, 9.0), u=(1.0, 1.0)),
      "E_ZZ", "um", (0.0, 400.0), {"E_ZZ"}),
-    (ErrorMotion("B", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 2.0, 3.0, 4.0), (1.0,) * 4),
+    (ErrorMotion("B", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 2.0, 3.0, 4.0), u=(1.0,) * 4),
      "E_BC", "urad", (0.0, 360.0), {"E_BC"}),
-    (LocationError("C", "Y", 12.0, 2.0), "E_C0Y", "urad", None, {"E_XY"}),
-    (LocationError("B", "Z", -15.0, 2.0, "seen"), "E_B0Z", "urad", None, {"E_XZ"}),
-    (LocationError("A", "X", 3.0, 2.0), "E_A0X", "urad", None, set()),  # a line has no roll
-    (LocationError("Z", "Z", 6.0, 2.0), "E_Z0Z", "um", None, {"E_ZZ"}),
-    (LocationError("X", "C", 6.0, 2.0), "E_X0C", "um", None, {"E_XC"}),
-    (LocationError("A", "B", 6.0, 2.0), "E_A0B", "urad", None, {"E_AB"}),
+    (LocationError("C", "Y", 12.0, u=(2.0,)), "E_C0Y", "urad", None, {"E_XY"}),
+    (LocationError("B", "Z", -15.0, u=(2.0,), note="seen"), "E_B0Z", "urad", None, {"E_XZ"}),
+    (LocationError("A", "X", 3.0, u=(2.0,)), "E_A0X", "urad", None, set()),  # a line has no roll
+    (LocationError("Z", "Z", 6.0, u=(2.0,)), "E_Z0Z", "um", None, {"E_ZZ"}),
+    (LocationError("X", "C", 6.0, u=(2.0,)), "E_X0C", "um", None, {"E_XC"}),
+    (LocationError("A", "B", 6.0, u=(2.0,)), "E_A0B", "urad", None, {"E_AB"}),
 ]  # fmt: skip
 every_example = pytest.mark.parametrize(
     ("effect", "name", "unit", "interval", "touched"), EXAMPLES, ids=[name for _, name, *_ in EXAMPLES]
@@ -138,13 +138,13 @@ def test_json_round_trip(effect):
 
 def test_positions_are_mm_and_degrees_parameters_um_and_urad():
     table = BSpline((0.0, 90.0, 360.0), 1)
-    radial, tilt = ErrorMotion("X", "C", table, (0, 7, 0), (0,) * 3), ErrorMotion("A", "C", table, (0, 7, 0), (0,) * 3)
+    radial, tilt = ErrorMotion("X", "C", table, (0, 7, 0)), ErrorMotion("A", "C", table, (0, 7, 0))
     errors = model_of(DMU50, radial, tilt).errors(DMU50, State(np.array([[np.pi / 2, 0, 0, 0, 0]])))
     assert errors[0, DMU50.index("C")] == pytest.approx([7e-3, 0, 0, 7e-6, 0, 0], abs=1e-17)
 
 
 def test_effects_on_one_error_motion_add_up():
-    location, motion = EXAMPLES[4][0], ErrorMotion("X", "Y", Polynomial((-225, 225), 0), (5.0,), (0.1,))
+    location, motion = EXAMPLES[4][0], ErrorMotion("X", "Y", Polynomial((-225, 225), 0), (5.0,))
     y = np.array([-200.0, 0.0, 100.0])
     state = State(np.column_stack([0 * y, 0 * y, 0 * y, y, 0 * y]))
     errors = model_of(DMU50, location, motion).errors(DMU50, state)
@@ -154,7 +154,7 @@ def test_effects_on_one_error_motion_add_up():
 def test_wrong_number_of_parameters_is_refused():
     message = "E_XX: its basis takes 2 parameters with as many u, got 3 and 2"
     with pytest.raises(ValueError, match=f"^{message}$"):
-        ErrorMotion("X", "X", Polynomial((0.0, 1.0), 1), (1.0, 2.0, 3.0), (1.0, 1.0))
+        ErrorMotion("X", "X", Polynomial((0.0, 1.0), 1), (1.0, 2.0, 3.0))
 
 
 # --- location errors of linear axes
@@ -171,7 +171,7 @@ every_orientation = pytest.mark.parametrize(("letter", "axis"), SIDEWAYS, ids=[f
 
 def with_location(machine: Machine, component: str, axis: str, value: float) -> ErrorModel:
     """value in mm or rad."""
-    return model_of(machine, LocationError(component, axis, value * (1e3 if component in "XYZ" else 1e6), 0.0))
+    return model_of(machine, LocationError(component, axis, value * (1e3 if component in "XYZ" else 1e6)))
 
 
 def deviation(machine: Machine, model: ErrorModel, q: Array) -> Deviation:
@@ -223,7 +223,7 @@ def test_an_angular_error_motion_turns_about_the_carriage_point_which_travels(na
     machine = machines.load(name)
     q = np.zeros(3)
     q[machine.index("X")] = 300.0
-    yaw = ErrorMotion("C", "X", Polynomial((0.0, 600.0), 0), (ANGLE * 1e6,), (1.0,))
+    yaw = ErrorMotion("C", "X", Polynomial((0.0, 600.0), 0), (ANGLE * 1e6,))
     found = deviation(machine, model_of(machine, yaw), q)
     assert found.position == pytest.approx(ANGLE * np.array([[-TOOL[1], arm, 0]]), abs=ANGLE**2 * 400)
     assert found.orientation == pytest.approx(np.array([[0, 0, ANGLE]]), abs=1e-15)
@@ -323,4 +323,4 @@ def test_rotary_location_errors_are_constants_of_its_error_motions(name, axis):
     for k, component in enumerate(COMPONENTS):
         expected = np.zeros((5, 5, 6))
         expected[:, i, k] = 1e-3 if k < 3 else 1e-6
-        assert (model_of(machine, LocationError(component, axis, 1.0, 0.0)).errors(machine, state) == expected).all()
+        assert (model_of(machine, LocationError(component, axis, 1.0)).errors(machine, state) == expected).all()

@@ -29,11 +29,11 @@ TOOL = np.array([5.0, -10.0, -120.0])
 SMALL = msgspec.structs.replace(
     no_errors(DMU50),
     effects=(
-        ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), (1.0, 0.5, 2.0)),
-        ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), (3.0, 2.0, 1.0)),
-        ErrorMotion("A", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 0.0, 3.0, 4.0), (1.0, 2.0, 3.0, 4.0)),
-        LocationError("C", "Y", 12.0, 2.0),
-        LocationError("X", "B", -6.0, 1.5),
+        ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), u=(1.0, 0.5, 2.0)),
+        ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), u=(3.0, 2.0, 1.0)),
+        ErrorMotion("A", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 0.0, 3.0, 4.0), u=(1.0, 2.0, 3.0, 4.0)),
+        LocationError("C", "Y", 12.0, u=(2.0,)),
+        LocationError("X", "B", -6.0, u=(1.5,)),
     ),
 )
 
@@ -101,7 +101,7 @@ def test_standard_uncertainty_equals_monte_carlo_through_the_exact_kinematics(co
 def test_a_singular_covariance_gives_no_uncertainty_where_there_is_none():
     """Three errors known to cancel: u is zero, not the root of a rounding error below zero."""
     q = positions(20, seed=5)
-    errors = (ErrorMotion("X", "X", Polynomial((-250.0, 250.0), 0), (0.0,), (1.0,)),) * 3
+    errors = (ErrorMotion("X", "X", Polynomial((-250.0, 250.0), 0), (0.0,), u=(1.0,)),) * 3
     for a in range(1, 10):
         spread = np.array([a, 1.0, -a - 1.0]) / 7
         model = msgspec.structs.replace(SMALL, effects=errors, covariance=as_rows(np.outer(spread, spread)))
@@ -135,14 +135,14 @@ def test_outside_is_no_matter_of_rounding_to_rad_and_back():
     ends = np.arange(-360.0, 361.0)
     q = np.zeros((len(ends), 5))
     q[:, 0] = np.radians(ends)
-    motions = [ErrorMotion("X", "C", Polynomial((e, e + 0.5), 0), (1.0,), (1.0,)) for e in ends]
+    motions = [ErrorMotion("X", "C", Polynomial((e, e + 0.5), 0), (1.0,), u=(1.0,)) for e in ends]
     for motion, row in zip(motions, q, strict=True):
         model = msgspec.structs.replace(SMALL, effects=(motion,))
         assert model.outside(DMU50, State(row[None])) == {}
 
 
 def test_outside_of_two_parts_of_one_error_motion_is_the_larger():
-    parts = tuple(ErrorMotion("X", "X", Polynomial((0.0, high), 0), (1.0,), (1.0,)) for high in (10.0, 50.0))
+    parts = tuple(ErrorMotion("X", "X", Polynomial((0.0, high), 0), (1.0,), u=(1.0,)) for high in (10.0, 50.0))
     model = msgspec.structs.replace(SMALL, effects=parts)
     assert model.outside(DMU50, State(np.array([[0.0, 0, 60, 0, 0]]))) == {"E_XX": 50.0}
 

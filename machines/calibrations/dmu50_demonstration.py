@@ -61,7 +61,7 @@ def published_x() -> list[Effect]:
     basis = BSpline(tuple((NOMINAL - CENTRE).tolist()), 1)
     u = (0.0, *[U_MEASURED] * 10)  # the first point is the origin of the measurement
     return [
-        ErrorMotion(component, "X", basis, tuple(map(float, column)), u, REAL)
+        ErrorMotion(component, "X", basis, tuple(map(float, column)), u=u, note=REAL)
         for component, column in zip(DIRECTIONS, errors.T, strict=False)
     ]
 
@@ -94,7 +94,7 @@ def simulated(machine: Machine) -> list[Effect]:
                 draw *= peak / np.abs(columns @ draw).max()
                 u = max(1.0, 0.1 * peak)
                 effects.append(_motion(component, axis, basis, draw, u))
-    effects += [LocationError(*error, 2.0, SIMULATED) for error in LOCATION_ERRORS]
+    effects += [LocationError(*error, u=(2.0,), note=SIMULATED) for error in LOCATION_ERRORS]
     return effects
 
 
@@ -111,7 +111,7 @@ def demonstration() -> ErrorModel:
 
 def _motion(component: Component, axis: str, basis: Basis, draw: Array, u: float) -> ErrorMotion:
     parameters = tuple(float(p) for p in np.round(draw, 4))
-    return ErrorMotion(component, axis, basis, parameters, (u,) * basis.size, SIMULATED)
+    return ErrorMotion(component, axis, basis, parameters, u=(u,) * basis.size, note=SIMULATED)
 
 
 if __name__ == "__main__":
