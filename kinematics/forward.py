@@ -71,6 +71,14 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
     return Pose(np.broadcast_to(pose.rotation, (n, 3, 3)), np.broadcast_to(pose.translation, (n, 3)))
 
 
+def axis_frames(machine: Machine, q: Array) -> list[Pose]:
+    """Nominal poses in front of each axis, and behind the last the tool reference point's, at positions `(n, axes)`."""
+    frames = [IDENTITY]
+    for i, axis in enumerate(machine.axes):
+        frames.append(frames[-1] @ axis_pose(axis, q[:, i]))
+    return frames
+
+
 def tool_point(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0), errors: Array | None = None) -> Array:
     """Positions `(n, 3)`, mm, workpiece frame, of the point `tool` `(3,)` or `(n, 3)` from the tool reference point."""
     return forward(machine, q, errors).apply(tool)
