@@ -20,7 +20,7 @@ import platformdirs
 from numpy.typing import ArrayLike
 
 from kinematics.derived import MODULES
-from kinematics.deviation import Deviation
+from kinematics.deviation import Deviation, in_blocks
 from kinematics.effects import COMPONENTS
 from kinematics.errors import UserError
 from kinematics.files import fingerprint, write_whole
@@ -85,17 +85,18 @@ def first_order_deviation(
     mm and rad; otherwise as `error_transform`. J is not built. Differs from `exact_deviation` by products of two
     errors.
     """
-    given = np.asarray(errors, float)
-    axes = len(machine.axes)
-    deviation = Deviation(*derived(machine).deviation(q, tool, given[..., :axes, :]))
-    if given.shape[-2] == axes:
-        return deviation
-    rotation = forward(machine, q).rotation
-    shift, turned = np.atleast_2d(given[..., axes, :3]), np.atleast_2d(given[..., axes, 3:])
-    displaced = turn(rotation, shift + np.cross(turned, np.asarray(tool, float)))
-    return Deviation(
-        np.asarray(deviation.position + displaced), np.asarray(deviation.orientation + turn(rotation, turned))
-    )
+    module, axes = derived(machine), len(machine.axes)
+
+    def first_order(q: Array, errors: Array, tool: Array) -> Deviation:
+        deviation = Deviation(*module.deviation(q, tool, errors[:, :axes]))
+        if not errors[:, axes:].any():
+            return deviation
+        rotation = forward(machine, q).rotation
+        shift, turned = errors[:, axes, :3], errors[:, axes, 3:]
+        displaced = turn(rotation, shift + np.cross(turned, tool))
+        return Deviation(deviation.position + displaced, deviation.orientation + turn(rotation, turned))
+
+    return in_blocks(first_order, q, errors, tool)
 
 
 def derived(machine: Machine) -> Derived:

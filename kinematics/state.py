@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from kinematics.basis import Basis
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.transforms import Array
@@ -39,14 +40,30 @@ class State:
     """Name of the target or tool vector `(n,)`."""
     observed: Array | None = None
     """Point `(n, 3)` in the instrument's frame, mm."""
+    _known: dict[tuple[str, Basis], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def rows(self, index: slice | Array) -> State:
+        """The state at some of its rows."""
+        columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        for name, column in columns.items():
+            if isinstance(column, np.ndarray):
+                columns[name] = column[index]
+        columns["temperatures"] = {sensor: column[index] for sensor, column in self.temperatures.items()}
+        return State(**columns)
 
     def position(self, machine: Machine, axis: str) -> Array:
         """Positions `(n,)` of one axis in the units of files, mm or degrees."""
         i = machine.index(axis)
         return np.asarray(self.positions[:, i] / machine.scale[i])
+
+    def basis_columns(self, machine: Machine, axis: str, basis: Basis) -> Array:
+        """Basis functions `(n, size)` at the positions of one axis; kept, since its error motions share their basis."""
+        if (axis, basis) not in self._known:
+            self._known[axis, basis] = basis.columns(self.position(machine, axis))
+        return self._known[axis, basis]
 
     def need(self, column: str, by: str) -> Any:
         """A column that an effect can't do without; UserError, naming the effect, when it is not known."""

@@ -14,7 +14,7 @@ import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
 from kinematics.deviation import exact_deviation
 from kinematics.effects import ErrorMotion, LocationError
-from kinematics.error_transform import error_transform, first_order_deviation
+from kinematics.error_transform import first_order_deviation, place_transform
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.model import ErrorModel, decode_model, encode_model, no_errors, read_model, write_model
@@ -69,7 +69,7 @@ def test_first_order_agrees_with_exact_to_second_order():
 
 def test_design_times_parameters_is_the_transform_of_the_errors():
     q, model = positions(50, seed=2), demonstration()
-    transform = error_transform(DMU50, q, TOOL)
+    transform = place_transform(DMU50, q, TOOL)
     errors = model.errors(DMU50, State(q))
     expected = np.einsum("nij,nj->ni", transform, errors.reshape(50, -1))
     assert model.design(DMU50, State(q), transform) @ model.parameters == pytest.approx(expected, abs=1e-13)
@@ -77,7 +77,7 @@ def test_design_times_parameters_is_the_transform_of_the_errors():
 
 def test_the_machine_without_errors():
     model, q = no_errors(DMU50), positions(3, seed=3)
-    transform = error_transform(DMU50, q)
+    transform = place_transform(DMU50, q)
     assert not model.errors(DMU50, State(q)).any()
     assert model.design(DMU50, State(q), transform).shape == (3, 6, 0)
     assert not model.standard_uncertainty(DMU50, State(q), transform).any()
@@ -93,7 +93,7 @@ def test_standard_uncertainty_equals_monte_carlo_through_the_exact_kinematics(co
     draws = rng.multivariate_normal(model.parameters, np.diag(u**2) if covariance is None else covariance, 4000)
     points = [tool_point(DMU50, q, TOOL, with_parameters(model, draw).errors(DMU50, State(q))) for draw in draws]
     expected = np.std(points, axis=0)
-    found = model.standard_uncertainty(DMU50, State(q), error_transform(DMU50, q, TOOL)[:, :3])
+    found = model.standard_uncertainty(DMU50, State(q), place_transform(DMU50, q, TOOL)[:, :3])
     assert found.shape == (4, 3)
     assert found == pytest.approx(expected, rel=0.05)  # 4000 draws: 1.1 %, k = 1
 
@@ -105,7 +105,7 @@ def test_a_singular_covariance_gives_no_uncertainty_where_there_is_none():
     for a in range(1, 10):
         spread = np.array([a, 1.0, -a - 1.0]) / 7
         model = msgspec.structs.replace(SMALL, effects=errors, covariance=as_rows(np.outer(spread, spread)))
-        u = model.standard_uncertainty(DMU50, State(q), error_transform(DMU50, q, TOOL))
+        u = model.standard_uncertainty(DMU50, State(q), place_transform(DMU50, q, TOOL))
         assert np.abs(u).max() < 1e-9
 
 
@@ -113,8 +113,7 @@ def with_parameters(model: ErrorModel, parameters: Array) -> ErrorModel:
     effects, rest = [], parameters.tolist()
     for effect in model.effects:
         values, rest = rest[: len(effect.parameters)], rest[len(effect.parameters) :]
-        change = {"value": values[0]} if isinstance(effect, LocationError) else {"parameters": tuple(values)}
-        effects.append(msgspec.structs.replace(effect, **change))
+        effects.append(effect.with_parameters(values))
     return msgspec.structs.replace(model, effects=tuple(effects))
 
 
@@ -163,7 +162,7 @@ def test_round_trip_through_a_file(model, tmp_path):
 
 CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
     "parameter": lambda data: data["effects"][0]["parameters"].__setitem__(1, -2.000001),
-    "uncertainty": lambda data: data["effects"][3].__setitem__("u", 2.1),
+    "uncertainty": lambda data: data["effects"][3].__setitem__("u", [2.1]),
     "order": lambda data: data["effects"].reverse(),
     "note": lambda data: data["effects"][3].__setitem__("note", "measured again"),
     "source": lambda data: data["provenance"].__setitem__("source", "elsewhere"),
@@ -242,7 +241,7 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         "E_XX has a negative standard uncertainty u",
     ),
     "negative u of a location": (
-        lambda data: data["effects"][4].update(u=-1),
+        lambda data: data["effects"][4].update(u=[-1]),
         "E_X0B has a negative standard uncertainty u",
     ),
     "covariance too small": (

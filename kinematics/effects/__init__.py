@@ -24,13 +24,14 @@ from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, 
 from kinematics.effects.instrument import (
     AirScale,
     AngleHarmonic,
+    LateReadBack,
     Outliers,
     RangeOffset,
     StationShift,
     TargetOffset,
     TrackerDrift,
 )
-from kinematics.effects.thermal import GrowthWithSensor, GrowthWithTime, ThermalDrift
+from kinematics.effects.thermal import DriftWithSensor, GrowthWithSensor, GrowthWithTime, ThermalDrift
 
 Effect = (
     ErrorMotion
@@ -45,6 +46,7 @@ Effect = (
     | Settling
     | FirstCycle
     | ThermalDrift
+    | DriftWithSensor
     | GrowthWithTime
     | GrowthWithSensor
     | StationShift
@@ -53,6 +55,7 @@ Effect = (
     | AirScale
     | AngleHarmonic
     | TargetOffset
+    | LateReadBack
     | Outliers
 )
 EFFECTS: tuple[type[Cause], ...] = Effect.__args__
@@ -73,12 +76,14 @@ __all__ = [
     "Component",
     "CrossAxis",
     "Cyclic",
+    "DriftWithSensor",
     "Effect",
     "ErrorMotion",
     "FirstCycle",
     "FollowingError",
     "GrowthWithSensor",
     "GrowthWithTime",
+    "LateReadBack",
     "LocationError",
     "Outliers",
     "Parameter",

@@ -1,4 +1,7 @@
-"""Drives and controls: reversal, pitch, table steps, lag."""
+"""Drives and controls: reversal, pitch, table steps, lag.
+
+What acts along an axis is counted forward, the way a positive command goes, whichever way the axis' letter points.
+"""
 
 from __future__ import annotations
 
@@ -8,53 +11,71 @@ from typing import Annotated, ClassVar
 import msgspec
 import numpy as np
 
-from kinematics.effects.base import COMPONENTS, Cause, Columns, Component, Parameter, Remedy, unit_of
+from kinematics.effects.base import (
+    BY_AXIS,
+    BY_DIRECTION,
+    COMPONENTS,
+    Cause,
+    Columns,
+    Component,
+    Parameter,
+    Remedy,
+    own_motion,
+    unit_of,
+)
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import Array
 
 
 class Backlash(Cause, frozen=True, tag="backlash"):
-    """Lost motion at reversal: half the width behind the command, whichever way the axis came (ISO 230-2 reversal B).
+    """Lost motion at reversal: the axis is half the width behind its command, whichever way it came.
 
-    The width is that at position 0; wind-up adds to it in proportion to the position.
+    Forward deviation minus backward deviation, the reversal value B_i of ISO 230-2 at a position, is minus the width;
+    the reversal value B of the axis is the largest of its sizes. `width` is that at position 0, `windup` (of a screw)
+    adds to it in proportion to the position. An axis that has not moved yet stands in the middle.
     """
 
     TITLE: ClassVar[str] = "backlash, constant and growing with position (wind-up)"
     NEEDS: ClassVar[tuple[str, ...]] = ("approach",)
     REMEDY: ClassVar[Remedy] = "bidirectional table"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("width", BY_DIRECTION, 20.0),
+        Parameter("windup", "um/m or urad/rad", 20.0),
+    )
 
     axis: str
     width: float
-    """um, or urad of a rotary axis."""
-    windup: float = 0.0
-    """um per m, or urad per rad."""
-
-    def quantities(self) -> tuple[Parameter, ...]:
-        """Width and wind-up."""
-        unit, rate = ("urad", "urad/rad") if self.axis[0] in "ABC" else ("um", "um/m")
-        return Parameter("width", unit, 20.0), Parameter("windup", rate, 20.0)
+    windup: float | None = None
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
-        i = machine.index(self.axis)
-        behind = -0.5 * state.need("approach", self.name)[:, i] * unit_of(self.axis[0])[1]
-        metres = state.positions[:, i] * (1.0 if machine.axes[i].rotary else 1e-3)
-        yield Columns(i, COMPONENTS.index(self.axis[0]), np.stack([behind, behind * metres], axis=1))
+        i, component, forward = own_motion(machine, self.axis)
+        behind = -0.5 * forward * unit_of(self.axis)[1] * state.need("approach", self.name)[:, [i]]
+        if self.windup is not None:
+            position = state.positions[:, [i]] * (1.0 if machine.axes[i].rotary else 1e-3)
+            behind = np.concatenate([behind, behind * position], axis=1)
+        yield Columns(i, component, behind)
 
 
 class Cyclic(Cause, frozen=True, tag="cyclic"):
-    """An error that repeats with a period: screw lead, encoder pitch, gear."""
+    """An error that repeats with a period: screw lead, encoder pitch, gear; axial motion of a rotary axis (360 deg).
+
+    sum of sine[k] sin(2 pi (k + 1) q / period) + cosine[k] cos(2 pi (k + 1) q / period), counted as the error motion of
+    that component, from position 0.
+    """
 
     TITLE: ClassVar[str] = "cyclic error (screw lead, encoder pitch), with harmonics"
     REMEDY: ClassVar[Remedy] = "table"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("period", BY_AXIS, 0.01, linear=False, share_of="period"),
+        Parameter("sine", BY_DIRECTION, 5.0),
+        Parameter("cosine", BY_DIRECTION, 5.0),
+    )
 
     component: Component
     axis: str
     period: Annotated[float, msgspec.Meta(gt=0)]
-    """mm or degrees."""
     sine: tuple[float, ...]
-    """Amplitudes of the fundamental, the second harmonic, ...; um or urad."""
     cosine: tuple[float, ...]
 
     def __post_init__(self) -> None:
@@ -62,80 +83,52 @@ class Cyclic(Cause, frozen=True, tag="cyclic"):
             raise ValueError(f"{self.name}: as many sine as cosine amplitudes, at least one")
         super().__post_init__()
 
-    def quantities(self) -> tuple[Parameter, ...]:
-        """Period and amplitudes."""
-        unit = unit_of(self.component)[0]
-        length = "deg" if self.axis[0] in "ABC" else "mm"
-        return (
-            Parameter("period", length, 0.01 * self.period, linear=False),
-            Parameter("sine", unit, 5.0),
-            Parameter("cosine", unit, 5.0),
-        )
-
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
-        order, phase = self._phase(machine, state)
+        harmonics = 2 * np.pi / self.period * np.arange(1, len(self.sine) + 1)
+        phase = state.position(machine, self.axis)[:, None] * harmonics
         sin, cos = np.sin(phase), np.cos(phase)
-        slope = (cos * np.array(self.sine) - sin * np.array(self.cosine)) * -phase / self.period
+        slope = (cos * self.sine - sin * self.cosine) * -phase / self.period
         values = np.concatenate([slope.sum(axis=1, keepdims=True), sin, cos], axis=1)
-        yield Columns(machine.index(self.axis), order, values * unit_of(self.component)[1])
-
-    def contributions(self, machine: Machine, state: State) -> Iterator[tuple[int, int, Array]]:
-        """See `Cause.contributions`."""
-        order, phase = self._phase(machine, state)
-        values = np.sin(phase) @ np.array(self.sine) + np.cos(phase) @ np.array(self.cosine)
-        yield machine.index(self.axis), order, values * unit_of(self.component)[1]
-
-    def _phase(self, machine: Machine, state: State) -> tuple[int, Array]:
-        x = state.position(machine, self.axis)
-        harmonics = np.arange(1, len(self.sine) + 1)
-        return COMPONENTS.index(self.component), 2 * np.pi / self.period * x[:, None] * harmonics
+        yield Columns(machine.index(self.axis), COMPONENTS.index(self.component), values * unit_of(self.component)[1])
 
 
 class QuantisedCompensation(Cause, frozen=True, tag="quantised-compensation"):
-    """The steps that a controller's table leaves: a saw tooth falling from + half a step to - half a step per pitch."""
+    """The steps that a controller's table leaves: a saw tooth.
+
+    At `offset`, and a pitch apart, the control adds its next increment: going forward the axis jumps ahead by `step`,
+    from half a step behind to half a step ahead, and loses it again until the next jump.
+    """
 
     TITLE: ClassVar[str] = "steps of a controller's compensation table"
     REMEDY: ClassVar[Remedy] = "table"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("step", BY_DIRECTION, 5.0),
+        Parameter("pitch", BY_AXIS, 0.01, linear=False, share_of="pitch"),
+        Parameter("offset", BY_AXIS, 0.25, linear=False, share_of="pitch"),
+    )
 
     axis: str
     step: float
-    """um, or urad of a rotary axis."""
     pitch: Annotated[float, msgspec.Meta(gt=0)]
-    """mm or degrees."""
     offset: float = 0.0
-    """Position of one step, mm or degrees."""
-
-    def quantities(self) -> tuple[Parameter, ...]:
-        """Step, pitch and offset."""
-        length = "deg" if self.axis[0] in "ABC" else "mm"
-        return (
-            Parameter("step", unit_of(self.axis[0])[0], 5.0),
-            Parameter("pitch", length, 0.01 * self.pitch, linear=False),
-            Parameter("offset", length, 0.25 * self.pitch, linear=False),
-        )
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`; the jumps themselves have no derivative."""
+        i, component, forward = own_motion(machine, self.axis)
         teeth = (state.position(machine, self.axis) - self.offset) / self.pitch
         slope = np.full(len(teeth), self.step / self.pitch)
-        values = np.stack([0.5 - teeth % 1.0, slope * teeth, slope], axis=1) * unit_of(self.axis[0])[1]
-        yield Columns(machine.index(self.axis), COMPONENTS.index(self.axis[0]), values)
-
-    def contributions(self, machine: Machine, state: State) -> Iterator[tuple[int, int, Array]]:
-        """See `Cause.contributions`."""
-        teeth = (state.position(machine, self.axis) - self.offset) / self.pitch
-        values = self.step * (0.5 - teeth % 1.0) * unit_of(self.axis[0])[1]
-        yield machine.index(self.axis), COMPONENTS.index(self.axis[0]), values
+        values = np.stack([0.5 - teeth % 1.0, slope * teeth, slope], axis=1)
+        yield Columns(i, component, forward * unit_of(self.axis)[1] * values)
 
 
 class FollowingError(Cause, frozen=True, tag="following-error"):
-    """An axis in motion is behind its command: by a lag, and by a share of its acceleration.
+    """An axis in motion is behind its command by lag x velocity, and yields by compliance x acceleration.
 
-    The same columns describe a read-back that is late, with the other sign.
+    The compliance of a load on a spring is 1 / (natural angular frequency)^2.
     """
 
-    TITLE: ClassVar[str] = "following error (lag, acceleration), late read-back"
+    TITLE: ClassVar[str] = "following error (lag of the position loop, acceleration)"
     NEEDS: ClassVar[tuple[str, ...]] = ("velocity", "acceleration")
     REMEDY: ClassVar[Remedy] = "none"
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
@@ -145,14 +138,21 @@ class FollowingError(Cause, frozen=True, tag="following-error"):
 
     axis: str
     lag_ms: float
-    compliance_ms2: float = 0.0
+    compliance_ms2: float | None = None
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Acceleration only with a compliance."""
+        return self.NEEDS[:1] if self.compliance_ms2 is None else self.NEEDS
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
-        i = machine.index(self.axis)
-        late = -1e-3 * state.need("velocity", self.name)[:, i]
-        bent = -1e-6 * state.need("acceleration", self.name)[:, i]
-        yield Columns(i, COMPONENTS.index(self.axis[0]), np.stack([late, bent], axis=1))
+        i, component, forward = own_motion(machine, self.axis)
+        values = -1e-3 * forward * state.need("velocity", self.name)[:, [i]]
+        if self.compliance_ms2 is not None:
+            bent = -1e-6 * forward * state.need("acceleration", self.name)[:, [i]]
+            values = np.concatenate([values, bent], axis=1)
+        yield Columns(i, component, values)
 
 
 class Settling(Cause, frozen=True, tag="settling"):
@@ -168,8 +168,8 @@ class Settling(Cause, frozen=True, tag="settling"):
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
-        i = machine.index(self.axis)
-        yield Columns(i, COMPONENTS.index(self.axis[0]), -1e-6 * state.need("last_move", self.name)[:, [i]])
+        i, component, forward = own_motion(machine, self.axis)
+        yield Columns(i, component, -1e-6 * forward * state.need("last_move", self.name)[:, [i]])
 
 
 class FirstCycle(Cause, frozen=True, tag="first-cycle"):
@@ -178,14 +178,11 @@ class FirstCycle(Cause, frozen=True, tag="first-cycle"):
     TITLE: ClassVar[str] = "first-cycle transient"
     NEEDS: ClassVar[tuple[str, ...]] = ("cycle",)
     REMEDY: ClassVar[Remedy] = "none"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("offset", BY_DIRECTION, 10.0),)
 
     component: Component
     axis: str
     offset: float
-
-    def quantities(self) -> tuple[Parameter, ...]:
-        """Its offset."""
-        return (Parameter("offset", unit_of(self.component)[0], 10.0),)
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""

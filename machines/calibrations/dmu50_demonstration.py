@@ -106,7 +106,8 @@ def demonstration() -> ErrorModel:
         datetime.datetime(2026, 11, 21, tzinfo=datetime.UTC),
         "translational error motions of X: Ellingsdalen (NTNU 2021), Fig. 3.11; all others simulated",
     )
-    return ErrorModel(reference(machine), (*published_x(), *simulated(machine)), made, demonstration=True)
+    effects = (*published_x(), *simulated(machine))
+    return ErrorModel(machine=reference(machine), provenance=made, demonstration=True, effects=effects)
 
 
 def _motion(component: Component, axis: str, basis: Basis, draw: Array, u: float) -> ErrorMotion:
