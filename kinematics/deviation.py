@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from kinematics.forward import forward
 from kinematics.machine import Machine
-from kinematics.transforms import BLOCK, Array, blocks, rotation_vector
+from kinematics.transforms import Array, blocks, rotation_vector
 
 
 class Deviation(NamedTuple):
@@ -43,8 +43,6 @@ def in_blocks(
     given = [np.atleast_2d(np.asarray(q, float)), np.asarray(errors, float), np.atleast_2d(np.asarray(tool, float))]
     given[1] = given[1].reshape(-1, *given[1].shape[-2:])
     n = np.broadcast_shapes(*((len(column),) for column in given))[0]
-    if n <= BLOCK:
-        return work(*given)
     result = np.empty((6, n)).T
     for rows in blocks(n):
         part = work(*(column if len(column) == 1 else column[rows] for column in given))

@@ -54,7 +54,7 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
 
     q: axis positions `(n, axes)` or `(axes,)` in chain order, mm and rad. errors: error motions `(n, axes, 6)`,
     mm and rad, or `(n, axes + 1, 6)` with a displacement of the tool in its own frame behind them; None is the nominal
-    machine. Returns rotations `(n, 3, 3)` and translations `(n, 3)`, mm, in the
+    machine. One row of either serves for all. Returns rotations `(n, 3, 3)` and translations `(n, 3)`, mm, in the
     workpiece frame, which coincides with the machine frame when all axes stand at zero.
     """
     positions = np.atleast_2d(np.asarray(q, float))
@@ -67,7 +67,7 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
         pose = pose @ link
     if errors is not None and errors.shape[1] > len(machine.axes):
         pose = pose @ Pose(rotation_vector_matrix(errors[:, -1, 3:]), errors[:, -1, :3])
-    n = len(positions)
+    n = np.broadcast_shapes((len(positions),), () if errors is None else (len(errors),))[0]
     return Pose(np.broadcast_to(pose.rotation, (n, 3, 3)), np.broadcast_to(pose.translation, (n, 3)))
 
 

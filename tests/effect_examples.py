@@ -1,11 +1,14 @@
-"""One table of examples of every effect, and states that have every column."""
+"""One table of examples of every effect, states that have every column, and what an effect does at the tool."""
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
+from numpy.typing import ArrayLike
 
 import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
+from kinematics.deviation import Deviation, exact_deviation
 from kinematics.effects import (
     AirScale,
     AngleHarmonic,
@@ -33,6 +36,7 @@ from kinematics.effects import (
     Wobble,
 )
 from kinematics.machine import Machine
+from kinematics.model import no_errors
 from kinematics.state import State
 
 DMU50 = machines.load("dmu50")
@@ -146,6 +150,12 @@ EXAMPLES = [
     Example(LateReadBack(2.0), "late-read-back", "ms", OWN),
     Example(Outliers((3, 0), (100.0, 0.0, 50.0, -70.0, 5.0, 5.0)), "outliers", "um " * 6, XYZ),
 ]  # fmt: skip
+
+
+def deviation_of(effect: Effect, machine: Machine, state: State, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Deviation:
+    """What the data show of it at the tool, by the exact kinematics, mm and rad, workpiece frame."""
+    model = msgspec.structs.replace(no_errors(machine), effects=(effect,))
+    return exact_deviation(machine, state.positions, model.observation(machine, state).errors, tool)
 
 
 def full_state(machine: Machine, n: int, seed: int = 1) -> State:
