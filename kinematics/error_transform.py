@@ -15,16 +15,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import Protocol, cast
 
+import numpy as np
 import platformdirs
 from numpy.typing import ArrayLike
 
 from kinematics.derived import MODULES
-from kinematics.deviation import Deviation
+from kinematics.deviation import Deviation, in_blocks
 from kinematics.effects import COMPONENTS
 from kinematics.errors import UserError
 from kinematics.files import fingerprint, write_whole
+from kinematics.forward import forward
 from kinematics.machine import Machine
-from kinematics.transforms import Array
+from kinematics.transforms import Array, turn
 
 
 class Derived(Protocol):
@@ -60,14 +62,41 @@ def error_transform(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0,
     return derived(machine).error_transform(q, tool)
 
 
+def place_transform(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """J `(n, 6, (axes + 1) * 6)`: as `error_transform`, and behind it the columns of a displacement of the tool."""
+    rotation = forward(machine, q).rotation
+    tips = np.broadcast_to(np.atleast_2d(np.asarray(tool, float)), (len(rotation), 3))
+    own = np.zeros((len(rotation), 6, 6))
+    own[:, :3, :3] = own[:, 3:, 3:] = rotation
+    own[:, :3, 3:] = rotation @ np.cross(np.eye(3), tips[:, None, :]).swapaxes(1, 2)
+    return np.concatenate([error_transform(machine, q, tool), own], axis=2)
+
+
+def place_names(machine: Machine) -> list[str]:
+    """Names of the columns of `place_transform`."""
+    return [*error_names(machine), *(f"tool {component}" for component in COMPONENTS)]
+
+
 def first_order_deviation(
     machine: Machine, q: ArrayLike, errors: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)
 ) -> Deviation:
-    """J . errors of error motions `(n, axes, 6)` or `(axes, 6)`, mm and rad; otherwise as `error_transform`.
+    """J . errors of error motions `(n, axes, 6)`, `(axes, 6)` or, with the tool behind them, `(n, axes + 1, 6)`.
 
-    J is not built. Differs from `exact_deviation` by products of two errors. Quickest in blocks of some thousand rows.
+    mm and rad; otherwise as `error_transform`. J is not built. Differs from `exact_deviation` by products of two
+    errors.
     """
-    return Deviation(*derived(machine).deviation(q, tool, errors))
+    module, axes = derived(machine), len(machine.axes)
+
+    def first_order(q: Array, errors: Array, tool: Array) -> Deviation:
+        deviation = Deviation(*module.deviation(q, tool, errors[:, :axes]))
+        if not errors[:, axes:].any():
+            return deviation
+        rotation = forward(machine, q).rotation
+        shift, turned = errors[:, axes, :3], errors[:, axes, 3:]
+        displaced = turn(rotation, shift + np.cross(turned, tool))
+        return Deviation(deviation.position + displaced, deviation.orientation + turn(rotation, turned))
+
+    return in_blocks(first_order, q, errors, tool)
 
 
 def derived(machine: Machine) -> Derived:

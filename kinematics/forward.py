@@ -53,7 +53,8 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
     """Pose of the tool reference point relative to the workpiece.
 
     q: axis positions `(n, axes)` or `(axes,)` in chain order, mm and rad. errors: error motions `(n, axes, 6)`,
-    mm and rad; None is the nominal machine. Returns rotations `(n, 3, 3)` and translations `(n, 3)`, mm, in the
+    mm and rad, or `(n, axes + 1, 6)` with a displacement of the tool in its own frame behind them; None is the nominal
+    machine. One row of either serves for all. Returns rotations `(n, 3, 3)` and translations `(n, 3)`, mm, in the
     workpiece frame, which coincides with the machine frame when all axes stand at zero.
     """
     positions = np.atleast_2d(np.asarray(q, float))
@@ -64,8 +65,18 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
             error = error_pose(axis, positions[:, i], errors[:, i])
             link = error @ link if axis.side == "tool" else link @ error
         pose = pose @ link
-    n = len(positions)
+    if errors is not None and errors.shape[1] > len(machine.axes):
+        pose = pose @ Pose(rotation_vector_matrix(errors[:, -1, 3:]), errors[:, -1, :3])
+    n = np.broadcast_shapes((len(positions),), () if errors is None else (len(errors),))[0]
     return Pose(np.broadcast_to(pose.rotation, (n, 3, 3)), np.broadcast_to(pose.translation, (n, 3)))
+
+
+def axis_frames(machine: Machine, q: Array) -> list[Pose]:
+    """Nominal poses in front of each axis, and behind the last the tool reference point's, at positions `(n, axes)`."""
+    frames = [IDENTITY]
+    for i, axis in enumerate(machine.axes):
+        frames.append(frames[-1] @ axis_pose(axis, q[:, i]))
+    return frames
 
 
 def tool_point(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0), errors: Array | None = None) -> Array:

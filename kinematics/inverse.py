@@ -27,9 +27,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.forward import axis_pose
+from kinematics.forward import axis_frames
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import IDENTITY, Array, Pose, rotation_about, turn
+from kinematics.transforms import Array, rotation_about, turn
 
 TOLERANCE = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
 POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
@@ -117,7 +117,7 @@ def linear_positions(machine: Machine, q: ArrayLike, position: ArrayLike, tool: 
     n = np.broadcast_shapes((len(given),), (len(place),), (len(tips),))[0]
     moved = np.array(np.broadcast_to(given, (n, given.shape[1])))
     moved[:, columns] = 0.0
-    before, pose = _walk(machine, moved)
+    *before, pose = axis_frames(machine, moved)
     lines = [np.broadcast_to(turn(before[i].rotation, machine.axes[i].unit_direction), (n, 3)) for i in columns]
     spans = np.abs(np.sum(np.cross(lines[0], lines[1]) * lines[2], axis=1)) > FLAT
     solvable = np.where(spans[:, None, None], np.stack(lines, axis=2), np.eye(3))
@@ -166,15 +166,6 @@ def _limits(machine: Machine, start: ArrayLike | None, respect_travel: bool) -> 
     """Positions `(axes,)` before the first row, and the travel `(2, axes)` to respect."""
     first = np.clip(0.0, *machine.travel) if start is None else np.asarray(start, float)
     return first, machine.travel if respect_travel else np.broadcast_to(UNLIMITED, machine.travel.shape)
-
-
-def _walk(machine: Machine, q: Array) -> tuple[list[Pose], Pose]:
-    """Nominal poses in front of each axis, and that of the tool reference point, at positions `(n, axes)`."""
-    before, pose = [], IDENTITY
-    for i, axis in enumerate(machine.axes):
-        before.append(pose)
-        pose = pose @ axis_pose(axis, q[:, i])
-    return before, pose
 
 
 def _rotary_directions(machine: Machine) -> list[Array]:
@@ -336,7 +327,7 @@ def _search(machine: Machine, goal: _Goal, q: Array, travel: Array) -> Array | N
 
 def _linearised(machine: Machine, goal: _Goal, q: Array) -> tuple[Array, Array]:
     """What is missing of tool point and tool axis at q `(axes,)`, `(6,)` mm, and its decrease per axis, `(6, axes)`."""
-    before, pose = _walk(machine, q[None])
+    *before, pose = axis_frames(machine, q[None])
     point, tool_axis = pose.apply(goal.tool)[0], turn(pose.rotation, TOOL_AXIS)[0]
     links = list(zip(before, machine.axes, strict=True))
     lines = np.concatenate([turn(link.rotation, axis.unit_direction) for link, axis in links])

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import datetime
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 
-from kinematics.effects import Effect
+from kinematics.effects import INSTRUMENT, Effect
 from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input, write_whole
+from kinematics.layout import to_json
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import Array
+from kinematics.transforms import Array, blocks
 
 ROUNDING = 1e-9
 """Positions, mm or degrees, come back from rad with an error far below this."""
@@ -37,17 +39,30 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     inputs: dict[str, str] = {}
 
 
-class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Contract 4.4, version 1."""
+class Observation(NamedTuple):
+    """What the effects add to an observation."""
 
+    errors: Array
+    """Error motions `(n, axes + 1, 6)`, mm and rad, of the axes and the tool, as the data show them."""
+    shift: Array
+    """Displacement `(n, 3)`, mm, of the observed point in the instrument's frame."""
+
+
+class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Contract 4.4, version 1.
+
+    Effects of the instrument belong to the data: `observation` and `observation_design` have them, whatever says how
+    the machine errs has not.
+    """
+
+    ncomp_calibration: Literal[1] = 1
     machine: MachineReference
-    effects: tuple[Effect, ...]
     provenance: Provenance
     demonstration: bool = False
     """True for a calibration that describes no real machine; announced on every run."""
+    effects: tuple[Effect, ...]
     covariance: tuple[tuple[float, ...], ...] | None = None
-    """Of all parameters in the order of the effects, um and urad; None when they are independent with their u."""
-    ncomp_calibration: Literal[1] = 1
+    """Of all parameters in the order of the effects, in their units; None when they are independent with their u."""
 
     @property
     def id(self) -> str:
@@ -56,7 +71,7 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def parameters(self) -> Array:
-        """All parameters, um and urad, in the order of the effects."""
+        """All parameters, in the order of the effects and in their units."""
         return np.array([p for effect in self.effects for p in effect.parameters])
 
     def age_days(self, now: datetime.datetime) -> float:
@@ -64,29 +79,53 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return (now - self.provenance.made_at).total_seconds() / 86400.0
 
     def errors(self, machine: Machine, state: State) -> Array:
-        """Error motions `(n, axes, 6)` at the state, mm and rad, in the error frames of the axes."""
-        errors = np.zeros((len(state.positions), len(machine.axes), 6))
-        for effect in self.effects:
-            parameters = np.asarray(effect.parameters)
-            for axis, component, values in effect.columns(machine, state):
-                errors[:, axis, component] += values @ parameters
-        return errors
+        """Error motions `(n, axes + 1, 6)` of the machine, mm and rad: of the axes in their error frames, of the tool.
+
+        In memory the rows of one error motion lie next to each other.
+        """
+        own = [effect for effect in self.effects if effect.ACTS_ON != "instrument"]
+        return _sum(own, machine, state)[:, :INSTRUMENT]
+
+    def observation(self, machine: Machine, state: State) -> Observation:
+        """What all effects, those of the instrument too, add to observations."""
+        places = _sum(self.effects, machine, state)
+        return Observation(places[:, :INSTRUMENT], places[:, INSTRUMENT, :3])
 
     def design(self, machine: Machine, state: State, transform: Array) -> Array:
-        """Derivatives `(n, rows, parameters)` of `transform` `(n, rows, axes * 6)` times the error motions."""
-        blocks = []
+        """Derivatives `(n, rows, parameters)` of `transform` times the error motions of the machine.
+
+        transform `(n, rows, (axes + 1) * 6)`, as `place_transform`. Columns of the instrument's parameters are zero.
+        """
+        return self._design(machine, state, transform, with_instrument=False)
+
+    def observation_design(self, machine: Machine, state: State, transform: Array) -> Array:
+        """Derivatives `(n, rows, parameters)` of `transform` times all that is in `observation`.
+
+        transform `(n, rows, (axes + 1) * 6 + 3)`: behind the columns of the error motions those of the shift of the
+        observed point.
+        """
+        return self._design(machine, state, transform, with_instrument=True)
+
+    def _design(self, machine: Machine, state: State, transform: Array, *, with_instrument: bool) -> Array:
+        places = len(machine.axes) + 2
+        width = 6 * (places - 1) + 3 * with_instrument
+        if transform.shape[2] != width:
+            raise ValueError(f"transform has {transform.shape[2]} columns, {machine.name} takes {width}")
+        design = np.zeros((*transform.shape[:2], len(self.parameters)))
+        start = 0
         for effect in self.effects:
-            block = np.zeros((*transform.shape[:2], len(effect.parameters)))
-            for axis, component, values in effect.columns(machine, state):
-                block += transform[:, :, 6 * axis + component, None] * values[:, None, :]
-            blocks.append(block)
-        return np.concatenate(blocks, axis=2) if blocks else np.zeros((*transform.shape[:2], 0))
+            block = design[:, :, start : start + len(effect.parameters)]
+            start += block.shape[2]
+            if with_instrument or effect.ACTS_ON != "instrument":
+                for place, component, values in effect.columns(machine, state):
+                    block += transform[:, :, 6 * (place % places) + component, None] * values[:, None, :]
+        return design
 
     def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
         """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
         design = self.design(machine, state, transform)
         if self.covariance is not None:
-            variance = np.einsum("nrp,pq,nrq->nr", design, np.array(self.covariance), design)
+            variance = np.sum(design @ np.array(self.covariance) * design, axis=2)
             return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # below zero by rounding only
         u = np.array([v for effect in self.effects for v in effect.uncertainties])
         return np.asarray(np.sqrt(np.einsum("nrp,p->nr", design**2, u**2)))
@@ -95,8 +134,8 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Error motions asked for outside their interval, with how far (mm or degrees); they hold their end value."""
         beyond: dict[str, float] = {}
         for effect in self.effects:
-            if effect.interval is not None:
-                x, (low, high) = state.position(machine, effect.axis), effect.interval
+            for axis, (low, high) in effect.intervals.items():
+                x = state.position(machine, axis)
                 excess = float(np.max(np.maximum(low - x, x - high), initial=0.0))
                 if excess > ROUNDING:
                     beyond[effect.name] = max(excess, beyond.get(effect.name, 0.0))
@@ -106,7 +145,7 @@ class ErrorModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def no_errors(machine: Machine) -> ErrorModel:
     """The machine without errors."""
     made = Provenance("ncomp", datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC))
-    return ErrorModel(reference(machine), (), made)
+    return ErrorModel(machine=reference(machine), provenance=made, effects=())
 
 
 def reference(machine: Machine) -> MachineReference:
@@ -129,17 +168,19 @@ def read_model(path: Path, machine: Machine) -> ErrorModel:
 def decode_model(data: bytes, source: str) -> ErrorModel:
     """The calibration in JSON; `source` names it in the UserError for anything that is wrong with it."""
     try:
-        version = msgspec.json.decode(data, type=dict[str, msgspec.Raw]).get("ncomp_calibration")
+        content = msgspec.json.decode(data, type=dict[str, Any])
+        version = content.get("ncomp_calibration")
         if version is None:
             raise UserError(f"calibration {source}: no ncomp calibration (it has no 'ncomp_calibration')")
-        if bytes(version) != b"1":
-            raise UserError(f"calibration {source}: version {bytes(version).decode()} is not one this ncomp reads (1)")
-        model = msgspec.json.decode(data, type=ErrorModel)
+        if version != 1 or type(version) is not int:
+            raise UserError(f"calibration {source}: version {version} is not one this ncomp reads (1)")
+        units = _take_units(content)
+        model = msgspec.convert(content, ErrorModel)
     except msgspec.DecodeError as fault:
         raise UserError(f"calibration {source}: {fault}") from None
     except UnicodeDecodeError:
         raise UserError(f"calibration {source}: not UTF-8 text") from None
-    _check(model, source)
+    _check(model, units, source)
     return model
 
 
@@ -149,17 +190,61 @@ def write_model(model: ErrorModel, path: Path) -> None:
 
 
 def encode_model(model: ErrorModel) -> bytes:
-    """The calibration as JSON, one member a line."""
-    return msgspec.json.format(msgspec.json.encode(model), indent=2) + b"\n"
+    """The calibration as JSON for people: effects in the order what and where, parameters with units, u, note."""
+    content = msgspec.to_builtins(model)
+    content["effects"] = [_written(effect) for effect in model.effects]
+    return (to_json(content) + "\n").encode()
 
 
-def _check(model: ErrorModel, source: str) -> None:
+def _written(effect: Effect) -> dict[str, Any]:
+    """An effect as it stands in files: without what it does not have, with the units of its parameters."""
+    fields = {name: value for name, value in msgspec.to_builtins(effect).items() if value is not None}
+    u, note = fields.pop("u"), fields.pop("note")
+    units = _units(effect)
+    values = {name: fields.pop(name) for name in units}
+    return {**fields, **values, "units": units, "u": u, "note": note}
+
+
+def _units(effect: Effect) -> dict[str, str]:
+    return {quantity.name: quantity.unit for quantity in effect.quantities()}
+
+
+def _take_units(content: dict[str, Any]) -> list[Any]:
+    """Take out of a file's effects, and return, what they say of the units of their parameters."""
+    effects = content.get("effects")
+    if not isinstance(effects, list):
+        return []
+    return [effect.pop("units", None) if isinstance(effect, dict) else None for effect in effects]
+
+
+def _sum(effects: Sequence[Effect], machine: Machine, state: State) -> Array:
+    """What effects add at each place `(n, axes + 2, 6)`, mm and rad: the axes, the tool, the observed point."""
+    total = np.moveaxis(np.zeros((len(machine.axes) + 2, 6, len(state))), 2, 0)
+    for rows in blocks(len(state)):
+        part = state.rows(rows)
+        for effect in effects:
+            if not effect.HAS_MEMORY:
+                _add(total[rows], effect, machine, part)
+    for effect in effects:
+        if effect.HAS_MEMORY:
+            _add(total, effect, machine, state)
+    return total
+
+
+def _add(total: Array, effect: Effect, machine: Machine, state: State) -> None:
+    for place, component, values in effect.contributions(machine, state):
+        total[:, place, component] += values
+
+
+def _check(model: ErrorModel, units: list[Any], source: str) -> None:
     axes = set(model.machine.chain.split()) - {"w", "b", "t"}
-    for effect in model.effects:
-        if effect.axis not in axes:
+    for effect, said in zip(model.effects, units, strict=True):
+        if not axes.issuperset(effect.axes):
             raise UserError(f"calibration {source}: {effect.name} is of an axis that {model.machine.chain} lacks")
         if min(effect.uncertainties, default=0.0) < 0:
             raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u")
+        if said is not None and said != _units(effect):
+            raise UserError(f"calibration {source}: {effect.name} has units {said}, ncomp reads {_units(effect)}")
     if model.covariance is None:
         return
     n = len(model.parameters)

@@ -2,22 +2,78 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
+from kinematics.basis import Basis
+from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 
 
 @dataclass(frozen=True)
 class State:
-    """Columns over `n` instants."""
+    """Columns over `n` instants, in the order of time; None where nothing is known of one."""
 
     positions: Array
     """Axis positions `(n, axes)` in chain order, mm and rad."""
+    approach: Array | None = None
+    """Sign of the last move of each axis `(n, axes)`: -1, 0 (not moved yet), 1."""
+    last_move: Array | None = None
+    """Last move of each axis `(n, axes)`, mm and rad, signed."""
+    velocity: Array | None = None
+    """Of each axis `(n, axes)`, mm/s and rad/s."""
+    acceleration: Array | None = None
+    """Of each axis `(n, axes)`, mm/s2 and rad/s2."""
+    time: Array | None = None
+    """`(n,)`, s."""
+    temperatures: Mapping[str, Array] = field(default_factory=dict)
+    """By sensor `(n,)`, K from 20 degC."""
+    cycle: Array | None = None
+    """Number of the measuring cycle `(n,)`, from 0."""
+    station: np.ndarray | None = None
+    """Name of the instrument's set-up `(n,)`."""
+    target: np.ndarray | None = None
+    """Name of the target or tool vector `(n,)`."""
+    observed: Array | None = None
+    """Point `(n, 3)` in the instrument's frame, mm."""
+    _known: dict[tuple[str, Basis], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def rows(self, index: slice | Array) -> State:
+        """The state at some of its rows."""
+        columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
+        for name, column in columns.items():
+            if isinstance(column, np.ndarray):
+                columns[name] = column[index]
+        columns["temperatures"] = {sensor: column[index] for sensor, column in self.temperatures.items()}
+        return State(**columns)
 
     def position(self, machine: Machine, axis: str) -> Array:
         """Positions `(n,)` of one axis in the units of files, mm or degrees."""
         i = machine.index(axis)
         return np.asarray(self.positions[:, i] / machine.scale[i])
+
+    def basis_columns(self, machine: Machine, axis: str, basis: Basis) -> Array:
+        """Basis functions `(n, size)` at the positions of one axis; kept, since its error motions share their basis."""
+        if (axis, basis) not in self._known:
+            self._known[axis, basis] = basis.columns(self.position(machine, axis))
+        return self._known[axis, basis]
+
+    def need(self, column: str, by: str) -> Any:
+        """A column that an effect can't do without; UserError, naming the effect, when it is not known."""
+        value = getattr(self, column)
+        if value is None:
+            raise UserError(f"{by} needs {column.replace('_', ' ')}, which these data do not give")
+        return value
+
+    def temperature(self, sensor: str, by: str) -> Array:
+        """K from 20 degC `(n,)` of one sensor; UserError when there is none of that name."""
+        if sensor not in self.temperatures:
+            raise UserError(f"{by} needs the temperature {sensor!r}, which these data do not give")
+        return self.temperatures[sensor]

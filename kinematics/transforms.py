@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+
+BLOCK = 4096
+"""Rows that long columns are worked through at a time, so that what belongs together stays in the cache."""
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """The rows 0 ... n - 1, in blocks."""
+    return (slice(start, min(start + BLOCK, n)) for start in range(0, n, BLOCK))
 
 
 class Pose(NamedTuple):

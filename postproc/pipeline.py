@@ -177,9 +177,9 @@ class Pipeline:
 
 def _uncertainty_um(machine: Machine, model: ErrorModel, q: Array, tool: Array) -> Array:
     """Standard uncertainty `(n,)`, um, of the predicted tool point deviation (root sum of squares over x y z)."""
-    from kinematics.error_transform import error_transform
+    from kinematics.error_transform import place_transform
 
-    transform = error_transform(machine, q, tool)[:, :3]
+    transform = place_transform(machine, q, tool)[:, :3]
     return np.asarray(np.linalg.norm(model.standard_uncertainty(machine, State(q), transform), axis=1) * 1e3)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kinematics.error_transform import error_names, error_transform
+from kinematics.error_transform import place_names, place_transform
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
@@ -120,7 +120,7 @@ def _contributions(machine: Machine, model: ErrorModel, q: Array, tool: Array, i
     if not len(q):
         return
     errors = model.errors(machine, State(q)).reshape(len(q), -1)
-    transform = error_transform(machine, q, tool)[:, :3]
-    for i, name in enumerate(error_names(machine)):
+    transform = place_transform(machine, q, tool)[:, :3]
+    for i, name in enumerate(place_names(machine)):
         if errors[:, i].any():
             into.setdefault(name, Statistic()).add(np.linalg.norm(transform[:, :, i] * errors[:, [i]], axis=1) * 1e3)

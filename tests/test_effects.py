@@ -1,326 +1,277 @@
-"""Effects: contract tests over one table of examples, and what location errors mean at the machine.
-
-Signs. All errors are counted as *tool relative to workpiece*, angles as right-handed rotations. Physically:
-
-- linear axis on either side: E_C0Y = g means that the line of Y lies turned by +g about z. The tool's displacement
-  relative to the workpiece is turned alike, whichever of the two the axis carries.
-- rotary axis that carries the tool: E_X0C = e, E_A0C = g mean that the line of C, with all that it carries towards
-  the tool, lies at +e, tilted by +g about x through `axis.point`, as seen from the part that carries C.
-- rotary axis that carries the workpiece: the line of C, with the table and all that it carries towards the
-  workpiece, lies at **-e**, tilted by **-g**: the tool is at +e relative to the workpiece on the displaced table.
-"""
+"""The contract of every effect, over the table of examples; what each means is in the tests beside this one."""
 
 import re
-from dataclasses import replace
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import get_args
 
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
+from effect_examples import BACKWARD, DMU50, EXAMPLES, Example, full_state
 
-import machines
-from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
-from kinematics.deviation import Deviation, exact_deviation
-from kinematics.effects import COMPONENTS, EFFECTS, Effect, ErrorMotion, LocationError
-from kinematics.forward import forward, tool_point
-from kinematics.machine import Machine, make_axis
-from kinematics.model import ErrorModel, no_errors
+from kinematics.basis import Polynomial
+from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis, Effect, ErrorMotion, LocationError
+from kinematics.effects.base import Remedy
+from kinematics.effects.describe import describe, markdown
+from kinematics.effects.drive import Cyclic
+from kinematics.effects.geometric import Racking, Wobble
+from kinematics.effects.instrument import Outliers
+from kinematics.effects.thermal import GrowthWithTime, ThermalDrift
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel, decode_model, encode_model, no_errors
 from kinematics.state import State
-from kinematics.transforms import Array, Pose, turn
+from kinematics.transforms import Array
 
-TOOL = np.array([10.0, -20.0, -120.0])
-DMU50 = machines.load("dmu50")
+ROOT = Path(__file__).parents[1]
+COLUMNS = {field.name for field in fields(State) if field.init}
+UNITS = {
+    "um", "urad", "um/m", "um/K", "um/m/K", "um/h", "um/m/h", "urad/rad", "urad/K", "urad/h", "mm", "deg", "s", "ms",
+    "ms2", "ppm",
+}  # fmt: skip
 
-# effect on the DMU 50; its name, unit, interval; the error motions that it touches
-EXAMPLES: list[tuple[Effect, str, str, tuple[float, float] | None, set[str]]] = [
-    (ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), (0.1, 0.1, 0.2), "seen"),
-     "E_XX", "um", (-250.0, 250.0), {"E_XX"}),
-    (ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), (1.0, 1.0, 1.0)),
-     "E_CY", "urad", (-225.0, 225.0), {"E_CY"}),
-    (ErrorMotion("Z", "Z", Polynomial((0.0, 400.0), 1), (0.0, 9.0), (1.0, 1.0)),
-     "E_ZZ", "um", (0.0, 400.0), {"E_ZZ"}),
-    (ErrorMotion("B", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 2.0, 3.0, 4.0), (1.0,) * 4),
-     "E_BC", "urad", (0.0, 360.0), {"E_BC"}),
-    (LocationError("C", "Y", 12.0, 2.0), "E_C0Y", "urad", None, {"E_XY"}),
-    (LocationError("B", "Z", -15.0, 2.0, "seen"), "E_B0Z", "urad", None, {"E_XZ"}),
-    (LocationError("A", "X", 3.0, 2.0), "E_A0X", "urad", None, set()),  # a line has no roll
-    (LocationError("Z", "Z", 6.0, 2.0), "E_Z0Z", "um", None, {"E_ZZ"}),
-    (LocationError("X", "C", 6.0, 2.0), "E_X0C", "um", None, {"E_XC"}),
-    (LocationError("A", "B", 6.0, 2.0), "E_A0B", "urad", None, {"E_AB"}),
-]  # fmt: skip
-every_example = pytest.mark.parametrize(
-    ("effect", "name", "unit", "interval", "touched"), EXAMPLES, ids=[name for _, name, *_ in EXAMPLES]
-)
-every_effect = pytest.mark.parametrize("effect", [row[0] for row in EXAMPLES], ids=[row[1] for row in EXAMPLES])
+every_class = pytest.mark.parametrize("effect_class", EFFECTS, ids=[effect.__name__ for effect in EFFECTS])
+every_example = pytest.mark.parametrize("example", EXAMPLES, ids=[example.name for example in EXAMPLES])
 
-
-def with_parameters(effect: Effect, parameters: Array) -> Effect:
-    values = tuple(float(p) for p in parameters)
-    if isinstance(effect, LocationError):
-        return msgspec.structs.replace(effect, value=values[0])
-    return msgspec.structs.replace(effect, parameters=values)
+WITHOUT_MEMORY = [example for example in EXAMPLES if not example.effect.HAS_MEMORY]
 
 
 def model_of(machine: Machine, *effects: Effect) -> ErrorModel:
     return msgspec.structs.replace(no_errors(machine), effects=effects)
 
 
-def states(machine: Machine, n: int, seed: int = 1) -> State:
-    """Random positions inside travel, unlimited axes within a turn each way."""
-    travel = np.where(machine.rotary, np.clip(machine.travel, -2 * np.pi, 2 * np.pi), machine.travel)
-    return State(np.random.default_rng(seed).uniform(*travel, (n, len(machine.axes))))
+def total(effect: Effect, machine: Machine, state: State) -> Array:
+    """Its contributions `(n, axes + 2, 6)`."""
+    values = np.zeros((len(state), len(machine.axes) + 2, 6))
+    for place, component, contribution in effect.contributions(machine, state):
+        assert contribution.shape == (len(state),)
+        values[:, place, component] += contribution
+    return values
 
 
-def errors_of(effect: Effect, parameters: Array, state: State) -> Array:
-    return model_of(DMU50, with_parameters(effect, parameters)).errors(DMU50, state)
+def derivatives(effect: Effect, machine: Machine, state: State) -> Array:
+    """Its columns `(n, axes + 2, 6, parameters)`."""
+    values = np.zeros((len(state), len(machine.axes) + 2, 6, len(effect.parameters)))
+    for place, component, columns in effect.columns(machine, state):
+        values[:, place, component] += columns
+    return values
 
 
-# --- contract of every effect
+# --- classes
 
 
 def test_every_kind_has_an_example():
-    assert {type(effect) for effect, *_ in EXAMPLES} == set(EFFECTS) == set(Effect.__args__)
+    assert {type(example.effect) for example in EXAMPLES} == set(EFFECTS) == set(Effect.__args__)
+    assert len({effect.__struct_config__.tag for effect in EFFECTS}) == len(EFFECTS)
+
+
+@every_class
+def test_class_facts_are_complete(effect_class):
+    assert len(effect_class.TITLE) > 5
+    assert not effect_class.TITLE.endswith(".")
+    assert effect_class.__doc__
+    assert re.fullmatch(r"[a-z]+(-[a-z]+)*", effect_class.__struct_config__.tag)
+    assert effect_class.ACTS_ON in ("axis", "tool", "instrument")
+    assert effect_class.REMEDY in get_args(Remedy)
+    assert effect_class.ACTS_ON != "instrument" or effect_class.REMEDY == "none"
+    assert set(effect_class.NEEDS) < COLUMNS - {"positions"}
+    names = {field.name for field in msgspec.structs.fields(effect_class)}
+    assert {quantity.name for quantity in effect_class.QUANTITIES} | set(effect_class.LABEL) < names
+    for quantity in effect_class.QUANTITIES:
+        assert set(quantity.unit.split(" or ")) <= UNITS
+        assert quantity.typical > 0
+        assert np.isfinite(quantity.typical) or effect_class is Outliers
+        assert not quantity.share_of or quantity.share_of in names
+    assert any(quantity.linear for quantity in effect_class.QUANTITIES)
+
+
+def test_the_page_of_effects_is_current():
+    command = [sys.executable, "-m", "kinematics.effects"]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True, text=True, encoding="utf-8").stdout
+    assert printed == markdown() == (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+
+
+def test_the_description_has_a_row_for_each_kind():
+    rows = describe()
+    assert [row.kind for row in rows] == [effect.__struct_config__.tag for effect in EFFECTS]
+    backlash = next(row for row in rows if row.kind == "backlash")
+    assert backlash[:5] == (
+        "backlash", "backlash, constant and growing with position (wind-up)", "axis", ("direction of approach",),
+        ("axis",),
+    )  # fmt: skip
+    assert [(q.name, q.unit, q.typical) for q in backlash.quantities] == [
+        ("width", "um or urad", 20.0),
+        ("windup", "um/m or urad/rad", 20.0),
+    ]
+    assert (backlash.optional, backlash.remedy) == ({"windup"}, "bidirectional table")
+
+
+# --- parameters
 
 
 @every_example
-def test_name_unit_interval_and_reach(effect, name, unit, interval, touched):
-    assert re.fullmatch(r"E_[XYZABC]0?[XYZUVWABC]\d?", effect.name)
-    assert (effect.name, effect.unit, effect.interval) == (name, unit, interval)
-    assert len(effect.uncertainties) == len(effect.parameters)
-    state = states(DMU50, 5)
-    columns = list(effect.columns(DMU50, state))
-    assert {f"E_{COMPONENTS[column.component]}{DMU50.names[column.axis]}" for column in columns} == touched
-    assert all(column.values.shape == (5, len(effect.parameters)) for column in columns)
+def test_names_and_units(example: Example):
+    table = example.effect.parameter_table
+    assert example.effect.name == example.name
+    assert [parameter.unit for parameter in table] == example.units.split()
+    assert len({parameter.name for parameter in table}) == len(table)
+    assert all(parameter.typical > 0 and not parameter.share_of for parameter in table)
+    assert len(table) == len(example.effect.parameters) == len(example.effect.uncertainties)
+    assert example.effect.uncertainties == (example.effect.u or (0.0,) * len(table))
 
 
-@every_effect
-def test_parameters_of_zero_give_no_errors(effect):
-    assert not errors_of(effect, np.zeros(len(effect.parameters)), states(DMU50, 20)).any()
+@every_example
+def test_other_parameters(example: Example):
+    effect, n = example.effect, len(example.effect.parameters)
+    u = tuple(np.arange(1.0, n + 1))
+    doubled = effect.with_parameters([2.0 * p for p in effect.parameters], u)
+    assert type(doubled) is type(effect)
+    assert doubled.parameters == tuple(2.0 * p for p in effect.parameters)
+    assert doubled.uncertainties == u
+    assert doubled.with_parameters(effect.parameters, effect.u) == effect
+    for wrong in ([0.0] * (n + 1), [0.0] * (n - 1)):
+        with pytest.raises(ValueError, match=f"{n} parameters"):
+            effect.with_parameters(wrong)
+    with pytest.raises(ValueError, match=r"takes|parameters with"):
+        effect.with_parameters(effect.parameters, (1.0,) * (n + 1))
 
 
-@every_effect
-@given(st.floats(-3, 3), st.floats(-3, 3), st.integers(0, 2**32 - 1))
-def test_linear_in_its_parameters(effect, a, b, seed):
-    rng, state = np.random.default_rng(seed), states(DMU50, 7, seed)
-    p, q = rng.normal(0, 20, (2, len(effect.parameters)))
-    combined = errors_of(effect, a * p + b * q, state)
-    assert combined == pytest.approx(a * errors_of(effect, p, state) + b * errors_of(effect, q, state), abs=1e-12)
-
-
-@every_effect
-def test_columns_are_the_derivatives(effect):
-    state, start = states(DMU50, 9), np.array(effect.parameters)
-    derivatives = np.zeros((9, 5, 6, len(start)))
-    for axis, component, values in effect.columns(DMU50, state):
-        derivatives[:, axis, component] += values
-    for k, step in enumerate(0.5 * np.eye(len(start))):
-        slope = errors_of(effect, start + step, state) - errors_of(effect, start - step, state)
-        assert slope == pytest.approx(derivatives[..., k], abs=1e-15)
-
-
-@every_effect
-def test_each_row_for_itself(effect):
-    state, order = states(DMU50, 30), np.random.default_rng(2).permutation(30)
-    errors = errors_of(effect, np.array(effect.parameters), state)
-    assert (errors_of(effect, np.array(effect.parameters), State(state.positions[order])) == errors[order]).all()
-    for row in (0, 29):
-        one = errors_of(effect, np.array(effect.parameters), State(state.positions[row : row + 1]))
-        assert one[0] == pytest.approx(errors[row], abs=1e-18)
-    assert errors_of(effect, np.array(effect.parameters), State(state.positions[:0])).shape == (0, 5, 6)
-
-
-@every_effect
-def test_json_round_trip(effect):
-    assert msgspec.json.decode(msgspec.json.encode(effect), type=Effect) == effect
-
-
-def test_positions_are_mm_and_degrees_parameters_um_and_urad():
-    table = BSpline((0.0, 90.0, 360.0), 1)
-    radial, tilt = ErrorMotion("X", "C", table, (0, 7, 0), (0,) * 3), ErrorMotion("A", "C", table, (0, 7, 0), (0,) * 3)
-    errors = model_of(DMU50, radial, tilt).errors(DMU50, State(np.array([[np.pi / 2, 0, 0, 0, 0]])))
-    assert errors[0, DMU50.index("C")] == pytest.approx([7e-3, 0, 0, 7e-6, 0, 0], abs=1e-17)
-
-
-def test_effects_on_one_error_motion_add_up():
-    location, motion = EXAMPLES[4][0], ErrorMotion("X", "Y", Polynomial((-225, 225), 0), (5.0,), (0.1,))
-    y = np.array([-200.0, 0.0, 100.0])
-    state = State(np.column_stack([0 * y, 0 * y, 0 * y, y, 0 * y]))
-    errors = model_of(DMU50, location, motion).errors(DMU50, state)
-    assert errors[:, DMU50.index("Y"), 0] == pytest.approx(5e-3 - 12e-6 * y)
-
-
-def test_wrong_number_of_parameters_is_refused():
-    message = "E_XX: its basis takes 2 parameters with as many u, got 3 and 2"
-    with pytest.raises(ValueError, match=f"^{message}$"):
-        ErrorMotion("X", "X", Polynomial((0.0, 1.0), 1), (1.0, 2.0, 3.0), (1.0, 1.0))
-
-
-# --- location errors of linear axes
-
-ANGLE = 80e-6
-# where the tool goes, per mm of travel and rad, by hand: letter x direction of the axis
-SIDEWAYS = {
-    ("C", "Y"): (-1, 0, 0), ("C", "X"): (0, 1, 0), ("B", "Z"): (1, 0, 0),
-    ("A", "Z"): (0, -1, 0), ("A", "Y"): (0, 0, 1), ("B", "X"): (0, 0, -1),
-    ("A", "X"): (0, 0, 0), ("B", "Y"): (0, 0, 0), ("C", "Z"): (0, 0, 0),
+REFUSED = {
+    "E_XX: its basis takes 2 parameters with as many u, got 3 and 3":
+        lambda: ErrorMotion("X", "X", Polynomial((0.0, 1.0), 1), (1.0, 2.0, 3.0)),
+    "E_ZX(Y): these degrees take 4 coefficients, got 3":
+        lambda: CrossAxis("Z", "X", "Y", (0.0, 1.0), (0.0, 1.0), 1, 2, (1.0, 2.0, 3.0)),
+    "interval [1.0, 1.0] must go from a lower to a higher position":
+        lambda: CrossAxis("Z", "X", "Y", (0.0, 1.0), (1.0, 1.0), 0, 1, (1.0,)),
+    "racking X: its basis takes 2 parameters, got 1":
+        lambda: Racking("X", "Y", 100.0, Polynomial((0.0, 1.0), 1), (1.0,)),
+    "wobble X radial 1 1: X is no rotary axis": lambda: Wobble("X", "radial", 1, 1, 0.0, 0.0),
+    "cyclic E_XX: as many sine as cosine amplitudes, at least one": lambda: Cyclic("X", "X", 1.0, (1.0,), ()),
+    "thermal-drift Z: up to two amplitudes, each with its time constant":
+        lambda: ThermalDrift(component="Z", amplitudes=(1.0,)),
+    "thermal-drift Z: neither a rate nor an amplitude": lambda: ThermalDrift(component="Z"),
+    "thermal-drift Z: time constants must be positive":
+        lambda: ThermalDrift(component="Z", amplitudes=(1.0,), time_constants_s=(0.0,)),
+    "thermal-scale C: C has no length that could grow": lambda: GrowthWithTime(axis="C", rate=1.0),
+    "outliers: three numbers for each of its 2 rows": lambda: Outliers((1, 2), (0.0, 0.0, 0.0)),
+    "E_C0Y: 1 parameters with 2 u": lambda: LocationError("C", "Y", 1.0, u=(1.0, 1.0)),
 }  # fmt: skip
-every_orientation = pytest.mark.parametrize(("letter", "axis"), SIDEWAYS, ids=[f"E_{a}0{b}" for a, b in SIDEWAYS])
 
 
-def with_location(machine: Machine, component: str, axis: str, value: float) -> ErrorModel:
-    """value in mm or rad."""
-    return model_of(machine, LocationError(component, axis, value * (1e3 if component in "XYZ" else 1e6), 0.0))
+@pytest.mark.parametrize(("message", "make"), REFUSED.items(), ids=REFUSED)
+def test_nonsense_is_refused(message, make):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        make()
 
 
-def deviation(machine: Machine, model: ErrorModel, q: Array) -> Deviation:
-    return exact_deviation(machine, q, model.errors(machine, State(np.atleast_2d(q))), TOOL)
+# --- columns
 
 
-@pytest.mark.parametrize("name", ["gantry", "cframe"])
-@every_orientation
-def test_squareness_displaces_the_tool_sideways_in_proportion_to_travel(name, letter, axis):
-    """On the gantry all axes carry the tool; on the C-frame X and Y carry the workpiece."""
-    machine = machines.load(name)
-    q = np.tile(machine.travel.mean(axis=0), (3, 1))
-    q[:, machine.index(axis)] = travel = np.array([0.0, 100.0, 300.0])
-    found = deviation(machine, with_location(machine, letter, axis, ANGLE), q)
-    assert found.position == pytest.approx(ANGLE * np.outer(travel, SIDEWAYS[letter, axis]), abs=1e-12)
-    assert not found.orientation.any()
+@every_example
+def test_places_components_and_shapes(example: Example):
+    effect, machine = example.effect, example.machine
+    names = {i: f"E_{{}}{axis}" for i, axis in enumerate(machine.names)} | {TOOL: "tool {}", INSTRUMENT: "seen {}"}
+    for n in (7, 4):
+        columns = list(effect.columns(machine, full_state(machine, n)))
+        touched = {names[c.place].format(COMPONENTS[c.component]) for c in columns}
+        assert touched == set(filter(None, example.touched.split(", ")))
+        assert all(c.values.shape == (n, len(effect.parameters)) and np.isfinite(c.values).all() for c in columns)
+        assert all(c.place != INSTRUMENT or c.component < 3 for c in columns)
+        assert all(effect.ACTS_ON == "instrument" or (c.place == TOOL) == (effect.ACTS_ON == "tool") for c in columns)
 
 
-@pytest.mark.parametrize("name", machines.names())
-@every_orientation
-def test_squareness_equals_a_machine_whose_axis_line_is_tilted(name, letter, axis):
-    machine, i = machines.load(name), machines.load(name).index(axis)
-    tilt = Rotation.from_rotvec(ANGLE * np.eye(3)["ABC".index(letter)])
-    tilted = with_axis(machine, i, direction=tilt.apply(machine.axes[i].unit_direction))
-    state = states(machine, 50)
-    errors = with_location(machine, letter, axis, ANGLE).errors(machine, state)
-    gap = tool_point(machine, state.positions, TOOL, errors) - tool_point(tilted, state.positions, TOOL)
-    assert np.abs(gap).max() < ANGLE**2 * np.abs(machine.travel[:, i]).max()
+@every_example
+def test_columns_are_the_derivatives(example: Example):
+    effect, machine = example.effect, example.machine
+    state, start = full_state(machine, 40), np.array(effect.parameters)
+    columns = derivatives(effect, machine, state)
+    for k, parameter in enumerate(effect.parameter_table):
+        step = np.zeros(len(start))
+        step[k] = 0.5 if parameter.linear else 1e-7 * max(abs(start[k]), 1.0)
+        ahead, behind = (total(effect.with_parameters(start + s), machine, state) for s in (step, -step))
+        slope = (ahead - behind) / (2 * step[k])
+        assert slope == pytest.approx(columns[..., k], rel=1e-5, abs=1e-5 * np.abs(columns[..., k]).max() + 1e-15)
 
 
-@pytest.mark.parametrize("letter", "ABC")
-@pytest.mark.parametrize("chain", ["w Y b X Z t", "w b X Y Z t"])
-def test_orientation_of_a_slanting_linear_axis_is_counted_in_its_error_frame(chain, letter):
-    axes = "".join(f"axes.{name} = {{ travel = [0, 500] }}\n" for name in "XZ")
-    slanting = "axes.Y = { travel = [0, 500], direction = [0.3, 1, -0.6] }"
-    machine = machines.parse(f'name = "slanting"\nchain = "{chain}"\n{axes}{slanting}', "slanting")
-    i = machine.index("Y")
-    tilt = Rotation.from_rotvec(ANGLE * machine.axes[i].error_frame[:, "ABC".index(letter)])
-    tilted = with_axis(machine, i, direction=tilt.apply(machine.axes[i].unit_direction))
-    state = states(machine, 20)
-    errors = with_location(machine, letter, "Y", ANGLE).errors(machine, state)
-    gap = tool_point(machine, state.positions, TOOL, errors) - tool_point(tilted, state.positions, TOOL)
-    assert np.abs(gap).max() < ANGLE**2 * 500
+@every_example
+def test_without_amplitudes_there_is_no_error(example: Example):
+    effect = example.effect
+    none = [
+        0.0 if parameter.linear else p for parameter, p in zip(effect.parameter_table, effect.parameters, strict=True)
+    ]
+    assert not total(effect.with_parameters(none), example.machine, full_state(example.machine, 20)).any()
 
 
-@pytest.mark.parametrize(("name", "arm"), [("gantry", TOOL[0]), ("cframe", 300 + TOOL[0])])
-def test_an_angular_error_motion_turns_about_the_carriage_point_which_travels(name, arm):
-    """At X = 300 the gantry's carriage is above the tool as ever; the C-frame's table has gone to x = -300."""
-    machine = machines.load(name)
-    q = np.zeros(3)
-    q[machine.index("X")] = 300.0
-    yaw = ErrorMotion("C", "X", Polynomial((0.0, 600.0), 0), (ANGLE * 1e6,), (1.0,))
-    found = deviation(machine, model_of(machine, yaw), q)
-    assert found.position == pytest.approx(ANGLE * np.array([[-TOOL[1], arm, 0]]), abs=ANGLE**2 * 400)
-    assert found.orientation == pytest.approx(np.array([[0, 0, ANGLE]]), abs=1e-15)
+@every_example
+def test_linear_in_its_amplitudes(example: Example):
+    effect, state = example.effect, full_state(example.machine, 12)
+    amplitudes = [p * parameter.linear for parameter, p in zip(effect.parameter_table, effect.parameters, strict=True)]
+    expected = derivatives(effect, example.machine, state) @ amplitudes
+    assert total(effect, example.machine, state) == pytest.approx(expected, abs=1e-15)
+    assert not example.touched or np.abs(expected).max() > 1e-7
 
 
-# --- location errors of rotary axes
-
-# machine frame directions of the error motions x, y, z where they are not those of the machine: B of the DMU 50 slants
-SLANTING = {("dmu50", "B"): np.array([[1, 0, 0], [0, 0.5**0.5, -(0.5**0.5)], [0, 0.5**0.5, 0.5**0.5]])}
-FIVE_AXES = [
-    (name, axis) for name in ("dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table")
-    for axis in machines.load(name).names if axis in "ABC"
-]  # fmt: skip
-
-
-def with_axis(machine: Machine, i: int, **changes: Array) -> Machine:
-    """The machine with another direction or point of its axis i."""
-    axis = machine.axes[i]
-    geometry = {"direction": axis.direction, "point": axis.point} | changes
-    other = make_axis(axis.name, axis.side, axis.travel, **geometry, home=axis.home)
-    return replace(machine, axes=(*machine.axes[:i], other, *machine.axes[i + 1 :]))
+@pytest.mark.parametrize("example", WITHOUT_MEMORY, ids=[example.name for example in WITHOUT_MEMORY])
+def test_each_row_for_itself(example: Example):
+    state, order = full_state(example.machine, 30), np.random.default_rng(2).permutation(30)
+    errors = total(example.effect, example.machine, state)
+    for rows in (order, slice(0, 1), slice(29, 30), slice(0, 0)):
+        some = total(example.effect, example.machine, state.rows(rows))
+        assert some == pytest.approx(errors[rows], rel=1e-14, abs=1e-18)
 
 
-def displaced(machine: Machine, i: int, by: Pose) -> Machine:
-    """The machine with axis i, and all that it carries, displaced."""
-    carried = range(i, len(machine.axes)) if machine.axes[i].side == "tool" else range(i + 1)
-    for j in carried:
-        axis = machine.axes[j]
-        machine = with_axis(
-            machine, j, direction=turn(by.rotation, axis.unit_direction)[0], point=by.apply(axis.point)[0]
-        )
-    return machine
+@every_example
+def test_what_it_needs_is_enough_and_each_missing_column_is_named(example: Example):
+    effect, machine, state = example.effect, example.machine, full_state(example.machine, 5)
+    assert set(effect.needs) <= set(effect.NEEDS)
+    enough = State(state.positions, **{column: getattr(state, column) for column in effect.needs})
+    assert (total(effect, machine, enough) == total(effect, machine, state)).all()
+    assert np.isfinite(derivatives(effect, machine, enough)).all()
+    for column in effect.needs:
+        missing = replace(enough, **{column: {} if column == "temperatures" else None})
+        with pytest.raises(UserError) as refusal:
+            total(effect, machine, missing)
+        what = f"the temperature {effect.sensor!r}" if column == "temperatures" else column.replace("_", " ")
+        assert str(refusal.value) == f"{effect.name} needs {what}, which these data do not give"
 
 
-@pytest.mark.parametrize("component", COMPONENTS)
-@pytest.mark.parametrize(("name", "axis"), FIVE_AXES)
-def test_rotary_location_errors_equal_a_machine_whose_axis_is_displaced(name, axis, component):
-    """Displaced by +value what carries the tool, by -value what carries the workpiece (see the top of this file).
+# --- in a model
 
-    The workpiece is set up on the table where the table really is, and the tool in the head likewise, so the two
-    machines differ by that displacement at the workpiece's, or the tool's, end of the chain.
-    """
-    machine, i = machines.load(name), machines.load(name).index(axis)
-    on_tool_side = machine.axes[i].side == "tool"
-    value = 0.01 if component in "XYZ" else 1e-4
-    step = (value if on_tool_side else -value) * SLANTING.get((name, axis), np.eye(3))["XYZABC".index(component) % 3]
-    if component in "XYZ":
-        by = Pose(np.eye(3)[None], step[None])
+
+@every_example
+def test_round_trip_through_a_file(example: Example):
+    model = model_of(example.machine, example.effect)
+    data = encode_model(model)
+    assert decode_model(data, "") == model
+    (written,) = msgspec.json.decode(data)["effects"]
+    order = list(written)
+    assert order[0] == "kind"
+    assert order[-len(written["units"]) - 3 :] == [*written["units"], "units", "u", "note"]
+    assert list(written["units"].values()) == [quantity.unit for quantity in example.effect.quantities()]
+
+
+def test_an_axis_that_the_machine_lacks_is_a_users_error():
+    for example in EXAMPLES:
+        if example.effect.axes and example.effect.ACTS_ON == "axis":
+            lacking = BACKWARD if example.effect.axes[0] == "B" else DMU50
+            if example.effect.axes[0] not in lacking.names:
+                with pytest.raises(UserError, match="has no axis"):
+                    model_of(lacking, example.effect).errors(lacking, full_state(lacking, 2))
+
+
+@every_example
+def test_the_instrument_has_no_part_in_the_machines_errors(example: Example):
+    effect, machine, state = example.effect, example.machine, full_state(example.machine, 9)
+    model = model_of(machine, effect)
+    expected, errors, seen = total(effect, machine, state), *model.observation(machine, state)
+    assert errors == pytest.approx(expected[:, :-1], abs=1e-18)
+    assert seen == pytest.approx(expected[:, -1, :3], abs=1e-18)
+    if effect.ACTS_ON == "instrument":
+        assert not model.errors(machine, State(state.positions)).any()
+        assert seen.any() or errors.any()
     else:
-        tilt, point = Rotation.from_rotvec(step).as_matrix(), np.array(machine.axes[i].point)
-        by = Pose(tilt[None], (point - tilt @ point)[None])
-
-    state = states(machine, 50)
-    actual = forward(machine, state.positions, with_location(machine, component, axis, value).errors(machine, state))
-    real = forward(displaced(machine, i, by), state.positions)
-    for a, b in zip(actual if on_tool_side else by @ actual, real @ by if on_tool_side else real, strict=True):
-        assert np.abs(a - b).max() < 1e-11
-    nominal = forward(machine, state.positions)
-    assert max(np.abs(actual[k] - nominal[k]).max() for k in (0, 1)) > 0.5 * value
-
-
-def test_a_head_whose_C_line_stands_at_plus_x_has_a_positive_E_X0C():
-    """C line, swivel and spindle nose 10 um to +x: so is the tool, whatever C."""
-    machine = machines.load("head_head")
-    q = np.zeros((3, 5))
-    q[:, machine.index("C")] = np.radians([0, 90, 200])
-    found = deviation(machine, with_location(machine, "X", "C", 0.01), q)
-    assert found.position == pytest.approx(np.tile([0.01, 0, 0], (3, 1)), abs=1e-12)
-
-
-def test_a_table_whose_C_line_stands_at_plus_x_has_a_negative_E_X0C():
-    """Table centre 10 um to +x: the tool, sent there, is 10 um to -x of it in the machine, which the table sees turn.
-
-    The machine frame, seen from the table, turns by +C (`tool relative to workpiece`), so at C = 90 deg what lies at
-    -x in the machine lies at -y on the table.
-    """
-    machine = machines.load("trunnion_bc")
-    q = np.zeros((3, 5))
-    q[:, machine.index("C")] = np.radians([0, 90, 180])
-    found = deviation(machine, with_location(machine, "X", "C", -0.01), q)
-    assert found.position == pytest.approx(np.array([[-0.01, 0, 0], [0, -0.01, 0], [0.01, 0, 0]]), abs=1e-12)
-
-
-def test_a_table_whose_C_line_leans_towards_y_has_a_positive_E_A0C():
-    """E_A0C = +g: the line leans by -g about x, towards +y; the spindle along z leans away, towards -y, by +g."""
-    machine = machines.load("trunnion_bc")
-    found = deviation(machine, with_location(machine, "A", "C", 1e-4), np.zeros((1, 5)))
-    assert found.orientation == pytest.approx(np.array([[1e-4, 0, 0]]), abs=1e-15)
-    leaning = displaced(machine, 0, Pose(Rotation.from_rotvec([-1e-4, 0, 0]).as_matrix()[None], np.zeros((1, 3))))
-    assert leaning.axes[0].unit_direction == pytest.approx([0, 1e-4, 1], abs=1e-8)
-
-
-@pytest.mark.parametrize(("name", "axis"), FIVE_AXES)
-def test_rotary_location_errors_are_constants_of_its_error_motions(name, axis):
-    machine, i = machines.load(name), machines.load(name).index(axis)
-    state = states(machine, 5)
-    for k, component in enumerate(COMPONENTS):
-        expected = np.zeros((5, 5, 6))
-        expected[:, i, k] = 1e-3 if k < 3 else 1e-6
-        assert (model_of(machine, LocationError(component, axis, 1.0, 0.0)).errors(machine, state) == expected).all()
+        assert (model.errors(machine, state) == errors).all()
+        assert not seen.any()

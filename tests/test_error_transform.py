@@ -19,7 +19,7 @@ from kinematics.derived import MODULES
 from kinematics.deviation import exact_deviation
 from kinematics.forward import forward, tool_point
 from kinematics.machine import ISO_DIRECTION, Axis, Machine
-from kinematics.transforms import Array
+from kinematics.transforms import BLOCK, Array
 
 ROOT = Path(__file__).parents[1]
 SLANTED = """
@@ -290,3 +290,69 @@ def test_main_writes_modules_and_index(monkeypatch, tmp_path):
 def test_main_refuses_what_it_does_not_know(arguments, capsys):
     assert derive.main(arguments) == 2
     assert "usage: python -m kinematics.derive" in capsys.readouterr().err
+
+
+# --- the tool's own displacement, and long tables
+
+
+@every_machine
+def test_the_tools_own_columns_are_the_slopes_of_the_exact_deviation(name):
+    machine = machines.load(name)
+    q, tool, _ = poses(machine, 5, seed=8)
+    axes, h = len(machine.axes), 1e-4
+    J = error_transform.place_transform(machine, q, tool)
+    assert J.shape == (5, 6, 6 * (axes + 1))
+    assert (J[:, :, : 6 * axes] == error_transform.error_transform(machine, q, tool)).all()
+    assert error_transform.place_names(machine)[-2:] == ["tool B", "tool C"]
+    for column in range(6):
+        step = np.zeros((5, axes + 1, 6))
+        step[:, axes, column] = h
+        ahead, behind = exact_deviation(machine, q, step, tool), exact_deviation(machine, q, -step, tool)
+        assert J[:, :, 6 * axes + column] == pytest.approx((stacked(ahead) - stacked(behind)) / (2 * h), abs=1e-5)
+    one = error_transform.place_transform(machine, q, tool[0])
+    assert one[0] == pytest.approx(J[0], abs=1e-12)
+
+
+@every_machine
+def test_the_tools_own_displacement_to_first_order(name):
+    machine = machines.load(name)
+    q, tool, errors = poses(machine, 50, seed=6)
+    errors = np.concatenate([errors, np.random.default_rng(7).normal(size=(50, 1, 6))], axis=1)
+    J = error_transform.place_transform(machine, q, tool)
+    direct = stacked(error_transform.first_order_deviation(machine, q, errors, tool))
+    assert direct == pytest.approx(np.einsum("nij,nj->ni", J, errors.reshape(50, -1)), rel=1e-9, abs=1e-8)
+    gaps = []
+    for scale in (2e-4, 1e-4):
+        first = error_transform.first_order_deviation(machine, q, scale * errors, tool)
+        exact = exact_deviation(machine, q, scale * errors, tool)
+        gaps.append([np.linalg.norm(a - b) for a, b in zip(first, exact, strict=True)])
+    assert np.divide(*gaps) == pytest.approx([4.0, 4.0], rel=0.01)
+
+
+@pytest.mark.parametrize("deviation", [exact_deviation, error_transform.first_order_deviation])
+def test_long_tables_are_worked_through_in_blocks(deviation):
+    machine, n = machines.load("dmu50"), 2 * BLOCK + 3
+    q, tool, errors = poses(machine, n, seed=10)
+    errors *= 1e-5
+    rows = np.array([0, BLOCK - 1, BLOCK, 2 * BLOCK, n - 1])
+    whole = deviation(machine, q, errors, tool)
+    assert stacked(whole)[rows] == pytest.approx(stacked(deviation(machine, q[rows], errors[rows], tool[rows])))
+    assert whole.position.shape == whole.orientation.shape == (n, 3)
+
+
+@pytest.mark.parametrize("deviation", [exact_deviation, error_transform.first_order_deviation])
+@pytest.mark.parametrize("n", [3, BLOCK + 2])
+def test_one_row_of_positions_errors_or_tool_serves_for_all(deviation, n):
+    machine = machines.load("dmu50")
+    q, tool, errors = poses(machine, n, seed=12)
+    errors *= 1e-5
+    same = [np.broadcast_to(column[0], column.shape) for column in (q, errors, tool)]
+    for short, spread in (
+        ((q[0], errors, tool), (same[0], errors, tool)),
+        ((q, errors[0], tool), (q, same[1], tool)),
+        ((q, errors, tool[0]), (q, errors, same[2])),
+        ((q[:1], errors[:1], tool), (same[0], same[1], tool)),
+    ):
+        assert stacked(deviation(machine, *short)) == pytest.approx(stacked(deviation(machine, *spread)), abs=1e-15)
+    assert deviation(machine, q[0], errors[0], tool[0]).position.shape == (1, 3)
+    assert deviation(machine, q[:0], errors[:0], tool[:0]).position.shape == (0, 3)

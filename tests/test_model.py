@@ -13,13 +13,26 @@ import pytest
 import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
 from kinematics.deviation import exact_deviation
-from kinematics.effects import ErrorMotion, LocationError
-from kinematics.error_transform import error_transform, first_order_deviation
+from kinematics.effects import (
+    Backlash,
+    CrossAxis,
+    Cyclic,
+    ErrorMotion,
+    GrowthWithSensor,
+    LateReadBack,
+    LocationError,
+    Outliers,
+    RangeOffset,
+    TargetOffset,
+    ThermalDrift,
+    Wobble,
+)
+from kinematics.error_transform import first_order_deviation, place_transform
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.model import ErrorModel, decode_model, encode_model, no_errors, read_model, write_model
 from kinematics.state import State
-from kinematics.transforms import Array
+from kinematics.transforms import BLOCK, Array
 from machines.calibrations.dmu50_demonstration import demonstration
 
 DMU50 = machines.load("dmu50")
@@ -29,11 +42,11 @@ TOOL = np.array([5.0, -10.0, -120.0])
 SMALL = msgspec.structs.replace(
     no_errors(DMU50),
     effects=(
-        ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), (1.0, 0.5, 2.0)),
-        ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), (3.0, 2.0, 1.0)),
-        ErrorMotion("A", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 0.0, 3.0, 4.0), (1.0, 2.0, 3.0, 4.0)),
-        LocationError("C", "Y", 12.0, 2.0),
-        LocationError("X", "B", -6.0, 1.5),
+        ErrorMotion("X", "X", BSpline((-250.0, 0.0, 250.0), 1), (1.0, -2.0, 3.0), u=(1.0, 0.5, 2.0)),
+        ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0), u=(3.0, 2.0, 1.0)),
+        ErrorMotion("A", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 0.0, 3.0, 4.0), u=(1.0, 2.0, 3.0, 4.0)),
+        LocationError("C", "Y", 12.0, u=(2.0,)),
+        LocationError("X", "B", -6.0, u=(1.5,)),
     ),
 )
 
@@ -69,7 +82,7 @@ def test_first_order_agrees_with_exact_to_second_order():
 
 def test_design_times_parameters_is_the_transform_of_the_errors():
     q, model = positions(50, seed=2), demonstration()
-    transform = error_transform(DMU50, q, TOOL)
+    transform = place_transform(DMU50, q, TOOL)
     errors = model.errors(DMU50, State(q))
     expected = np.einsum("nij,nj->ni", transform, errors.reshape(50, -1))
     assert model.design(DMU50, State(q), transform) @ model.parameters == pytest.approx(expected, abs=1e-13)
@@ -77,7 +90,7 @@ def test_design_times_parameters_is_the_transform_of_the_errors():
 
 def test_the_machine_without_errors():
     model, q = no_errors(DMU50), positions(3, seed=3)
-    transform = error_transform(DMU50, q)
+    transform = place_transform(DMU50, q)
     assert not model.errors(DMU50, State(q)).any()
     assert model.design(DMU50, State(q), transform).shape == (3, 6, 0)
     assert not model.standard_uncertainty(DMU50, State(q), transform).any()
@@ -93,19 +106,109 @@ def test_standard_uncertainty_equals_monte_carlo_through_the_exact_kinematics(co
     draws = rng.multivariate_normal(model.parameters, np.diag(u**2) if covariance is None else covariance, 4000)
     points = [tool_point(DMU50, q, TOOL, with_parameters(model, draw).errors(DMU50, State(q))) for draw in draws]
     expected = np.std(points, axis=0)
-    found = model.standard_uncertainty(DMU50, State(q), error_transform(DMU50, q, TOOL)[:, :3])
+    found = model.standard_uncertainty(DMU50, State(q), place_transform(DMU50, q, TOOL)[:, :3])
     assert found.shape == (4, 3)
     assert found == pytest.approx(expected, rel=0.05)  # 4000 draws: 1.1 %, k = 1
+
+
+MANY = (
+    Backlash("X", 18.0, 25.0, u=(3.0, 6.0)),
+    Cyclic("Y", "X", 10.0, (4.0, 1.0), (-2.0, 0.5), u=(0.01, 0.4, 0.3, 0.5, 0.3)),
+    ThermalDrift(component="Z", rate=-3.0, amplitudes=(-20.0,), time_constants_s=(1800.0,), u=(1.0, 2.0, 120.0)),
+    ThermalDrift(component="A", amplitudes=(15.0,), time_constants_s=(3000.0,), u=(2.0, 200.0)),
+    GrowthWithSensor(axis="Y", sensor="column", coefficient=11.0, lag_s=900.0, u=(1.0, 60.0)),
+    Wobble("B", "tilt", 1, 1, 6.0, -3.0, u=(1.0, 1.5)),
+    RangeOffset(8.0, u=(400.0,)),
+    LateReadBack(1.0, u=(90.0,)),
+    TargetOffset("t1", (1.0, 2.0, 3.0), u=(300.0, 300.0, 300.0)),
+)
+"""Effects of all places; of the instrument with uncertainties that would not go unseen."""
+
+
+def many_states(n: int, seed: int) -> State:
+    rng = np.random.default_rng(seed)
+    return State(
+        positions(n, seed),
+        approach=rng.choice([-1.0, 1.0], (n, 5)),
+        velocity=rng.normal(0.0, 30.0, (n, 5)),
+        time=np.sort(rng.uniform(0.0, 9000.0, n)),
+        temperatures={"column": rng.normal(4.0, 1.0, n)},
+        target=rng.choice(["t1", "t2"], n),
+        observed=rng.uniform(500.0, 3000.0, (n, 3)),
+    )
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6], ids=["independent", "correlated"])
+def test_standard_uncertainty_of_effects_of_all_places_equals_monte_carlo(correlation):
+    """Shapes (period, time constant, lag) are linearised; the instrument's uncertainty is none of the prediction's."""
+    u = np.array([u for effect in MANY for u in effect.uncertainties])
+    covariance = np.outer(u, u) * (correlation + (1 - correlation) * np.eye(len(u)))
+    model = msgspec.structs.replace(
+        no_errors(DMU50), effects=MANY, covariance=as_rows(covariance) if correlation else None
+    )
+    rng, state = np.random.default_rng(12), many_states(6, seed=13)
+    draws = rng.multivariate_normal(model.parameters, covariance, 4000)
+    drawn = [
+        exact_deviation(DMU50, state.positions, with_parameters(model, draw).errors(DMU50, state), TOOL)
+        for draw in draws
+    ]
+    expected = np.std([np.concatenate(deviation, axis=1) for deviation in drawn], axis=0)
+    found = model.standard_uncertainty(DMU50, state, place_transform(DMU50, state.positions, TOOL))
+    assert found == pytest.approx(expected, rel=0.06, abs=1e-9)  # 4000 draws: 1.1 %, k = 1
+    assert found[:, :3].min() > 5e-4
+
+
+def test_observation_design_is_the_derivative_of_the_observation():
+    """Rows that mix everything: 0.3 of an observation's shift, and any combination of the error motions."""
+    model, state = msgspec.structs.replace(no_errors(DMU50), effects=MANY), many_states(7, seed=14)
+    transform = np.random.default_rng(15).normal(size=(7, 4, 39))
+
+    def observed(parameters: Array) -> Array:
+        errors, shift = with_parameters(model, parameters).observation(DMU50, state)
+        return np.einsum("nrc,nc->nr", transform, np.concatenate([errors.reshape(7, -1), shift], axis=1))
+
+    design, start = model.observation_design(DMU50, state, transform), model.parameters
+    for k, step in enumerate(1e-4 * np.eye(len(start))):
+        slope = (observed(start + step) - observed(start - step)) / 2e-4
+        assert design[:, :, k] == pytest.approx(slope, rel=1e-5, abs=1e-9)
+    of_machine = model.design(DMU50, state, transform[:, :, :36])
+    own = np.repeat([effect.ACTS_ON != "instrument" for effect in MANY], [len(effect.parameters) for effect in MANY])
+    assert (of_machine[:, :, own] == design[:, :, own]).all()
+    assert not of_machine[:, :, ~own].any()
+
+
+def test_a_transform_of_other_places_is_refused():
+    q = positions(2, seed=1)
+    for width in (30, 39):
+        with pytest.raises(ValueError, match=f"^transform has {width} columns, dmu50 takes 36$"):
+            SMALL.design(DMU50, State(q), np.zeros((2, 3, width)))
+    with pytest.raises(ValueError, match="dmu50 takes 39"):
+        SMALL.observation_design(DMU50, State(q), np.zeros((2, 3, 36)))
+
+
+def test_long_tables_are_worked_through_in_blocks_but_memory_is_kept():
+    state = many_states(BLOCK + 100, seed=16)
+    outlier = Outliers((BLOCK + 50,), (1e3, 0.0, 0.0))
+    model = msgspec.structs.replace(no_errors(DMU50), effects=(*MANY, outlier))
+    errors, shift = model.observation(DMU50, state)
+    assert shift[BLOCK + 50, 0] - shift[BLOCK + 49, 0] > 0.9
+    rows = slice(BLOCK - 3, BLOCK + 3)
+    memoryless = msgspec.structs.replace(model, effects=tuple(e for e in MANY if not e.HAS_MEMORY))
+    some, whole = (memoryless.errors(DMU50, part) for part in (state.rows(rows), state))
+    assert whole[rows] == pytest.approx(some, rel=1e-14)
+    growth = model.effects[4]
+    ((_, _, expected),) = growth.contributions(DMU50, state)
+    assert (errors - memoryless.observation(DMU50, state).errors)[:, 3, 1] == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_singular_covariance_gives_no_uncertainty_where_there_is_none():
     """Three errors known to cancel: u is zero, not the root of a rounding error below zero."""
     q = positions(20, seed=5)
-    errors = (ErrorMotion("X", "X", Polynomial((-250.0, 250.0), 0), (0.0,), (1.0,)),) * 3
+    errors = (ErrorMotion("X", "X", Polynomial((-250.0, 250.0), 0), (0.0,), u=(1.0,)),) * 3
     for a in range(1, 10):
         spread = np.array([a, 1.0, -a - 1.0]) / 7
         model = msgspec.structs.replace(SMALL, effects=errors, covariance=as_rows(np.outer(spread, spread)))
-        u = model.standard_uncertainty(DMU50, State(q), error_transform(DMU50, q, TOOL))
+        u = model.standard_uncertainty(DMU50, State(q), place_transform(DMU50, q, TOOL))
         assert np.abs(u).max() < 1e-9
 
 
@@ -113,8 +216,7 @@ def with_parameters(model: ErrorModel, parameters: Array) -> ErrorModel:
     effects, rest = [], parameters.tolist()
     for effect in model.effects:
         values, rest = rest[: len(effect.parameters)], rest[len(effect.parameters) :]
-        change = {"value": values[0]} if isinstance(effect, LocationError) else {"parameters": tuple(values)}
-        effects.append(msgspec.structs.replace(effect, **change))
+        effects.append(effect.with_parameters(values))
     return msgspec.structs.replace(model, effects=tuple(effects))
 
 
@@ -135,16 +237,23 @@ def test_outside_is_no_matter_of_rounding_to_rad_and_back():
     ends = np.arange(-360.0, 361.0)
     q = np.zeros((len(ends), 5))
     q[:, 0] = np.radians(ends)
-    motions = [ErrorMotion("X", "C", Polynomial((e, e + 0.5), 0), (1.0,), (1.0,)) for e in ends]
+    motions = [ErrorMotion("X", "C", Polynomial((e, e + 0.5), 0), (1.0,), u=(1.0,)) for e in ends]
     for motion, row in zip(motions, q, strict=True):
         model = msgspec.structs.replace(SMALL, effects=(motion,))
         assert model.outside(DMU50, State(row[None])) == {}
 
 
 def test_outside_of_two_parts_of_one_error_motion_is_the_larger():
-    parts = tuple(ErrorMotion("X", "X", Polynomial((0.0, high), 0), (1.0,), (1.0,)) for high in (10.0, 50.0))
+    parts = tuple(ErrorMotion("X", "X", Polynomial((0.0, high), 0), (1.0,), u=(1.0,)) for high in (10.0, 50.0))
     model = msgspec.structs.replace(SMALL, effects=parts)
     assert model.outside(DMU50, State(np.array([[0.0, 0, 60, 0, 0]]))) == {"E_XX": 50.0}
+
+
+def test_outside_speaks_of_both_axes_of_a_cross_term():
+    sag = CrossAxis("Z", "X", "Y", (-250.0, 250.0), (-100.0, 100.0), 0, 1, (1.0,))
+    model = msgspec.structs.replace(SMALL, effects=(sag,))
+    assert model.outside(DMU50, State(np.array([[0.0, 0, 0, 130, 0]]))) == {"E_ZX(Y)": 30.0}
+    assert model.outside(DMU50, State(np.array([[0.0, 0, 251, 130, 0], [0.0, 0, 290, 0, 0]]))) == {"E_ZX(Y)": 40.0}
 
 
 # --- files
@@ -163,7 +272,7 @@ def test_round_trip_through_a_file(model, tmp_path):
 
 CHANGES: dict[str, Callable[[dict[str, Any]], object]] = {
     "parameter": lambda data: data["effects"][0]["parameters"].__setitem__(1, -2.000001),
-    "uncertainty": lambda data: data["effects"][3].__setitem__("u", 2.1),
+    "uncertainty": lambda data: data["effects"][3].__setitem__("u", [2.1]),
     "order": lambda data: data["effects"].reverse(),
     "note": lambda data: data["effects"][3].__setitem__("note", "measured again"),
     "source": lambda data: data["provenance"].__setitem__("source", "elsewhere"),
@@ -177,6 +286,29 @@ def changed(change: Callable[[dict[str, Any]], object]) -> bytes:
     data = json.loads(encode_model(SMALL))
     change(data)
     return json.dumps(data).encode()
+
+
+def test_a_file_says_first_what_it_is_and_each_effect_what_and_where():
+    data = json.loads(encode_model(msgspec.structs.replace(no_errors(DMU50), effects=MANY)))
+    order = ["ncomp_calibration", "machine", "provenance", "demonstration", "effects", "covariance"]
+    assert list(data) == order
+    assert data["effects"][0] == {
+        "kind": "backlash", "axis": "X", "width": 18.0, "windup": 25.0, "units": {"width": "um", "windup": "um/m"},
+        "u": [3.0, 6.0], "note": "",
+    }  # fmt: skip
+    assert [list(effect) for effect in data["effects"][:3]] == [
+        ["kind", "axis", "width", "windup", "units", "u", "note"],
+        ["kind", "component", "axis", "period", "sine", "cosine", "units", "u", "note"],
+        ["kind", "component", "rate", "amplitudes", "time_constants_s", "units", "u", "note"],
+    ]
+    assert "rate" not in data["effects"][3]
+
+
+def test_a_file_without_units_is_read():
+    data = json.loads(encode_model(SMALL))
+    for effect in data["effects"]:
+        del effect["units"]
+    assert decode_model(json.dumps(data).encode(), "") == SMALL
 
 
 def test_the_id_is_that_of_the_content():
@@ -198,6 +330,10 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         "no ncomp calibration (it has no 'ncomp_calibration')",
     ),
     "newer version": (lambda data: data.update(ncomp_calibration=2), "version 2 is not one this ncomp reads (1)"),
+    "version in words": (
+        lambda data: data.update(ncomp_calibration="one"),
+        "version one is not one this ncomp reads (1)",
+    ),
     "no version": (lambda data: data.update(ncomp_calibration=0), "version 0 is not one this ncomp reads (1)"),
     "time without zone": (
         lambda data: data["provenance"].update(made_at="2026-01-01T00:00:00"),
@@ -229,6 +365,18 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         lambda data: data["effects"][1]["basis"].update(interval=[1, -1]),
         "interval [1.0, -1.0] must go from a lower to a higher position - at `$.effects[1].basis`",
     ),
+    "another unit": (
+        lambda data: data["effects"][3].update(units={"value": "arcsec"}),
+        "E_C0Y has units {'value': 'arcsec'}, ncomp reads {'value': 'urad'}",
+    ),
+    "effects no list": (
+        lambda data: data.update(effects={"kind": "location"}),
+        "Expected `array`, got `object` - at `$.effects`",
+    ),
+    "effect no object": (
+        lambda data: data["effects"].__setitem__(2, "backlash"),
+        "Expected `object`, got `str` - at `$.effects[2]`",
+    ),
     "no such axis": (
         lambda data: data["effects"][3].update(axis="A"),
         "E_C0A is of an axis that w C B b X Y Z t lacks",
@@ -242,7 +390,7 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         "E_XX has a negative standard uncertainty u",
     ),
     "negative u of a location": (
-        lambda data: data["effects"][4].update(u=-1),
+        lambda data: data["effects"][4].update(u=[-1]),
         "E_X0B has a negative standard uncertainty u",
     ),
     "covariance too small": (

@@ -61,7 +61,7 @@ def published_x() -> list[Effect]:
     basis = BSpline(tuple((NOMINAL - CENTRE).tolist()), 1)
     u = (0.0, *[U_MEASURED] * 10)  # the first point is the origin of the measurement
     return [
-        ErrorMotion(component, "X", basis, tuple(map(float, column)), u, REAL)
+        ErrorMotion(component, "X", basis, tuple(map(float, column)), u=u, note=REAL)
         for component, column in zip(DIRECTIONS, errors.T, strict=False)
     ]
 
@@ -94,7 +94,7 @@ def simulated(machine: Machine) -> list[Effect]:
                 draw *= peak / np.abs(columns @ draw).max()
                 u = max(1.0, 0.1 * peak)
                 effects.append(_motion(component, axis, basis, draw, u))
-    effects += [LocationError(*error, 2.0, SIMULATED) for error in LOCATION_ERRORS]
+    effects += [LocationError(*error, u=(2.0,), note=SIMULATED) for error in LOCATION_ERRORS]
     return effects
 
 
@@ -106,12 +106,13 @@ def demonstration() -> ErrorModel:
         datetime.datetime(2026, 11, 21, tzinfo=datetime.UTC),
         "translational error motions of X: Ellingsdalen (NTNU 2021), Fig. 3.11; all others simulated",
     )
-    return ErrorModel(reference(machine), (*published_x(), *simulated(machine)), made, demonstration=True)
+    effects = (*published_x(), *simulated(machine))
+    return ErrorModel(machine=reference(machine), provenance=made, demonstration=True, effects=effects)
 
 
 def _motion(component: Component, axis: str, basis: Basis, draw: Array, u: float) -> ErrorMotion:
     parameters = tuple(float(p) for p in np.round(draw, 4))
-    return ErrorMotion(component, axis, basis, parameters, (u,) * basis.size, SIMULATED)
+    return ErrorMotion(component, axis, basis, parameters, u=(u,) * basis.size, note=SIMULATED)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,76 @@
+"""The correction: the command whose actual pose, under an error model, is the nominal one."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from kinematics.errors import UserError
+from kinematics.forward import axis_frames, forward, tool_point
+from kinematics.inverse import linear_positions
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array, turn
+
+CONVERGED = 1e-8
+"""mm and rad."""
+MAX_ROUNDS = 12
+DAMPING = 5e-3
+"""rad: the tilt off a pole below which rotary axes give up correcting the orientation (gain 1/2 there)."""
+
+
+class Errors(Protocol):
+    """Error motions of a machine at axis positions."""
+
+    def __call__(self, q: Array) -> Array:
+        """Error motions `(n, axes + 1, 6)` at q `(n, axes)`, mm and rad."""
+
+
+def correct_position(
+    machine: Machine, errors: Errors, nominal: Array, tool: Array, movable: NDArrayBool, start: Array | None = None
+) -> Array:
+    """Axis positions `(n, axes)`, mm and rad, whose actual tool point is where the nominal one is at `nominal`.
+
+    tool `(n, 3)` mm; movable `(n, axes)`: axes that may move, of which only the translators do. start `(n, axes)`:
+    positions that all other axes take (default: nominal). The nominal machine is aimed past the target by what the
+    exact model says it misses, until nothing is missed: each round leaves about the slope of the errors (1e-4) of what
+    the round before did. UserError when it does not settle.
+    """
+    target = tool_point(machine, nominal, tool)
+    aim = target.copy()
+    moving = np.zeros_like(movable)
+    moving[:, machine.translators] = movable[:, machine.translators]
+    q = others = nominal if start is None else start
+    for _ in range(MAX_ROUNDS):
+        aim = aim - (tool_point(machine, q, tool, errors(q)) - target)
+        following = np.where(moving, linear_positions(machine, q, aim, tool), others)
+        step = np.abs(following - q).max(initial=0.0)
+        q = following
+        if step < CONVERGED:
+            return q
+    raise UserError("the error model changes so steeply with position that no correction settles")
+
+
+def correct_orientation(machine: Machine, errors: Errors, nominal: Array, movable: NDArrayBool) -> Array:
+    """Axis positions `(n, axes)` with the movable rotary axes turned so that the actual tool axis is the nominal one.
+
+    FOR of ISO/TR 16907, as far as the rotary axes reach: about its own axis a tool needs no correction. Damped least
+    squares, |tool axis error|^2 + DAMPING^2 |turn|^2 -> min, Gauss-Newton: beside a pole, where a rotary axis would
+    have to turn far to tilt the tool a little, it turns at most error / (2 DAMPING), and on the pole not at all.
+    """
+    rotary = np.flatnonzero(machine.rotary)
+    target = forward(machine, nominal).rotation[:, :, 2]
+    q = nominal.copy()
+    free = movable[:, rotary].astype(float)
+    for _ in range(MAX_ROUNDS):
+        actual = forward(machine, q, errors(q)).rotation[:, :, 2]
+        frames = axis_frames(machine, q)
+        lines = [turn(frames[i].rotation, machine.axes[i].unit_direction) for i in rotary]
+        slopes = np.stack([np.cross(line, actual) for line in lines], axis=2) * free[:, None, :]
+        gradient = np.einsum("nci,nc->ni", slopes, actual - target) + DAMPING**2 * (q - nominal)[:, rotary]
+        hessian = slopes.swapaxes(1, 2) @ slopes + DAMPING**2 * np.eye(len(rotary))
+        step = np.linalg.solve(hessian, gradient[..., None])[..., 0] * free
+        q[:, rotary] -= step
+        if np.abs(step).max(initial=0.0) < CONVERGED:
+            break
+    return q

@@ -1,0 +1,101 @@
+"""The table of effects: physical causes of error, one class each.
+
+An effect turns its parameters into error motions at the axes, a displacement of the tool, or a displacement of what
+the instrument sees. Everything that fits, predicts, corrects or reports errors goes through this table.
+"""
+
+from __future__ import annotations
+
+from kinematics.effects.base import (
+    COMPONENTS,
+    INSTRUMENT,
+    TOOL,
+    UM,
+    URAD,
+    Cause,
+    Columns,
+    Component,
+    Parameter,
+    Remedy,
+    unit_of,
+)
+from kinematics.effects.drive import Backlash, Cyclic, FirstCycle, FollowingError, QuantisedCompensation, Settling
+from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, Racking, Wobble
+from kinematics.effects.instrument import (
+    AirScale,
+    AngleHarmonic,
+    LateReadBack,
+    Outliers,
+    RangeOffset,
+    StationShift,
+    TargetOffset,
+    TrackerDrift,
+)
+from kinematics.effects.thermal import DriftWithSensor, GrowthWithSensor, GrowthWithTime, ThermalDrift
+
+Effect = (
+    ErrorMotion
+    | LocationError
+    | CrossAxis
+    | Racking
+    | Wobble
+    | Backlash
+    | Cyclic
+    | QuantisedCompensation
+    | FollowingError
+    | Settling
+    | FirstCycle
+    | ThermalDrift
+    | DriftWithSensor
+    | GrowthWithTime
+    | GrowthWithSensor
+    | StationShift
+    | TrackerDrift
+    | RangeOffset
+    | AirScale
+    | AngleHarmonic
+    | TargetOffset
+    | LateReadBack
+    | Outliers
+)
+EFFECTS: tuple[type[Cause], ...] = Effect.__args__
+"""The table; a class added to `Effect` is known to all of ncomp."""
+
+__all__ = [
+    "COMPONENTS",
+    "EFFECTS",
+    "INSTRUMENT",
+    "TOOL",
+    "UM",
+    "URAD",
+    "AirScale",
+    "AngleHarmonic",
+    "Backlash",
+    "Cause",
+    "Columns",
+    "Component",
+    "CrossAxis",
+    "Cyclic",
+    "DriftWithSensor",
+    "Effect",
+    "ErrorMotion",
+    "FirstCycle",
+    "FollowingError",
+    "GrowthWithSensor",
+    "GrowthWithTime",
+    "LateReadBack",
+    "LocationError",
+    "Outliers",
+    "Parameter",
+    "QuantisedCompensation",
+    "Racking",
+    "RangeOffset",
+    "Remedy",
+    "Settling",
+    "StationShift",
+    "TargetOffset",
+    "ThermalDrift",
+    "TrackerDrift",
+    "Wobble",
+    "unit_of",
+]

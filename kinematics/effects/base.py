@@ -1,0 +1,204 @@
+"""What every effect offers: parameters with units and typical sizes, and columns over a State."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, ClassVar, Literal, NamedTuple, Self, cast
+
+import msgspec
+import numpy as np
+
+from kinematics.basis import Interval
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+
+COMPONENTS = "XYZABC"
+Component = Literal["X", "Y", "Z", "A", "B", "C"]
+Remedy = Literal["program", "table", "bidirectional table", "none"]
+
+UM, URAD = 1e-3, 1e-6
+"""Parameters are in um and urad, error motions in mm and rad."""
+HOUR = 3600.0
+
+TOOL = -2
+"""Place of what displaces the tool in its own frame, behind the last axis."""
+INSTRUMENT = -1
+"""Place of what displaces an observation in the instrument's frame, behind the tool."""
+
+BY_DIRECTION = "um or urad"
+"""Unit of a parameter that counts the error itself: of a translation, or of a rotation."""
+BY_AXIS = "mm or deg"
+"""Unit of a position: of a linear, or of a rotary axis."""
+
+
+class Columns(NamedTuple):
+    """Change of one error component at one place, per unit of each parameter."""
+
+    place: int
+    """Column of an axis, TOOL or INSTRUMENT."""
+    component: int
+    """Index into COMPONENTS."""
+    values: Array
+    """`(n, parameters)`; mm or rad per unit of the parameter."""
+
+
+class Parameter(NamedTuple):
+    """One number of an effect."""
+
+    name: str
+    unit: str
+    """In the table of a class `a or b` where the direction or the axis decides, as in BY_DIRECTION and BY_AXIS."""
+    typical: float
+    """Its typical size, the standard deviation of its prior; infinite where nothing limits it."""
+    linear: bool = True
+    """False of what shapes the columns (a period, a time constant) and has no effect without an amplitude."""
+    share_of: str = ""
+    """In the table of a class: the field that `typical` is a share of."""
+
+
+def unit_of(direction: str) -> tuple[str, float]:
+    """Unit of the parameters of an error in that direction, a component or an axis, and its size in mm or rad."""
+    return ("urad", URAD) if direction[0] in "ABC" else ("um", UM)
+
+
+def own_component(axis: str) -> Component:
+    """Direction of an axis' positioning error: X of X2 and U, B of B."""
+    return cast(Component, {"U": "X", "V": "Y", "W": "Z"}.get(axis[0], axis[0]))
+
+
+def own_motion(machine: Machine, axis: str) -> tuple[int, int, float]:
+    """Column of the axis, index of its positioning error, and the sign in it of an error forward.
+
+    Forward is where a positive command goes; the sign is -1 for an axis that runs against its letter, since its E_ii is
+    counted along the letter.
+    """
+    i, k = machine.index(axis), COMPONENTS.index(own_component(axis))
+    return i, k, float(np.sign(machine.axes[i].error_frame[:, k % 3] @ machine.axes[i].unit_direction))
+
+
+class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
+    """Base of all effects: one physical cause of error.
+
+    A class of effects says once what it is; an object holds its parameters. Parameters stand in fields of their own,
+    a number or a row of numbers each, in um and urad where the name says no other unit; a field that is None is no
+    parameter of the object. `u` holds their standard uncertainties (k = 1), flat in the order of `parameter_table`.
+    """
+
+    TITLE: ClassVar[str]
+    ACTS_ON: ClassVar[Literal["axis", "tool", "instrument"]] = "axis"
+    """An effect of the instrument is in the data only; it never enters what is corrected."""
+    NEEDS: ClassVar[tuple[str, ...]] = ()
+    """Columns of State, besides positions."""
+    REMEDY: ClassVar[Remedy] = "program"
+    """The least that puts it right: a controller's table, one with both directions, the corrected program."""
+    HAS_MEMORY: ClassVar[bool] = False
+    """True when a row depends on other rows, or on its number."""
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = ()
+    """The fields that hold parameters; a row of numbers gives as many parameters `name[i]`."""
+    LABEL: ClassVar[tuple[str, ...]] = ()
+    """Fields that tell two effects of the class apart, besides component and axis."""
+
+    u: tuple[float, ...] = ()
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if self.u and len(self.u) != len(self.parameters):
+            raise ValueError(f"{self.name}: {len(self.parameters)} parameters with {len(self.u)} u")
+
+    @property
+    def kind(self) -> str:
+        """The name of the class in files."""
+        return str(self.__struct_config__.tag)
+
+    @property
+    def name(self) -> str:
+        """Short name for tables and reports."""
+        axis, component = getattr(self, "axis", ""), getattr(self, "component", "")
+        where = f"E_{component}{axis}" if component and axis else component or axis
+        return " ".join(filter(None, (self.kind, where, *(str(getattr(self, field)) for field in self.LABEL))))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes it speaks of."""
+        return tuple(getattr(self, field) for field in ("axis", "other", "cross") if hasattr(self, field))
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The columns of State, besides positions, that this effect can't do without."""
+        return self.NEEDS
+
+    @property
+    def angular(self) -> bool:
+        """True when its errors are rotations."""
+        return (getattr(self, "component", "") or getattr(self, "axis", " ")[0]) in "ABC"
+
+    @property
+    def intervals(self) -> Mapping[str, Interval]:
+        """By axis, the positions it is known for, mm or degrees; outside it keeps the value at the nearer end."""
+        return {}
+
+    def quantities(self) -> tuple[Parameter, ...]:
+        """The fields that hold its parameters, with their units and typical sizes."""
+        found = []
+        for q in self.QUANTITIES:
+            if getattr(self, q.name) is not None:
+                turns = self.axes[0][0] in "ABC" if q.unit == BY_AXIS else self.angular
+                unit = q.unit.split(" or ")[turns] if " or " in q.unit else q.unit
+                size = getattr(self, q.share_of) if q.share_of else 1.0
+                found.append(Parameter(q.name, unit, q.typical * size, q.linear))
+        return tuple(found)
+
+    @property
+    def parameter_table(self) -> tuple[Parameter, ...]:
+        """All parameters, in order."""
+        table: list[Parameter] = []
+        for quantity in self.quantities():
+            value = getattr(self, quantity.name)
+            if isinstance(value, tuple):
+                table += [quantity._replace(name=f"{quantity.name}[{i}]") for i in range(len(value))]
+            else:
+                table.append(quantity)
+        return tuple(table)
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """Their values, flat."""
+        values: list[float] = []
+        for quantity in self.QUANTITIES:
+            value = getattr(self, quantity.name)
+            if value is not None:
+                values += value if isinstance(value, tuple) else (value,)
+        return tuple(map(float, values))
+
+    @property
+    def uncertainties(self) -> tuple[float, ...]:
+        """Standard uncertainties of the parameters; zero where none are given."""
+        return self.u or (0.0,) * len(self.parameters)
+
+    def with_parameters(self, values: Sequence[float], u: Sequence[float] = ()) -> Self:
+        """The same effect with other parameters, flat, and their standard uncertainties."""
+        if len(values) != len(self.parameters):
+            raise ValueError(f"{self.name}: {len(self.parameters)} parameters, got {len(values)}")
+        left = iter(map(float, values))
+        changes: dict[str, Any] = {"u": tuple(map(float, u))}
+        for quantity in self.quantities():
+            value = getattr(self, quantity.name)
+            changes[quantity.name] = tuple(next(left) for _ in value) if isinstance(value, tuple) else next(left)
+        return msgspec.structs.replace(self, **changes)
+
+    @abstractmethod
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """Derivatives of the error components it touches with respect to its parameters, at their values."""
+
+    def contributions(self, machine: Machine, state: State) -> Iterator[tuple[int, int, Array]]:
+        """Place, component and values `(n,)`, mm or rad: what the effect adds.
+
+        Its columns times its linear parameters; an effect that is not of that form overrides this.
+        """
+        amplitudes = np.array(self.parameters)
+        if not all(quantity.linear for quantity in self.QUANTITIES):
+            amplitudes = amplitudes * [parameter.linear for parameter in self.parameter_table]
+        for place, component, values in self.columns(machine, state):
+            yield place, component, values @ amplitudes

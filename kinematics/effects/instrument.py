@@ -1,0 +1,227 @@
+"""The instrument: errors of the measurement, which leave the data and never enter the machine.
+
+Observations are points in the instrument's frame, its beam starting in the origin; azimuth about z from x, elevation
+from the x y plane. Errors are observed minus true: what has to be taken off the observations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+import numpy as np
+
+from kinematics.effects.base import (
+    HOUR,
+    INSTRUMENT,
+    TOOL,
+    UM,
+    URAD,
+    Cause,
+    Columns,
+    Parameter,
+    Remedy,
+    own_motion,
+)
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+
+class _Instrument(Cause, frozen=True):
+    ACTS_ON = "instrument"
+    REMEDY: ClassVar[Remedy] = "none"
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed",)
+
+
+class StationShift(_Instrument, frozen=True, tag="station-shift"):
+    """One set-up of the instrument stands elsewhere than its registration says: shifted, and turned about its origin.
+
+    In its own frame; what it observes moves the other way.
+    """
+
+    TITLE: ClassVar[str] = "shift of an instrument station"
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "station")
+    LABEL: ClassVar[tuple[str, ...]] = ("station",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("shift_um", "um", 20.0),
+        Parameter("turn_urad", "urad", 20.0),
+    )
+
+    station: str
+    shift_um: Vector = ZERO
+    turn_urad: Vector = ZERO
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `Cause.columns`."""
+        here = (state.need("station", self.name) == self.station).astype(float)
+        yield from _moved(state.need("observed", self.name), here)
+
+
+class TrackerDrift(_Instrument, frozen=True, tag="tracker-drift"):
+    """The instrument moves on its stand with time, from time 0: shifts, and turns about its origin, at constant rates.
+
+    In its own frame; what it observes moves the other way.
+    """
+
+    TITLE: ClassVar[str] = "drift of the instrument on its stand"
+    NEEDS: ClassVar[tuple[str, ...]] = ("observed", "time")
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("shift_um_per_h", "um/h", 10.0),
+        Parameter("turn_urad_per_h", "urad/h", 10.0),
+    )
+
+    shift_um_per_h: Vector = ZERO
+    turn_urad_per_h: Vector = ZERO
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `Cause.columns`."""
+        yield from _moved(state.need("observed", self.name), state.need("time", self.name) / HOUR)
+
+
+class RangeOffset(_Instrument, frozen=True, tag="tracker-range"):
+    """All ranges are read too long by the same length (birdbath, ADM offset)."""
+
+    TITLE: ClassVar[str] = "range offset of the tracker"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_um", "um", 10.0),)
+
+    offset_um: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `Cause.columns`."""
+        beam, _, _, _ = _beam(state.need("observed", self.name))
+        yield from _observed(beam[:, :, None] * UM)
+
+
+class AirScale(_Instrument, frozen=True, tag="air-scale"):
+    """All ranges are read too long in proportion: refractive index of the air, wavelength."""
+
+    TITLE: ClassVar[str] = "scale of the instrument (refractive index of the air)"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("scale_um_per_m", "um/m", 2.0),)
+
+    scale_um_per_m: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `Cause.columns`."""
+        yield from _observed(state.need("observed", self.name)[:, :, None] * 1e-3 * UM)
+
+
+class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
+    """One harmonic of an angle encoder's error (eccentricity: 1 or 2 per turn).
+
+    The circle reads sine sin(n angle) + cosine cos(n angle) too much.
+    """
+
+    TITLE: ClassVar[str] = "azimuth or elevation encoder of the tracker, one harmonic"
+    LABEL: ClassVar[tuple[str, ...]] = ("circle", "harmonic")
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("sine_urad", "urad", 10.0),
+        Parameter("cosine_urad", "urad", 10.0),
+    )
+
+    circle: Literal["azimuth", "elevation"]
+    harmonic: Annotated[int, msgspec.Meta(ge=1)]
+    sine_urad: float
+    cosine_urad: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `Cause.columns`."""
+        _, sideways, upwards, angles = _beam(state.need("observed", self.name))
+        arm, angle = (sideways, angles[:, 0]) if self.circle == "azimuth" else (upwards, angles[:, 1])
+        waves = np.stack([np.sin(self.harmonic * angle), np.cos(self.harmonic * angle)], axis=1) * URAD
+        yield from _observed(arm[:, :, None] * waves[:, None, :])
+
+
+class TargetOffset(_Instrument, frozen=True, tag="target-offset"):
+    """A target sits elsewhere in its nest than its vector says, in the tool's own directions."""
+
+    TITLE: ClassVar[str] = "offset of a target in its nest"
+    NEEDS: ClassVar[tuple[str, ...]] = ("target",)
+    LABEL: ClassVar[tuple[str, ...]] = ("target",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_um", "um", 50.0),)
+
+    target: str
+    offset_um: Vector
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `Cause.columns`."""
+        here = (state.need("target", self.name) == self.target)[:, None] * UM
+        for k in range(3):
+            yield Columns(TOOL, k, here * np.eye(3)[k])
+
+
+class LateReadBack(_Instrument, frozen=True, tag="late-read-back"):
+    """The axis positions noted with an observation are late, or the two clocks differ: the machine was farther by then.
+
+    lag x velocity ahead of the noted position, on every axis alike; following error with the other sign, but none of
+    the machine's.
+    """
+
+    TITLE: ClassVar[str] = "late read-back of the axis positions (clock offset)"
+    NEEDS: ClassVar[tuple[str, ...]] = ("velocity",)
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_ms", "ms", 1.0),)
+
+    lag_ms: float
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `Cause.columns`."""
+        velocity = state.need("velocity", self.name)
+        for axis in machine.names:
+            i, component, forward = own_motion(machine, axis)
+            yield Columns(i, component, 1e-3 * forward * velocity[:, [i]])
+
+
+class Outliers(_Instrument, frozen=True, tag="outliers"):
+    """Rows of the data, counted from 0, that do not belong to the rest: x y z of each in the instrument's frame."""
+
+    TITLE: ClassVar[str] = "outliers"
+    NEEDS: ClassVar[tuple[str, ...]] = ()
+    HAS_MEMORY: ClassVar[bool] = True
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("shift_um", "um", float("inf")),)
+
+    rows: tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
+    shift_um: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.shift_um) != 3 * len(self.rows):
+            raise ValueError(f"{self.name}: three numbers for each of its {len(self.rows)} rows")
+        super().__post_init__()
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
+        """See `Cause.columns`."""
+        if max(self.rows, default=-1) >= len(state):
+            raise UserError(f"{self.name}: there is no row {max(self.rows)} in {len(state)} rows")
+        values = np.zeros((len(state), 3, len(self.shift_um)))
+        for i, row in enumerate(self.rows):
+            values[row, :, 3 * i : 3 * i + 3] = np.eye(3) * UM
+        yield from _observed(values)
+
+
+def _observed(values: Array) -> Iterator[Columns]:
+    """Columns of the observed x, y and z, from derivatives `(n, 3, parameters)`."""
+    for k in range(3):
+        yield Columns(INSTRUMENT, k, values[:, k])
+
+
+def _moved(points: Array, weight: Array) -> Iterator[Columns]:
+    """A weighted small motion of the instrument: three shifts (um), three turns about its origin (urad)."""
+    values = np.empty((len(points), 3, 6))
+    values[:, :, :3] = -np.eye(3) * UM
+    values[:, :, 3:] = -np.cross(np.eye(3), points[:, None, :]).swapaxes(1, 2) * URAD
+    yield from _observed(values * weight[:, None, None])
+
+
+def _beam(points: Array) -> tuple[Array, Array, Array, Array]:
+    """Unit beams, and the arms (mm per rad) of azimuth and elevation, each `(n, 3)`; azimuth and elevation `(n, 2)`."""
+    x, y, z = points.T
+    flat = np.hypot(x, y)
+    length = np.hypot(flat, z)
+    azimuth, elevation = np.arctan2(y, x), np.arctan2(z, flat)
+    sideways = np.stack([-y, x, np.zeros_like(x)], axis=1)
+    upwards = np.stack([-z * np.cos(azimuth), -z * np.sin(azimuth), flat], axis=1)
+    return points / length[:, None], sideways, upwards, np.stack([azimuth, elevation], axis=1)

@@ -1,0 +1,214 @@
+"""Heat: drift of the tool point, growth of axes; by time, or by a temperature with its lag.
+
+Temperatures count from 20 degC, where nothing has grown. Time counts from the start of the data, where nothing has
+drifted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
+
+import msgspec
+import numpy as np
+
+from kinematics.effects.base import (
+    BY_DIRECTION,
+    COMPONENTS,
+    HOUR,
+    TOOL,
+    UM,
+    Cause,
+    Columns,
+    Component,
+    Parameter,
+    own_motion,
+    unit_of,
+)
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+
+MINUTES_30 = 1800.0
+"""s: time constant of a spindle or a column, in order of magnitude."""
+
+
+class _OverTime(Cause, frozen=True, kw_only=True):
+    """rate t + sum of amplitude (1 - exp(-t / time constant))."""
+
+    NEEDS: ClassVar[tuple[str, ...]] = ("time",)
+
+    rate: float | None = None
+    amplitudes: tuple[float, ...] = ()
+    time_constants_s: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.amplitudes) != len(self.time_constants_s) or len(self.amplitudes) > 2:
+            raise ValueError(f"{self.name}: up to two amplitudes, each with its time constant")
+        if self.rate is None and not self.amplitudes:
+            raise ValueError(f"{self.name}: neither a rate nor an amplitude")
+        if min(self.time_constants_s, default=1.0) <= 0:
+            raise ValueError(f"{self.name}: time constants must be positive")
+        super().__post_init__()
+
+    def _course(self, state: State) -> Array:
+        """Derivatives `(n, parameters)` of the course."""
+        time = state.need("time", self.name)[:, None]
+        share = time / np.array(self.time_constants_s)
+        slopes = -np.array(self.amplitudes) * np.exp(-share) * share / np.array(self.time_constants_s)
+        linear = [] if self.rate is None else [time / HOUR]
+        return np.concatenate([*linear, -np.expm1(-share), slopes], axis=1)
+
+
+class _WithSensor(Cause, frozen=True, kw_only=True):
+    """coefficient x temperature; with a lag, the temperature behind a first-order filter, so that warming and cooling
+    differ (hysteresis). The filter has settled at the first row, and is exact for a temperature that runs straight
+    from one row to the next; a jump is two rows of the same time.
+    """
+
+    NEEDS: ClassVar[tuple[str, ...]] = ("temperatures", "time")
+    HAS_MEMORY: ClassVar[bool] = True
+    LABEL: ClassVar[tuple[str, ...]] = ("sensor",)
+
+    sensor: str
+    coefficient: float
+    lag_s: Annotated[float, msgspec.Meta(ge=0)] | None = None
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Time only with a lag."""
+        return self.NEEDS[:1] if self.lag_s is None else self.NEEDS
+
+    def _course(self, state: State) -> Array:
+        """Derivatives `(n, parameters)` of the course."""
+        temperature = state.temperature(self.sensor, self.name)
+        if self.lag_s is None:
+            return temperature[:, None]
+        late, slope = lagged(temperature, state.need("time", self.name), self.lag_s)
+        return np.stack([late, self.coefficient * slope], axis=1)
+
+
+class ThermalDrift(_OverTime, frozen=True, tag="thermal-drift"):
+    """The tool point drifts with time: spindle growth, a column that bends. In the tool's own directions.
+
+    rate t + sum of amplitude (1 - exp(-t / time constant)). A spindle that grows brings the tool to -Z. Rotations are
+    about the tool reference point.
+    """
+
+    TITLE: ClassVar[str] = "thermal drift of the tool point with time (linear, exponential, two time constants)"
+    ACTS_ON = "tool"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("rate", "um/h or urad/h", 20.0),
+        Parameter("amplitudes", BY_DIRECTION, 20.0),
+        Parameter("time_constants_s", "s", MINUTES_30, linear=False),
+    )
+
+    component: Component
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002  the same on any machine
+        """See `Cause.columns`."""
+        yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
+
+
+class DriftWithSensor(_WithSensor, frozen=True, tag="thermal-drift-sensor"):
+    """The tool point follows a temperature, with or without lag. In the tool's own directions.
+
+    A first-order lag makes warming and cooling differ. A spindle that grows brings the tool to -Z. Rotations are about
+    the tool reference point.
+    """
+
+    TITLE: ClassVar[str] = "thermal drift of the tool point with a temperature, with lag"
+    ACTS_ON = "tool"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "um/K or urad/K", 5.0),
+        Parameter("lag_s", "s", MINUTES_30, linear=False),
+    )
+
+    component: Component
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002  the same on any machine
+        """See `Cause.columns`."""
+        yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
+
+
+class GrowthWithTime(_OverTime, frozen=True, tag="thermal-scale"):
+    """The scale of a linear axis grows with time: forward of its fixed point the tool goes too far.
+
+    Per m from the fixed point: rate t + sum of amplitude (1 - exp(-t / time constant)).
+    """
+
+    TITLE: ClassVar[str] = "thermal growth of an axis with time"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("rate", "um/m/h", 20.0),
+        Parameter("amplitudes", "um/m", 20.0),
+        Parameter("time_constants_s", "s", MINUTES_30, linear=False),
+    )
+
+    axis: str
+    fixed_point: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_linear(self.axis, self.name)
+        super().__post_init__()
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `Cause.columns`."""
+        yield _growth(machine, state, self.axis, self.fixed_point, self._course(state))
+
+
+class GrowthWithSensor(_WithSensor, frozen=True, tag="thermal-scale-sensor"):
+    """The scale of a linear axis follows a temperature, with or without lag, from a fixed point.
+
+    The coefficient is that of the axis less that of the instrument or the workpiece, whichever it is compared with.
+    """
+
+    TITLE: ClassVar[str] = "thermal growth of an axis with a temperature, with lag"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("coefficient", "um/m/K", 12.0),
+        Parameter("lag_s", "s", MINUTES_30, linear=False),
+    )
+
+    axis: str
+    fixed_point: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_linear(self.axis, self.name)
+        super().__post_init__()
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `Cause.columns`."""
+        yield _growth(machine, state, self.axis, self.fixed_point, self._course(state))
+
+
+def _check_linear(axis: str, name: str) -> None:
+    if axis[0] in "ABC":
+        raise ValueError(f"{name}: {axis} has no length that could grow")
+
+
+def _growth(machine: Machine, state: State, axis: str, fixed_point: float, course: Array) -> Columns:
+    """Columns of a growth whose course is in um per m of the distance from the fixed point, mm."""
+    i, component, forward = own_motion(machine, axis)
+    return Columns(i, component, course * (forward * 1e-3 * UM) * (state.positions[:, [i]] - fixed_point))
+
+
+def lagged(temperature: Array, time: Array, lag: float) -> tuple[Array, Array]:
+    """Output `(n,)` of a first-order filter of time constant `lag`, s, and its derivative with respect to the lag.
+
+    lag dy/dt = T - y with T straight from one row to the next, so that over a step h with r = h / lag
+    y1 = T1 - (T1 - T0) (1 - exp(-r)) / r + (y0 - T0) exp(-r). Rows whose time runs back count as of the same time.
+    """
+    step, rise = np.maximum(np.diff(time), 0.0), np.diff(temperature)
+    if lag == 0:
+        slope = np.divide(rise, step, out=np.zeros_like(rise), where=step > 0)
+        return temperature.copy(), -np.append(0.0, slope)
+    r = step / lag
+    keep = np.exp(-r)
+    mean = np.divide(-np.expm1(-r), r, out=np.ones_like(r), where=r > 0)
+    late, slope = temperature.copy(), np.zeros_like(temperature)
+    y, dy = float(temperature[:1].sum()), 0.0
+    columns = (temperature[:-1], temperature[1:], r, keep, mean)
+    for i, (before, after, ratio, kept, share) in enumerate(zip(*(c.tolist() for c in columns), strict=True), start=1):
+        dy = ((before - after) * (share - kept) + (y - before) * kept * ratio) / lag + dy * kept
+        y = after + (before - after) * share + (y - before) * kept
+        late[i], slope[i] = y, dy
+    return late, slope

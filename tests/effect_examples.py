@@ -1,0 +1,177 @@
+"""One table of examples of every effect, states that have every column, and what an effect does at the tool."""
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
+
+import machines
+from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
+from kinematics.deviation import Deviation, exact_deviation
+from kinematics.effects import (
+    AirScale,
+    AngleHarmonic,
+    Backlash,
+    CrossAxis,
+    Cyclic,
+    DriftWithSensor,
+    Effect,
+    ErrorMotion,
+    FirstCycle,
+    FollowingError,
+    GrowthWithSensor,
+    GrowthWithTime,
+    LateReadBack,
+    LocationError,
+    Outliers,
+    QuantisedCompensation,
+    Racking,
+    RangeOffset,
+    Settling,
+    StationShift,
+    TargetOffset,
+    ThermalDrift,
+    TrackerDrift,
+    Wobble,
+)
+from kinematics.machine import Machine
+from kinematics.model import no_errors
+from kinematics.state import State
+
+DMU50 = machines.load("dmu50")
+BACKWARD = machines.parse(
+    """
+name = "backward"
+chain = "w C Y b X U Z t"
+axes.C = { travel = [-180, 180], direction = [0, 0, -1], point = [40, -20, 0] }
+axes.Y = { travel = [0, 400], direction = [0, -1, 0] }
+axes.X = { travel = [0, 600], direction = [-1, 0, 0], point = [5, 120, 30] }
+axes.U = { travel = [-50, 50] }
+axes.Z = { travel = [0, 300] }
+""",
+    "backward",
+)
+"""C, Y and X run against their letters; Y and C carry the workpiece; U is a second axis along x."""
+
+
+@dataclass(frozen=True)
+class Example:
+    """An effect, and what is expected of it."""
+
+    effect: Effect
+    name: str
+    units: str
+    """Of its parameters, in order."""
+    touched: str
+    """Error motions, `tool` and `seen` with their components, in no order."""
+    machine: Machine = DMU50
+
+
+TABLE = BSpline((-250.0, 0.0, 250.0), 1)
+XYZ = "seen X, seen Y, seen Z"
+OWN = "E_CC, E_BB, E_XX, E_YY, E_ZZ"
+SIX = "um um um urad urad urad"
+PER_HOUR = "um/h um/h um/h urad/h urad/h urad/h"
+RISE = {"amplitudes": (12.0,), "time_constants_s": (900.0,)}
+TWO = {"rate": -2.0, "amplitudes": (12.0, -5.0), "time_constants_s": (900.0, 9000.0)}
+
+EXAMPLES = [
+    Example(ErrorMotion("X", "X", TABLE, (1.0, -2.0, 3.0), u=(0.1, 0.1, 0.2), note="seen"), "E_XX", "um um um", "E_XX"),
+    Example(ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0)), "E_CY", "urad urad urad", "E_CY"),
+    Example(ErrorMotion("Z", "Z", Polynomial((0.0, 400.0), 1), (0.0, 9.0), u=(1.0, 1.0)), "E_ZZ", "um um", "E_ZZ"),
+    Example(
+        ErrorMotion("B", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 2.0, 3.0, 4.0)), "E_BC", "urad " * 4, "E_BC"
+    ),
+    Example(ErrorMotion("X", "U", Polynomial((-50.0, 50.0), 1), (3.0, 9.0)), "E_XU", "um um", "E_XU", BACKWARD),
+    Example(LocationError("C", "Y", 12.0, u=(2.0,)), "E_C0Y", "urad", "E_XY"),
+    Example(LocationError("B", "Z", -15.0, u=(2.0,), note="seen"), "E_B0Z", "urad", "E_XZ"),
+    Example(LocationError("A", "X", 3.0), "E_A0X", "urad", ""),  # a line has no roll
+    Example(LocationError("Z", "Z", 6.0), "E_Z0Z", "um", "E_ZZ"),
+    Example(LocationError("X", "C", 6.0), "E_X0C", "um", "E_XC"),
+    Example(LocationError("A", "B", 6.0), "E_A0B", "urad", "E_AB"),
+    Example(
+        CrossAxis("Z", "X", "Y", (-250.0, 250.0), (-225.0, 225.0), 1, 2, (3.0, -1.0, 2.0, 0.5), u=(1.0,) * 4),
+        "E_ZX(Y)", "um um um um", "E_ZX",
+    ),
+    Example(CrossAxis("A", "C", "Z", (0.0, 360.0), (0.0, 400.0), 0, 1, (8.0,)), "E_AC(Z)", "urad", "E_AC"),
+    Example(Racking("X", "Y", 450.0, TABLE, (20.0, -5.0, 8.0), -225.0), "racking X", "um um um", "E_XX, E_CX"),
+    Example(
+        Racking("X", "Y", 400.0, Polynomial((0.0, 600.0), 1), (20.0, -5.0)), "racking X", "um um", "E_XX, E_CX",
+        BACKWARD,
+    ),
+    Example(Wobble("C", "radial", 1, 1, 4.0, -2.0), "wobble C radial 1 1", "um um", "E_XC, E_YC"),
+    Example(Wobble("B", "tilt", 2, -1, 4.0, -2.0), "wobble B tilt 2 -1", "urad urad", "E_AB, E_CB"),
+    Example(Backlash("X", 12.0, u=(0.5,)), "backlash X", "um", "E_XX"),
+    Example(Backlash("Z", 12.0, 30.0), "backlash Z", "um um/m", "E_ZZ"),
+    Example(Backlash("B", 40.0, 9.0, u=(1.0, 2.0)), "backlash B", "urad urad/rad", "E_BB"),
+    Example(Backlash("U", 9.0, -7.0), "backlash U", "um um/m", "E_XU", BACKWARD),
+    Example(Cyclic("X", "X", 10.0, (2.0,), (-1.0,)), "cyclic E_XX", "mm um um", "E_XX"),
+    Example(
+        Cyclic("C", "Y", 0.25, (2.0, 0.3, 0.0), (-1.0, 0.0, 0.5)), "cyclic E_CY", "mm" + " urad" * 6, "E_CY"
+    ),
+    Example(Cyclic("Z", "C", 360.0, (3.0, 1.0), (0.0, 2.0)), "cyclic E_ZC", "deg um um um um", "E_ZC"),
+    Example(QuantisedCompensation("X", 4.0, 25.0, 3.0), "quantised-compensation X", "um mm mm", "E_XX"),
+    Example(QuantisedCompensation("C", -6.0, 15.0), "quantised-compensation C", "urad deg deg", "E_CC"),
+    Example(FollowingError("Y", 1.5), "following-error Y", "ms", "E_YY"),
+    Example(FollowingError("C", 1.5, 12.0), "following-error C", "ms ms2", "E_CC"),
+    Example(Settling("Z", 30.0), "settling Z", "ppm", "E_ZZ"),
+    Example(FirstCycle("Y", "X", -4.0), "first-cycle E_YX", "um", "E_YX"),
+    Example(FirstCycle("B", "B", -4.0), "first-cycle E_BB", "urad", "E_BB"),
+    Example(ThermalDrift(component="Z", rate=-25.0), "thermal-drift Z", "um/h", "tool Z"),
+    Example(ThermalDrift(component="X", **RISE), "thermal-drift X", "um s", "tool X"),
+    Example(ThermalDrift(component="A", **TWO), "thermal-drift A", "urad/h urad urad s s", "tool A"),
+    Example(
+        DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0),
+        "thermal-drift-sensor Z spindle", "um/K", "tool Z",
+    ),
+    Example(
+        DriftWithSensor(component="B", sensor="column", coefficient=-6.0, lag_s=700.0),
+        "thermal-drift-sensor B column", "urad/K s", "tool B",
+    ),
+    Example(GrowthWithTime(axis="X", rate=15.0, fixed_point=-250.0), "thermal-scale X", "um/m/h", "E_XX"),
+    Example(GrowthWithTime(axis="Y", **RISE), "thermal-scale Y", "um/m s", "E_YY", BACKWARD),
+    Example(GrowthWithTime(axis="Z", **TWO), "thermal-scale Z", "um/m/h um/m um/m s s", "E_ZZ"),
+    Example(
+        GrowthWithSensor(axis="Y", sensor="column", coefficient=10.0, lag_s=700.0),
+        "thermal-scale-sensor Y column", "um/m/K s", "E_YY",
+    ),
+    Example(
+        GrowthWithSensor(axis="U", sensor="column", coefficient=10.0, fixed_point=20.0),
+        "thermal-scale-sensor U column", "um/m/K", "E_XU", BACKWARD,
+    ),
+    Example(StationShift("s2", (5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "station-shift s2", SIX, XYZ),
+    Example(TrackerDrift((5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "tracker-drift", PER_HOUR, XYZ),
+    Example(RangeOffset(7.0), "tracker-range", "um", XYZ),
+    Example(AirScale(-1.5), "air-scale", "um/m", XYZ),
+    Example(AngleHarmonic("azimuth", 1, 6.0, -3.0), "tracker-angle azimuth 1", "urad urad", XYZ),
+    Example(AngleHarmonic("elevation", 2, 6.0, -3.0), "tracker-angle elevation 2", "urad urad", XYZ),
+    Example(TargetOffset("t1", (30.0, -20.0, 10.0)), "target-offset t1", "um um um", "tool X, tool Y, tool Z"),
+    Example(LateReadBack(2.0), "late-read-back", "ms", OWN),
+    Example(Outliers((3, 0), (100.0, 0.0, 50.0, -70.0, 5.0, 5.0)), "outliers", "um " * 6, XYZ),
+]  # fmt: skip
+
+
+def deviation_of(effect: Effect, machine: Machine, state: State, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Deviation:
+    """What the data show of it at the tool, by the exact kinematics, mm and rad, workpiece frame."""
+    model = msgspec.structs.replace(no_errors(machine), effects=(effect,))
+    return exact_deviation(machine, state.positions, model.observation(machine, state).errors, tool)
+
+
+def full_state(machine: Machine, n: int, seed: int = 1) -> State:
+    """Random states with every column; positions inside travel, unlimited axes within a turn each way."""
+    rng, axes = np.random.default_rng(seed), len(machine.axes)
+    travel = np.where(machine.rotary, np.clip(machine.travel, -2 * np.pi, 2 * np.pi), machine.travel)
+    return State(
+        rng.uniform(*travel, (n, axes)),
+        approach=rng.choice([-1.0, 0.0, 1.0], (n, axes)),
+        last_move=rng.normal(0.0, 50.0, (n, axes)),
+        velocity=rng.normal(0.0, 30.0, (n, axes)),
+        acceleration=rng.normal(0.0, 500.0, (n, axes)),
+        time=np.sort(rng.uniform(0.0, 20_000.0, n)),
+        temperatures={name: rng.normal(3.0, 2.0, n) for name in ("spindle", "column")},
+        cycle=rng.integers(0, 3, n).astype(float),
+        station=rng.choice(["s1", "s2"], n),
+        target=rng.choice(["t1", "t2"], n),
+        observed=rng.uniform(500.0, 3000.0, (n, 3)) * rng.choice([-1.0, 1.0], (n, 3)),
+    )

@@ -1,0 +1,104 @@
+"""Effects of the instrument against disturbing what it reads."""
+
+import msgspec
+import numpy as np
+import pytest
+from effect_examples import DMU50
+from scipy.spatial.transform import Rotation
+
+from kinematics.effects import (
+    AirScale,
+    AngleHarmonic,
+    Effect,
+    Outliers,
+    RangeOffset,
+    StationShift,
+    TargetOffset,
+    TrackerDrift,
+)
+from kinematics.errors import UserError
+from kinematics.forward import tool_point
+from kinematics.model import no_errors
+from kinematics.state import State
+from kinematics.transforms import Array
+
+POINTS = np.random.default_rng(5).uniform(-3000.0, 3000.0, (40, 3))
+SECOND_ORDER = 4e-6
+"""mm: 28 urad twice, at 5 m."""
+
+
+def seen(effect: Effect, **columns: Array) -> Array:
+    """What it adds to the observed points `(n, 3)`, mm."""
+    state = State(np.zeros((len(POINTS), 5)), observed=POINTS, **columns)
+    model = msgspec.structs.replace(no_errors(DMU50), effects=(effect,))
+    errors, shift = model.observation(DMU50, state)
+    assert not errors.any()
+    return shift
+
+
+def read(points: Array) -> tuple[Array, Array, Array]:
+    """Range, azimuth and elevation."""
+    x, y, z = points.T
+    return np.linalg.norm(points, axis=1), np.arctan2(y, x), np.arcsin(z / np.linalg.norm(points, axis=1))
+
+
+def placed(length: Array, azimuth: Array, elevation: Array) -> Array:
+    flat = length * np.cos(elevation)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), length * np.sin(elevation)], axis=1)
+
+
+def from_moved_station(shift_um: Array, turn_urad: Array) -> Array:
+    """The points as a station sees them that stands shifted and turned in the frame they are given in."""
+    return Rotation.from_rotvec(np.array(turn_urad) * 1e-6).inv().apply(POINTS - np.array(shift_um) * 1e-3)
+
+
+def test_a_station_that_stands_elsewhere_sees_all_points_moved_the_other_way():
+    station = np.where(np.arange(len(POINTS)) % 3 == 0, "s2", "s1")
+    shift, turned = (30.0, -20.0, 10.0), (15.0, -12.0, 20.0)
+    found = seen(StationShift("s2", shift, turned), station=station)
+    expected = np.where((station == "s2")[:, None], from_moved_station(shift, turned) - POINTS, 0.0)
+    assert found == pytest.approx(expected, abs=SECOND_ORDER)
+    assert np.abs(found).max() > 0.05
+
+
+def test_a_drifting_tracker_is_a_station_that_moves():
+    shift, turned = np.array([30.0, -20.0, 10.0]), np.array([15.0, -12.0, 20.0])
+    for hours in (0.0, 1.0, 0.25):
+        time = np.full(len(POINTS), hours * 3600.0)
+        found = seen(TrackerDrift(tuple(shift), tuple(turned)), time=time)
+        assert found == pytest.approx(from_moved_station(hours * shift, hours * turned) - POINTS, abs=SECOND_ORDER)
+
+
+def test_a_range_offset_and_the_air_make_ranges_too_long():
+    length, *angles = read(POINTS)
+    assert seen(RangeOffset(12.0)) == pytest.approx(placed(length + 12e-3, *angles) - POINTS, abs=1e-9)
+    assert seen(AirScale(3.0)) == pytest.approx(placed(length * (1 + 3e-6), *angles) - POINTS, abs=1e-9)
+
+
+@pytest.mark.parametrize("harmonic", [1, 2, 5])
+def test_an_encoder_reads_too_much(harmonic):
+    length, azimuth, elevation = read(POINTS)
+    too_much = [1e-6 * (9 * np.sin(harmonic * a) - 4 * np.cos(harmonic * a)) for a in (azimuth, elevation)]
+    found = seen(AngleHarmonic("azimuth", harmonic, 9.0, -4.0))
+    assert found == pytest.approx(placed(length, azimuth + too_much[0], elevation) - POINTS, abs=SECOND_ORDER)
+    found = seen(AngleHarmonic("elevation", harmonic, 9.0, -4.0))
+    assert found == pytest.approx(placed(length, azimuth, elevation + too_much[1]) - POINTS, abs=SECOND_ORDER)
+
+
+def test_a_target_that_sits_elsewhere_is_a_longer_tool():
+    rng, tool, offset = np.random.default_rng(3), np.array([20.0, -30.0, -150.0]), (40.0, -25.0, 60.0)
+    q = rng.uniform(*DMU50.travel, (20, 5))
+    target = np.where(np.arange(20) < 12, "t1", "t2")
+    model = msgspec.structs.replace(no_errors(DMU50), effects=(TargetOffset("t1", offset),))
+    errors, _ = model.observation(DMU50, State(q, target=target))
+    expected = tool_point(DMU50, q, tool + np.where((target == "t1")[:, None], np.array(offset) * 1e-3, 0.0))
+    assert tool_point(DMU50, q, tool, errors) == pytest.approx(expected, abs=1e-10)
+
+
+def test_outliers_are_rows():
+    found = seen(Outliers((7, 2), (100.0, 0.0, -50.0, 1.0, 2.0, 3.0)))
+    expected = np.zeros((40, 3))
+    expected[7], expected[2] = (0.1, 0.0, -0.05), (1e-3, 2e-3, 3e-3)
+    assert found == pytest.approx(expected, abs=1e-15)
+    with pytest.raises(UserError, match=r"^outliers: there is no row 40 in 40 rows$"):
+        seen(Outliers((40,), (1.0, 1.0, 1.0)))
