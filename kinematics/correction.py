@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 
@@ -19,11 +19,8 @@ DAMPING = 5e-3
 """rad: the tilt off a pole below which rotary axes give up correcting the orientation (gain 1/2 there)."""
 
 
-class Errors(Protocol):
-    """Error motions of a machine at axis positions."""
-
-    def __call__(self, q: Array) -> Array:
-        """Error motions `(n, axes + 1, 6)` at q `(n, axes)`, mm and rad."""
+Errors = Callable[[Array], Array]
+"""Error motions `(n, axes + 1, 6)` of a machine at axis positions `(n, axes)`, mm and rad."""
 
 
 def correct_position(

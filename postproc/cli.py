@@ -103,6 +103,10 @@ def correct(
     no_travel_check: Annotated[
         bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")
     ] = False,
+    classes: Annotated[
+        str | None,
+        typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
+    ] = None,
     tolerance_um: Annotated[
         float, typer.Option("--tolerance-um", min=0.0, help="Note feed moves that stray farther between their ends.")
     ] = 1.0,
@@ -125,10 +129,11 @@ def correct(
         raise UserError(f"--json and --output both name {json}")
     found = _machine(machine)
     model = _model(calibration, found)
+    chosen = _classes(classes, found)
     source = open_source(program)
     setup = _setup(found, work_offset, tool_length, tool_table)
     language = find_dialect(dialect, source.name, source.text_head)
-    job = Job(source, language, found, model, setup, not no_travel_check, force, tolerance_um)
+    job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um)
     with _result(json) as results:
         with progress_of(source.size, "correcting") as progress, _result(output) as file:
             report = Pipeline(job).run(file, progress)
@@ -149,13 +154,17 @@ def verify_command(
     work_offset: WorkOffsets = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
+    classes: Annotated[
+        bool, typer.Option("--classes", help="Also show what each ISO/TR 16907 class would leave of the errors.")
+    ] = False,
     json: JsonFile = None,
 ) -> None:
     """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
+    from postproc.class_table import class_table
     from postproc.dialects import find_dialect
     from postproc.mark import calibration_of
     from postproc.source import open_source
-    from postproc.terminal import console, output, say, show_verdict
+    from postproc.terminal import console, output, say, show_classes, show_verdict
     from postproc.verify import merged, read_motions, verify
 
     found = _machine(machine)
@@ -170,9 +179,13 @@ def verify_command(
     marked = calibration_of(source)
     if marked != model.id.upper():
         say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
+    table = class_table(motions[0], model) if classes else []
     with _result(json) as results:
-        _write_json(verdict.json(), results)
-    show_verdict(verdict, console if json == "-" else output)
+        _write_json(verdict.json() | {"classes": [left.json() for left in table]}, results)
+    to = console if json == "-" else output
+    show_verdict(verdict, to)
+    if table:
+        show_classes(table, to)
 
 
 @app.command(
@@ -248,6 +261,15 @@ def _model(calibration: str | None, machine: Any) -> Any:
             "(made by 'ncomp fit'), or --calibration none"
         )
     return read_model(path, machine)
+
+
+def _classes(text: str | None, machine: Any) -> frozenset[str] | None:
+    from kinematics.classes import ORIENTATION, parse_classes
+
+    chosen = None if text is None else parse_classes(text)
+    if chosen and ORIENTATION in chosen and not machine.rotary.any():
+        raise UserError(f"--classes {text}: machine {machine.name} has no rotary axis to correct the orientation with")
+    return chosen
 
 
 def _setup(machine: Any, offsets: list[str] | None, lengths: list[str] | None, table: Path | None) -> Any:

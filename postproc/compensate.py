@@ -6,18 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.errors import UserError
-from kinematics.forward import tool_point
-from kinematics.inverse import linear_positions
+from kinematics.correction import Errors, correct_orientation, correct_position
+from kinematics.forward import forward, tool_point
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.circles import point_at, sweep
 from postproc.motions import Kind, Known, Motions
-
-CONVERGED_MM = 1e-8
-MAX_ROUNDS = 12
 
 
 @dataclass(frozen=True)
@@ -34,40 +30,32 @@ class Correction:
     """By row of an arc: corrected minus nominal programmed position `(axes,)` half-way along it."""
 
 
-def correct(motions: Motions, model: ErrorModel) -> Correction:
+def correct(motions: Motions, model: ErrorModel, orientation: ErrorModel | None = None) -> Correction:
     """Correct all moves of a chunk: end points, and the middles of arcs.
 
-    Translator axes whose position the program has said in its own frame take the correction; rotary axes and axes
-    that stand at an assumed or machine position keep the nominal one.
+    Translator axes whose position the program has said in its own frame take the correction of the tool point by
+    `model`; with a model for the orientation, rotary axes that of the tool axis. All others keep the nominal position.
     """
-    machine = motions.machine
-    nominal = motions.machine_target
     movable = (motions.known == Known.PROGRAM) & (motions.kind != Kind.MACHINE)[:, None]
-    corrected = correct_positions(machine, model, nominal, motions.tool, movable)
-    return Correction(nominal, corrected, motions.in_program(corrected), _arc_middles(motions, model, movable))
+    nominal = motions.machine_target
+    corrected = _corrected(motions.machine, model, nominal, motions.tool, movable, orientation)
+    middles = _arc_middles(motions, model, movable, orientation)
+    return Correction(nominal, corrected, motions.in_program(corrected), middles)
 
 
-def correct_positions(machine: Machine, model: ErrorModel, nominal: Array, tool: Array, movable: NDArrayBool) -> Array:
-    """Axis positions `(n, axes)`, mm and rad, at which the actual tool point is where the nominal one is at `nominal`.
+def _corrected(
+    machine: Machine,
+    model: ErrorModel,
+    nominal: Array,
+    tool: Array,
+    movable: NDArrayBool,
+    orientation: ErrorModel | None,
+) -> Array:
+    def errors_of(which: ErrorModel) -> Errors:
+        return lambda q: which.errors(machine, State(q))
 
-    tool `(n, 3)` mm; movable `(n, axes)`: axes that may move, of which only the translators do. The nominal machine
-    is aimed past the target by what the exact model says it misses, until nothing is missed: each round leaves about
-    the slope of the errors (1e-4) of what the round before did. UserError when it does not settle.
-    """
-    target = tool_point(machine, nominal, tool)
-    aim = target.copy()
-    moving = np.zeros_like(movable)
-    moving[:, machine.translators] = movable[:, machine.translators]
-    q = nominal
-    for _ in range(MAX_ROUNDS):
-        missed = actual_tool_point(machine, model, q, tool) - target
-        aim = aim - missed
-        following = np.where(moving, linear_positions(machine, q, aim, tool), nominal)
-        step = np.abs(following - q).max(initial=0.0)
-        q = following
-        if step < CONVERGED_MM:
-            return q
-    raise UserError("the error model changes so steeply with position that no correction settles")
+    start = None if orientation is None else correct_orientation(machine, errors_of(orientation), nominal, movable)
+    return correct_position(machine, errors_of(model), nominal, tool, movable, start)
 
 
 def actual_tool_point(machine: Machine, model: ErrorModel, q: Array, tool: Array) -> Array:
@@ -81,7 +69,15 @@ def missed_um(machine: Machine, model: ErrorModel, q: Array, nominal: Array, too
     return np.asarray(np.linalg.norm(missed, axis=1) * 1e3)
 
 
-def _arc_middles(motions: Motions, model: ErrorModel, movable: NDArrayBool) -> dict[int, Array]:
+def tilt_urad(machine: Machine, model: ErrorModel, q: Array, nominal: Array) -> Array:
+    """Angle `(n,)`, urad, of the actual tool axis at `q` from the nominal one at `nominal`."""
+    actual = forward(machine, q, model.errors(machine, State(q))).rotation[:, :, 2]
+    return np.asarray(np.linalg.norm(actual - forward(machine, nominal).rotation[:, :, 2], axis=1) * 1e6)
+
+
+def _arc_middles(
+    motions: Motions, model: ErrorModel, movable: NDArrayBool, orientation: ErrorModel | None
+) -> dict[int, Array]:
     rows = sorted(motions.arcs)
     if not rows:
         return {}
@@ -95,6 +91,7 @@ def _arc_middles(motions: Motions, model: ErrorModel, movable: NDArrayBool) -> d
         middles[row, [first, second]] = point_at((start[first], start[second]), arc.centre, angle / 2)
     nominal = motions.in_machine(middles)
     corrected = nominal.copy()
-    corrected[rows] = correct_positions(motions.machine, model, nominal[rows], motions.tool[rows], movable[rows])
+    tool = motions.tool[rows]
+    corrected[rows] = _corrected(motions.machine, model, nominal[rows], tool, movable[rows], orientation)
     shift = motions.in_program(corrected) - middles
     return {row: shift[row] for row in rows}

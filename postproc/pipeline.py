@@ -15,11 +15,12 @@ from typing import BinaryIO
 
 import numpy as np
 
+from kinematics.classes import ORIENTATION, select
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.compensate import Correction, correct, missed_um
+from postproc.compensate import Correction, correct, missed_um, tilt_urad
 from postproc.dialects import Dialect
 from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Kind, Known, Motions
@@ -46,6 +47,8 @@ class Job:
     setup: Setup
     travel_check: bool = True
     force: bool = False
+    classes: frozenset[str] | None = None
+    """Elementary compensation classes, and FOR, that are corrected; None for all but FOR."""
     tolerance_um: float = 1.0
     """Feed moves that stray farther than this between their ends are noted."""
 
@@ -57,7 +60,9 @@ class Pipeline:
         self.job = job
         self.notes = Notes()
         self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
-        self.writer = Writer(job.machine)
+        self.orientation = job.classes is not None and ORIENTATION in job.classes
+        self.corrected_part = job.model if job.classes is None else select(job.model, job.classes)
+        self.writer = Writer(job.machine, orientation=self.orientation)
         self.report = _new_report(job)
         self._marked = False
 
@@ -93,7 +98,7 @@ class Pipeline:
         if not job.model.effects:
             return [block.text for block in blocks]
         self._refuse_marked(blocks)
-        correction = correct(motions, job.model)
+        correction = correct(motions, self.corrected_part, job.model if self.orientation else None)
         check_size(motions, correction.nominal, correction.corrected)
         if job.travel_check:
             refuse_outside(motions, correction.corrected, "after correction")
@@ -128,12 +133,16 @@ class Pipeline:
         report.not_judged += int((~judged).sum())
         for i in machine.translators:
             report.correction.setdefault(machine.names[i], Statistic()).add(moved[:, i] * 1e3)
+        for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
+            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[:, i]) * 1e6)
         self._note_assumed(motions, correctable)
         if not judged.any():
             return
         nominal, ends = correction.nominal[judged], motions.in_machine(written.ends)[judged]
         report.before.add(missed_um(machine, job.model, nominal, nominal, tool[judged]))
         report.after.add(missed_um(machine, job.model, ends, nominal, tool[judged]))
+        report.tilt_before.add(tilt_urad(machine, job.model, nominal, nominal))
+        report.tilt_after.add(tilt_urad(machine, job.model, ends, nominal))
         self._judge_between(motions, written)
         self._note_turning(motions, correction, written)
         some = np.flatnonzero(judged)[:: max(1, int(judged.sum()) // UNCERTAINTY_ROWS)]

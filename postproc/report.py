@@ -47,8 +47,14 @@ class Report:
     corrected: int = 0
     changed_blocks: int = 0
     correction: dict[str, Statistic] = field(default_factory=dict)
+    """By axis, um."""
+    turning: dict[str, Statistic] = field(default_factory=dict)
+    """By rotary axis, urad, when the orientation is corrected."""
     before: Statistic = field(default_factory=Statistic)
     after: Statistic = field(default_factory=Statistic)
+    tilt_before: Statistic = field(default_factory=Statistic)
+    """Of the tool axis, urad."""
+    tilt_after: Statistic = field(default_factory=Statistic)
     between_ends: Statistic = field(default_factory=Statistic)
     uncertainty: Statistic = field(default_factory=Statistic)
     not_judged: int = 0
@@ -66,12 +72,14 @@ class Report:
             "blocks": {"read": self.blocks, "changed": self.changed_blocks},
             "moves": {"read": self.moves, "corrected": self.corrected, "not_judged": self.not_judged},
             "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
+            "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
             "predicted_error_um": {
                 "before": self.before.json(),
                 "after": self.after.json(),
                 "between_block_ends_after": self.between_ends.json(),
                 "standard_uncertainty_of_prediction": self.uncertainty.json(),
             },
+            "predicted_tool_axis_error_urad": {"before": self.tilt_before.json(), "after": self.tilt_after.json()},
             "work_offsets": self.work_offsets,
             "tools": self.tools,
             "notes": self.notes,

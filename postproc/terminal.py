@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kinematics.machine import Machine
+from postproc.class_table import Left
 from postproc.report import Report, Statistic
 from postproc.verify import Verdict
 
@@ -69,6 +70,22 @@ def show_verdict(verdict: Verdict, to: Console) -> None:
         to.print(parts)
 
 
+def show_classes(rows: list[Left], to: Console) -> None:
+    """What each compensation class would leave."""
+    table = Table(
+        "classes corrected",
+        "tool point max um",
+        "RMS um",
+        "tool axis max urad",
+        "RMS urad",
+        "rotary axes moved, max urad",
+    )
+    for left in rows:
+        numbers = (left.position.largest, left.position.rms, left.tilt.largest, left.tilt.rms, left.turning.largest)
+        table.add_row(left.choice, *(f"{number:.2f}" for number in numbers))
+    to.print(table)
+
+
 def show_machine(machine: Machine, calibration: str) -> None:
     """A machine's chain and axes."""
     output.print(f"{machine.name}  {machine.description}")
@@ -98,11 +115,15 @@ def _correction_table(report: Report) -> Table:
     table = Table("um", "max", "RMS")
     for axis, statistic in report.correction.items():
         table.add_row(f"correction {axis}", f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
+    for axis, statistic in report.turning.items():
+        table.add_row(f"correction {axis}, urad", f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
     table.add_section()
     for name, statistic in (
         ("error at block ends before", report.before),
         ("error at block ends after", report.after),
         ("error between block ends after", report.between_ends),
+        ("tool axis before, urad", report.tilt_before),
+        ("tool axis after, urad", report.tilt_after),
         ("standard uncertainty (k=1)", report.uncertainty),
     ):
         if statistic.count:

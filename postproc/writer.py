@@ -72,9 +72,12 @@ def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shi
 class Writer:
     """Turns corrections into text, chunk after chunk."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, *, orientation: bool = False) -> None:
         self.machine = machine
-        self._by_letter = sorted(machine.translators, key=lambda axis: ORDER.index(machine.names[axis][0]))
+        corrected = [
+            i for i in range(len(machine.axes)) if i in machine.translators or (orientation and machine.rotary[i])
+        ]
+        self._by_letter = sorted(corrected, key=lambda axis: ORDER.index(machine.names[axis][0]))
         self._layout = Layout()
         self._held: list[float] | None = None
         self._frame: Frame | None = None
@@ -152,14 +155,15 @@ class Writer:
             wanted[axis] = start[axis]
         if arc is not None and not arc.full:
             self._round_off(motions, row, start, wanted, correction.middle_shift[row])
-        unit = float(motions.unit[row])
+        linear_unit = float(motions.unit[row])
         said = (motions.known[row] == Known.PROGRAM).tolist()
         named = set()
         for axis, index, incremental in motions.words[row]:
             named.add(axis)
             if not said[axis]:
                 held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
-            elif axis in self.machine.translators:
+            elif axis in self._by_letter:
+                unit = 1.0 if self.machine.rotary[axis] else linear_unit
                 base = start[axis] if incremental else 0.0
                 number = (wanted[axis] - base) / unit
                 decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in kept else 0)
@@ -168,6 +172,7 @@ class Writer:
                 held[axis] = float(motions.target[row, axis])
         for axis in self._by_letter:
             if axis not in named and said[axis]:
+                unit = 1.0 if self.machine.rotary[axis] else linear_unit
                 held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, bool(motions.incremental[row]))
         if arc is not None:
             self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row])
