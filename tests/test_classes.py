@@ -50,8 +50,9 @@ def test_every_effect_has_an_elementary_class():
 
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [("E_XX", "L-POS"), ("E_YX", "L-STR"), ("E_C0Y", "L-SQU"), ("E_AZ", "L-ANG"), ("E_BB", "R-POS"), ("E_CC", "R-POS"),
-     ("E_XC", "R-RAX"), ("E_ZC", "R-RAX"), ("E_A0B", "R-POR"), ("E_X0C", "R-POR"), ("E_AC", "R-ANG"), ("E_CB", "R-ANG")],
+    [("E_XX", "L-POS"), ("E_YX", "L-STR"), ("E_C0Y", "L-SQU"), ("E_AZ", "L-ANG"), ("E_BB", "R-POS"),
+     ("E_CC", "R-POS"), ("E_XC", "R-RAX"), ("E_ZC", "R-RAX"), ("E_A0B", "R-POR"), ("E_X0C", "R-POR"),
+     ("E_AC", "R-ANG"), ("E_CB", "R-ANG")],
 )  # fmt: skip
 def test_class_of_an_error_motion(name, expected):
     assert next(class_of(effect) for effect in DEMONSTRATION.effects if effect.name == name) == expected
