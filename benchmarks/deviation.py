@@ -2,8 +2,8 @@
 
 python benchmarks/deviation.py
 
-30 error motions (28 of them not zero in the demonstration calibration are simulated or published) and 11 location
-errors; every way works in blocks of rows. The exact way multiplies the matrices of all axes, as kinematics.forward.
+The errors are those of the demonstration calibration: 30 error motions and 11 location errors. Exact is the product of
+the matrices of all axes. The error motions themselves, which both need, are timed apart.
 """
 
 from __future__ import annotations

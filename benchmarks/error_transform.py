@@ -16,7 +16,6 @@ from kinematics.deviation import exact_deviation
 from kinematics.error_transform import error_transform, first_order_deviation
 
 ROWS = 100_000
-BLOCK = 4096
 RUNS = 7
 TOOL = (10.0, -20.0, -120.0)
 
@@ -38,21 +37,16 @@ def main() -> None:
     rng = np.random.default_rng(0)
     q = rng.uniform(*machine.travel, (ROWS, 5))
     errors = rng.normal(0.0, 1e-5, (ROWS, 5, 6))
-    blocks = [slice(start, start + BLOCK) for start in range(0, ROWS, BLOCK)]
 
     ways: dict[str, Callable[[], object]] = {
         "exact matrix product": lambda: exact_deviation(machine, q, errors, TOOL),
-        "exact, in blocks": lambda: [exact_deviation(machine, q[rows], errors[rows], TOOL) for rows in blocks],
         "J alone": lambda: error_transform(machine, q, TOOL),
         "J . errors": lambda: np.einsum("nij,nj->ni", error_transform(machine, q, TOOL), errors.reshape(ROWS, -1)),
         "first order, without J": lambda: first_order_deviation(machine, q, errors, TOOL),
-        "without J, in blocks": lambda: [
-            first_order_deviation(machine, q[rows], errors[rows], TOOL) for rows in blocks
-        ],
     }
     seconds = {name: median_seconds(work) for name, work in ways.items()}
     exact = seconds["exact matrix product"]
-    print(f"{machine.name} ({machine.chain}), {ROWS} rows, blocks of {BLOCK}, median of {RUNS} runs")
+    print(f"{machine.name} ({machine.chain}), {ROWS} rows, median of {RUNS} runs")
     print(f"{'':28}{'seconds':>10}{'exact / this':>14}")
     for name, duration in seconds.items():
         print(f"{name:28}{duration:10.4f}{exact / duration:14.1f}")

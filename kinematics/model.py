@@ -251,7 +251,8 @@ def _check(model: ErrorModel, units: list[Any], source: str) -> None:
     if [len(row) for row in model.covariance] != [n] * n:
         raise UserError(f"calibration {source}: covariance is not {n} x {n}, one row per parameter")
     covariance = np.array(model.covariance).reshape(n, n)
-    largest = np.abs(covariance).max(initial=0.0)
-    lowest = np.linalg.eigvalsh(covariance).min(initial=0.0)
-    if np.abs(covariance - covariance.T).max(initial=0.0) > 1e-9 * largest or lowest < -1e-9 * largest:
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scaled = covariance / np.outer(*[np.where(u > 0, u, 1.0)] * 2)  # parameters differ in unit and size
+    lowest = np.linalg.eigvalsh(scaled).min(initial=0.0)
+    if np.abs(scaled - scaled.T).max(initial=0.0) > 1e-9 or lowest < -1e-9:
         raise UserError(f"calibration {source}: covariance is not symmetric and positive")

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
@@ -407,6 +408,18 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     ),
     "covariance not symmetric": (
         lambda data: data.update(covariance=np.tri(12).tolist()),
+        "covariance is not symmetric and positive",
+    ),
+    "negative variance of a small parameter": (
+        lambda data: data.update(covariance=np.diag([1e6] * 11 + [-1e-6]).tolist()),
+        "covariance is not symmetric and positive",
+    ),
+    "covariance without variance": (
+        lambda data: data.update(covariance=(np.diag([1.0] * 10 + [0.0] * 2) + np.eye(12)[::-1] * 1e-3).tolist()),
+        "covariance is not symmetric and positive",
+    ),
+    "correlation above one": (
+        lambda data: data.update(covariance=block_diag(np.eye(10), [[1e-8, 1.1e-4], [1.1e-4, 1.0]]).tolist()),
         "covariance is not symmetric and positive",
     ),
     "negative variance": (
