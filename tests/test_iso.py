@@ -1,0 +1,557 @@
+"""Meaning of ISO programs: moves in machine axes worked out by hand, and everything that is refused."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from programs import load, read, setup_of
+
+from kinematics.errors import UserError
+from kinematics.forward import tool_point
+from kinematics.machine import Control
+from postproc.iso import HARMLESS_G, REFUSED_G, REFUSED_M, IsoInterpreter
+from postproc.iso_blocks import read_block
+from postproc.motions import Kind, Known
+from postproc.notes import Notes
+from postproc.program import Refusal
+from postproc.verify import CHUNK
+
+RAPID, LINE, ARC, MACHINE = Kind.RAPID, Kind.LINE, Kind.ARC, Kind.MACHINE
+ROOT = math.sqrt(0.5)
+
+
+def with_control(machine, **settings):
+    return dataclasses.replace(machine, control=dataclasses.replace(Control(), **settings))
+
+
+def rows(text, machine="gantry", **setup):
+    """(kind, machine positions of X Y Z) of every move."""
+    machine = load(machine) if isinstance(machine, str) else machine
+    motions = read(text, machine, **setup)
+    xyz = motions.machine_target[:, [machine.index(axis) for axis in "XYZ"]]
+    return [(Kind(kind), *np.round(q, 9).tolist()) for kind, q in zip(motions.kind, xyz, strict=True)]
+
+
+G54 = {"offsets": ["G54=100,200,300"]}
+BOTH = {"offsets": ["G54=100,200,300", "G55=-1,-2,-3"]}
+
+GOLDEN = {
+    "absolute and increments": (
+        "G90 G0 X10 Y20 Z30\nG91 G1 X1 Y-2\nZ.5\nG90 X0\nG91\nX-1\n",
+        {},
+        [(RAPID, 10, 20, 30), (LINE, 11, 18, 30), (LINE, 11, 18, 30.5), (LINE, 0, 18, 30.5), (LINE, -1, 18, 30.5)],
+    ),
+    "distance mode holds for its own block": (
+        "G90 G0 X1 Y1 Z1\nX5 G91\nG90 X5\n",
+        {},
+        [(RAPID, 1, 1, 1), (RAPID, 6, 1, 1), (RAPID, 5, 1, 1)],
+    ),
+    "inches, and back": (
+        "G20 G0 X1 Y2 Z-1\nG21 X10\nG20 G91 Y.1\n",
+        {},
+        [(RAPID, 25.4, 50.8, -25.4), (RAPID, 10, 50.8, -25.4), (RAPID, 10, 53.34, -25.4)],
+    ),
+    "words in any order, lower case, blanks": (
+        "g0z - 3 y+.5x1.\ny2\n",
+        {},
+        [(RAPID, 1, 0.5, -3), (RAPID, 1, 2, -3)],
+    ),
+    "blocks without moves": (
+        "G0 X1 Y1 Z1\nG4 X5.\nG4 P500\nF200\nN5\nM8 S100;\n(X9)\nX2 (X9) ; X9 etc\n/ (skip)\n/M8 F5\n#1=5\nF#1\n; X7",
+        {},
+        [(RAPID, 1, 1, 1), (RAPID, 2, 1, 1)],
+    ),
+    "axis words that are no move": (
+        "G0 X1 Y1 Z1\nG50.1 X0 Y0\nG5.1 Q1 X0 Y0 Z0\nG92.1 X0 Y0\nG5.1 Q0\nG91 X1\n",
+        {},
+        [(RAPID, 1, 1, 1), (RAPID, 2, 1, 1)],
+    ),
+    "work offset": ("G54 G0 X1 Y2 Z3\nX0\n", G54, [(RAPID, 101, 202, 303), (RAPID, 100, 202, 303)]),
+    "work offset without motion": (
+        "G54 G0 X1 Y2 Z3\nG55\nX0\nG91 X1\n",
+        BOTH,
+        [(RAPID, 101, 202, 303), (RAPID, -1, 202, 303), (RAPID, 0, 202, 303)],
+    ),
+    "extended work offsets": (
+        "G54.1 P7 G0 X1 Y1 Z1\nG54 P8 X1\nG59.3 X1\nG54 X1\n",
+        {"offsets": ["G54.1P7=10", "G54.1 P8=20", "G59.3=30", "g54=40"]},
+        [(RAPID, 11, 1, 1), (RAPID, 21, 1, 1), (RAPID, 31, 1, 1), (RAPID, 41, 1, 1)],
+    ),
+    "tool length": (
+        "G0 X0 Y0 Z5\nG43 H2 Z5\nZ6\nG49 Z5\nT1 M6\nG43 Z5\n",
+        {"tools": ["T1=10", "T2=20"]},
+        [(RAPID, 0, 0, 5), (RAPID, 0, 0, 25), (RAPID, 0, 0, 26), (RAPID, 0, 0, 5), (RAPID, 0, 0, 15)],
+    ),
+    "tool length without motion": (
+        "G0 X0 Y0 Z5\nG43 H2\nX1\nG49\nX2\nG43 H0 Z1\n",
+        {"tools": ["T2=20"]},
+        [(RAPID, 0, 0, 5), (RAPID, 1, 0, 5), (RAPID, 2, 0, 5), (RAPID, 2, 0, 1)],
+    ),
+    "machine coordinates": (
+        "G54 G0 X1 Y2 Z3\nG53 Z-5\nX2\nG53 G1 X7 Y8\nZ0\n",
+        G54,
+        [(RAPID, 101, 202, 303), (MACHINE, 101, 202, -5), (RAPID, 102, 202, -5), (MACHINE, 7, 8, -5), (LINE, 7, 8, 300)],
+    ),
+    "machine coordinates in inches": ("G20 G0 G53 X1 Y1 Z1\n", G54, [(MACHINE, 25.4, 25.4, 25.4)]),
+    "reference point, then absolute": (
+        "G0 X1 Y1 Z1\nG91 G28 Z0\nG90 X5\nG28\nX1\nG30 P2 Y0\nX2\n",
+        {},
+        [(RAPID, 1, 1, 1), (RAPID, 5, 1, 1500), (RAPID, 1, 0, 1500), (RAPID, 2, 0, 1500)],
+    ),
+    "tool change leaves Z": (
+        "G0 X1 Y1 Z1\nT3 M6\nX5\nZ9\n", {}, [(RAPID, 1, 1, 1), (RAPID, 5, 1, 1500), (RAPID, 5, 1, 9)]
+    ),
+    "blocks behind the end": ("G0 X1 Y1 Z1\nM30\nX50\n#1=2\n%\n", {}, [(RAPID, 1, 1, 1)]),
+    "tape": ("(a)\n%\nO1 (B)\nG0 X1 Y1 Z1\nM30\n%\n\0\0\nX5\n", {}, [(RAPID, 1, 1, 1)]),
+    "mark that only closes": ("G0 X1 Y1 Z1\n%\n(end)\n", {}, [(RAPID, 1, 1, 1)]),
+    "feed modes": ("G93 G1 X1 Y1 Z1 F10\nG94 X2\n", {}, [(LINE, 1, 1, 1), (LINE, 2, 1, 1)]),
+    "arc words without motion": ("G2\nG0 X1 Y1 Z1\n", {}, [(RAPID, 1, 1, 1)]),
+    "dwell in a motion block's mode": ("G1 X1 Y1 Z1\nG4 P1\nX2\n", {}, [(LINE, 1, 1, 1), (LINE, 2, 1, 1)]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_moves_in_machine_axes(name):
+    text, setup, expected = GOLDEN[name]
+    assert rows(text, **setup) == [(kind, *map(float, position)) for kind, *position in expected]
+
+
+# Start (10, 0) of the plane's own first and second axis, a quarter turn about the origin, third axis at 3.
+PLANES = {"G17": ("XYZ", "IJ"), "G18": ("ZXY", "KI"), "G19": ("YZX", "JK")}
+FORMS = {
+    "incremental": "{0}-10 {1}0",
+    "one word": "{0}-10",
+    "absolute": "G90.1 {0}0 {1}0",
+    "radius": "R10",
+}
+
+
+@pytest.mark.parametrize("plane", PLANES)
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("sense", "end"), [("G3", (0, 10)), ("G2", (0, -10))])
+def test_quarter_turns(plane, form, sense, end):
+    (first, second, third), letters = PLANES[plane]
+    circle = FORMS[form].format(*letters)
+    text = f"{plane} G0 {first}10 {second}0 {third}3\n{sense} {first}{end[0]} {second}{end[1]} {third}7 {circle}\n"
+    machine = load("gantry")
+    motions = read(text, machine)
+    assert motions.kind.tolist() == [RAPID, ARC]
+    arc = motions.arcs[1]
+    assert [machine.names[i] for i in arc.plane] == [first, second, third]
+    assert (arc.sense, arc.full) == (1 if sense == "G3" else -1, False)
+    assert arc.centre == pytest.approx((0, 0), abs=1e-12)
+    assert arc.form == (form if form in ("absolute", "radius") else "incremental")
+    assert [motions.target[1, machine.index(axis)] for axis in (first, second, third)] == [*end, 7]
+
+
+@pytest.mark.parametrize(("sense", "sign"), [("G2", 1), ("G3", -1)])
+def test_radius_short_and_long_way(sense, sign):
+    """From (0, 0) to (6, 0) with radius 5: the centres are (3, -4) and (3, 4)."""
+    for radius, side in (("R5", -1), ("R-5", 1)):
+        arc = read(f"G0 X0 Y0 Z0\n{sense} X6 Y0 {radius}\n", load("gantry")).arcs[1]
+        assert arc.centre == pytest.approx((3, 4 * sign * side))
+
+
+def test_radius_of_a_half_circle_may_be_rounded():
+    arc = read("G0 X0 Y0 Z0\nG2 X10.001 Y0 R5\n", load("gantry")).arcs[1]
+    assert arc.centre == pytest.approx((5.0005, 0))
+
+
+def test_arcs_in_increments_inches_and_work_offsets():
+    text = "G54 G0 X1 Y1 Z0\nG91 G3 X-.5 Y.5 I-.5\nG90 G0 X5.08 Y2.54\nG20 G90.1 G2 X.1 Y0 I.1 J.1\n"
+    motions = read(text, load("gantry"), **G54)
+    first, second = motions.arcs.values()
+    assert first.centre == pytest.approx((0.5, 1))
+    assert second.centre == pytest.approx((2.54, 2.54))
+    assert motions.machine_target[1].tolist() == pytest.approx([100.5, 201.5, 300])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "G2 X10 Y0 I-5\n",
+        "G2 I-5\n",
+        "G2 X10 I-5 J0\n",
+        "G2 Z5 I-5\n",
+        "G91 G3 X0 Y0 J3\n",
+        "G90.1 G3 X10 I5 J0\n",
+        "G55 X10 Y0\nG54 X10 Y0\nG2 X10 Y0 I-5\n",  # position through other frames, not exact any more
+        "G43 H1 Z5\nG2 X10 Y0 I-5\n",
+        "G91 X.1\nX.1\nX.1\nX-.3\nG90 G2 X10 I-5\n",
+    ],
+)
+def test_full_circles(text):
+    setup = {"offsets": ["G54=0.1,0.2,0.3", "G55=1e3,1e3,77.7"], "tools": ["T1=33.3"]}
+    motions = read("G0 X10 Y0 Z0\n" + text, load("gantry"), **setup)
+    (arc,) = motions.arcs.values()
+    assert arc.full
+
+
+@pytest.mark.parametrize("end", ["X10 Y.001", "X10.001 Y0"])
+def test_nearly_full_circles_are_not_full(end):
+    (arc,) = read(f"G0 X10 Y0 Z0\nG2 {end} I-5\n", load("gantry")).arcs.values()
+    assert not arc.full
+
+
+def test_modal_arcs():
+    motions = read("G0 X0 Y0 Z0\nG2 X10 Y0 I5\nX0 Y0 I-5\nX0 Y0 R5\n".replace("X0 Y0 R5", "X6 Y0 R5"), load("gantry"))
+    assert motions.kind.tolist() == [RAPID, ARC, ARC, ARC]
+
+
+def test_machine_that_reads_absolute_centres():
+    machine = with_control(load("gantry"), arc_centres="absolute")
+    arcs = read("G0 X10 Y0 Z0\nG3 X0 Y10 I0 J0\nG91.1 X-10 Y0 I0 J-10\n", machine).arcs
+    assert [arc.centre for arc in arcs.values()] == [(0, 0), (0, 0)]
+
+
+def test_integer_words():
+    machine = with_control(load("dmu50"), integer_words="increments", increment=0.001)
+    motions = read("G0 X10 Y10. Z-0 B90000 C45.\nG91 X5\nG90 G2 X1000 Y10. R500\n", machine)
+    x, y, z, b, c = (machine.index(axis) for axis in "XYZBC")
+    assert motions.target[0, [x, y, z, b, c]].tolist() == [0.01, 10, 0, 90, 45]
+    assert motions.target[1, x] == pytest.approx(0.015)
+    assert motions.target[2, x] == 1.0
+    assert motions.arcs[2].centre[1] == pytest.approx(10 + math.sqrt(0.25 - (0.985 / 2) ** 2) * -1, abs=1e-6)
+    units = read("G0 X10 Y10. Z-0\n", load("dmu50"))
+    assert units.target[0, x] == 10
+
+
+# ---- five axes
+
+
+def test_rotary_axes_and_their_offsets():
+    machine = load("dmu50")
+    motions = read("G0 X1 Y2 Z3 B10 C20\nG91 C-30\nG90 G20 B5\n", machine, offsets=["G54=10,20,30,B=1,C=2"])
+    degrees = np.round(motions.machine_target / machine.scale, 9)
+    names = [machine.index(axis) for axis in "XYZBC"]
+    assert degrees[:, names].tolist() == [[11, 22, 33, 11, 22], [11, 22, 33, 11, -8], [11, 22, 33, 6, -8]]
+
+
+def test_tool_centre_point_on_the_dmu50():
+    """With the table level and turned by C = 90 the machine stands where the thesis' (3.23) puts it."""
+    machine = load("dmu50")
+    text = "G54 G0 X0 Y0 Z300 B0 C0\nG43.4 H1\nX10 Y0 Z20 C90\nB90 C0\nG49 Z250\n"
+    motions = read(text, machine, offsets=["G54=0,0,154.996"], tools=["T1=100"])
+    x, y, z = (machine.index(axis) for axis in "XYZ")
+    q = motions.machine_target
+    # by C = +90 the tool turns by +90 deg about z over the table: the table turns by -90, and brings (10, 0) to (0, -10)
+    assert q[1, [x, y, z]] == pytest.approx([0, -10, 154.996 + 20 + 100], abs=1e-9)
+    tip = tool_point(machine, q, motions.tool)
+    assert tip[1:3] - [0, 0, 154.996] == pytest.approx(np.array([[10, 0, 20], [10, 0, 20]]), abs=1e-9)
+    turned = rotation_about_slanting(math.radians(90)) @ [10, 0, 20] + [0, 0, 154.996 + 100]
+    assert q[2, [x, y, z]] == pytest.approx(turned, abs=1e-9)
+    assert q[3, [x, y, z]] == pytest.approx([turned[0], turned[1], 250 + 154.996], abs=1e-9)
+    assert motions.known[3, [x, y, z]].tolist() == [Known.MACHINE, Known.MACHINE, Known.PROGRAM]
+
+
+def rotation_about_slanting(angle):
+    """The DMU 50's table turned by B about (0, -1, 1)/sqrt 2: Rodrigues' formula."""
+    k = np.array([0, -ROOT, ROOT])
+    K = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
+    return np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * K @ K
+
+
+def test_plain_length_offset_ends_tcp():
+    machine = load("trunnion_bc")
+    setup = {"offsets": ["G54=0,0,100"], "tools": ["T1=50"]}
+    text = "G0 X10 Y0 Z20 B30 C0\nG43.4 H1 X10 Y0 Z20\n{} X10 Y0 Z20\n"
+    plain = read("G0 X10 Y0 Z20 B30 C0\nG43 H1 X10 Y0 Z20\n", machine, **setup).machine_target[1]
+    for code in ("G43 H1", "G49 G0"):
+        motions = read(text.format(code), machine, **setup)
+        length = 50 if code.startswith("G43") else 0
+        assert motions.frames[motions.frame[2]].tcp is False
+        assert motions.machine_target[2] == pytest.approx(plain - [0, 0, 0, 0, 50 - length], abs=1e-9)
+
+
+def test_machine_with_tcp_from_the_start():
+    machine = with_control(load("trunnion_ac"), tcp_at_start=True)
+    motions = read("G0 X10 Y0 Z20 A-90 C0\n", machine)
+    tip = tool_point(machine, motions.machine_target, (0, 0, 0))
+    assert tip[0] == pytest.approx([10, 0, 20])
+
+
+def test_tool_change_moves():
+    for moves, expected in (
+        (("Z",), (1, 1, 1500)),
+        (("X", "Y", "Z"), (0, 0, 1500)),
+        ((), (1, 1, 1)),
+        (("A", "Y"), (1, 0, 1)),
+    ):
+        machine = with_control(load("gantry"), tool_change_moves=moves)
+        motions = read("G0 X1 Y1 Z1\nT1 M6\nG55 G0 F5 X1\n".replace("X1\n", "\n") + "G53 G0\nG4 P1\nM8\nG0\n", machine)
+        assert len(motions) == 1
+        after = read("G0 X1 Y1 Z1\nT1 M6\nG53 G0 X1\n", machine)
+        assert after.target[1].tolist() == [1, *expected[1:]]
+
+
+# ---- what the program has said
+
+
+def known(text, machine="gantry", row=-1, **setup):
+    motions = read(text, load(machine), **setup)
+    return [Known(k).name[0] for k in motions.known[row]]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("G0 X1\n", "PAA"),
+        ("G0 X1 Y1 Z1\nG28 Z0\nX1\n", "PPA"),
+        ("G0 X1 Y1 Z1\nG28\nX1\n", "PAA"),
+        ("G0 X1 Y1 Z1\nM6\nX1\n", "PPA"),
+        ("G0 X1 Y1 Z1\nM60\nX1\n", "PAA"),
+        ("G0 X1 Y1 Z1\nG53 Z1\nX1\n", "PPM"),
+        # an offset that nobody has entered is zero here, and what it is on the machine: nothing said before holds
+        ("G54 G0 X1 Y1 Z1\nG55 X1\n", "PMM"),
+        ("G54 G0 X1 Y1 Z1\nG54 X1\n", "PPP"),
+        ("G54 G0 X1 Y1 Z1\nG55\nG54 X1\n", "PMM"),
+        ("G54.1 P1 G0 X1 Y1 Z1\nG54.1 P2 X1\n", "PMM"),
+        ("G0 X1 Y1 Z1\nG43 H1\nX1\n", "PPM"),
+        ("G0 X1 Y1 Z1\nG43 H1 Z1\nX1\n", "PPP"),
+        ("G43 H1 G0 X1 Y1 Z1\nG43 H1 X1\n", "PPP"),
+        ("G43 H1 G0 X1 Y1 Z1\nG43 H2 X1\n", "PPM"),
+        ("G43 H1 G0 X1 Y1 Z1\nG49 X1\n", "PPM"),
+        ("G0 X1 Y1 Z1\nG49 X1\n", "PPP"),
+        ("G0 X1 Y1 Z1\nG43 H0 X1\n", "PPP"),
+        # an increment says nothing about where it starts
+        ("G0 X1 Y1 Z1\nG55 G91 X1\n", "MMM"),
+        ("G0 X1 Y1 Z1\nG53 X1\nG91 X1 Y1\n", "MPP"),
+        ("G0 X1 Y1 Z1\nG20 G91 X1\n", "PPP"),
+    ],
+)
+def test_what_is_known_of_x_y_z(text, expected):
+    assert "".join(known(text)) == expected
+
+
+def test_what_is_known_under_tcp():
+    """On a turned table a machine move of one axis moves all coordinates of the tool point."""
+    start = "G43.4 H1\nG0 X1 Y1 Z1 B10 C0\n"
+    for text, expected in (("G53 Z300\nX1", "PMM"), ("G28 Z0\nX1", "PAA"), ("T2 M6\nX1", "PAA"), ("B20", "PPP")):
+        motions = read(start + text + "\n", load("dmu50"))
+        names = "XYZ" if expected[0] == "P" else ""
+        states = [Known(motions.known[-1, motions.machine.index(axis)]).name[0] for axis in names]
+        assert "".join(states) == expected
+
+
+def test_positions_before_and_after():
+    motions = read("G0 X1 Y1 Z1\nG28 Z0\nZ5\n", load("gantry"))
+    assert motions.known_start[:, 2].tolist() == [Known.ASSUMED, Known.ASSUMED]
+    assert motions.judged.tolist() == [True, True]
+    assert motions.judged_start.tolist() == [False, False]
+
+
+# ---- notes
+
+
+def notes_of(text, machine="gantry", **setup):
+    machine, notes = load(machine), Notes()
+    interpreter = IsoInterpreter(machine, setup_of(machine, **setup), notes)
+    interpreter.read([read_block(i, line) for i, line in enumerate(text.splitlines(keepends=True), start=1)])
+    return notes.texts()
+
+
+SAID = "G17 G21 G90\nG0 X1.0 Y1.0 Z1.0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        ("G0 X1.0\nX2.0\n", "no G20 or G21 before it: coordinates taken in mm (line 1)"),
+        ("G0 X1.0\nX2.0\n", "no G90 or G91 before it: coordinates taken as absolute (line 1)"),
+        ("G0 X0 Y0\nG2 I1.0\n", "no G17, G18 or G19 before it: arcs taken in X Y (line 2)"),
+        (SAID + "X10\nX10\n", "coordinates without decimal point taken in mm, inches or degrees, not in increments (line 3, 2 times)"),
+        (SAID + "M123\n", "M123 is not known to ncomp and taken to move nothing (line 3)"),
+        (SAID + "M21\n", "M21 is not known to ncomp and taken to move nothing (line 3)"),  # mirrors on some controls
+        (SAID + "G28 Z0\n", "G28/G30 passes its intermediate point uncorrected (line 3)"),
+        (SAID + "G43 Z0\n", "G43 without H: taken for the length of the tool in the spindle (line 3)"),
+        (SAID + "M30\nX5\nX6\n", "blocks behind the end of the program do not run and stay as they are (line 4, 2 times)"),
+    ],
+)  # fmt: skip
+def test_assumptions_are_noted(text, note):
+    assert note in notes_of(text)
+
+
+def test_no_notes_for_a_program_that_says_everything():
+    assert notes_of(SAID + "G2 I1.5 J0\nM6 T1\nG0 G43 H1 Z1.0\nM30\n") == []
+
+
+# ---- refusals
+
+SAY = "G90 G0 X1 Y1 Z1\n"
+WHOLE_TABLE = [f"G{code:g}" for code in REFUSED_G] + [f"M{code:g}" for code in REFUSED_M]
+REFUSED = {
+    # axes and values
+    "A5": "machine gantry (w b X Y Z t) has no axis A",
+    "U5": "machine gantry (w b X Y Z t) has no axis U",
+    "X1 X2": "two X words",
+    "X1 F5 F6": "two F words",
+    "X" + "9" * 400: "X with a number that no control reads",
+    "T1.5": "T with a number that is not whole",
+    "T" + "9" * 400: "T with a number that is not whole",
+    "G43 H1.5": "H with a number that is not whole",
+    "X1 E6": "E in a move: what it does depends on the control",  # what is left of X1E6
+    "X1 L3": "L in a move",  # repeats it on some controls
+    "X1 R5": "R without an arc",
+    "M19 R90": "R without an arc",
+    "X1 I5": "I without an arc",
+    "X#1": "its value is computed while the program runs",
+    "X1 Y[1+2]": "its value is computed while the program runs",
+    "F#1 X#2": "several values to compute",
+    "#1=2 X5": "is not understood",
+    "#5221=10": "sets a system variable of the control",
+    "#1=5 #5221=10": "several values to compute",
+    "X1 0.5": "a number without an address",
+    # arcs
+    "G2 X5": "an arc without I or J or R",
+    "G18 G2 X5 J1": "J gives no centre in the plane of Z and X",
+    "G2 X5 Y1 K1": "K gives no centre in the plane of X and Y",
+    "G2 X5 Y1 R1": "no circle of this radius joins start and end",
+    "G2 X1 Y1 R1": "no circle of this radius joins start and end",
+    "G2 X1.01 Y1 R0": "no circle of this radius joins start and end",
+    "G2 R5": "no circle of this radius joins start and end",
+    "G2 I0 J0": "an arc of radius 0",
+    "G2 X5 Y1 I2.1 J0": "this is no circle",
+    "G2 X2 Y2 I2 J1": 'its centre would fit as absolute: for such a control set arc_centres = "absolute"',
+    "G2 X5 Y1 I2 R2": "an arc by its radius and its centre at once",
+    "G2 X5 Y1 I2 P3": "an arc of several turns",
+    "G90.1 G2 X5 Y1 I3": "an absolute centre (G90.1) takes both I and J",
+    # two codes of which controls take one or the other
+    "G90 X5 G91 Y5": "G90 and G91 in one block",
+    "G0 G1 X5": "G0 and G1 in one block",
+    "G17 G18": "G17 and G18 in one block",
+    "G20 G21": "G20 and G21 in one block",
+    "G54 G55": "G54 and G55 in one block",
+    "G54 G54.1 P1": "G54 and G54.1 in one block",
+    "G43 G49 H1": "G43 and G49 in one block",
+    "G93 G94": "G93 and G94 in one block",
+    "G4 G53 X1": "G4 and G53 in one block",
+    "G28 G53 X1": "G28 and G53 in one block",
+    "G54 G4 P1": "P in one block with two codes",
+    "G54.1": "G54.1 without P",
+    # lengths
+    "H2": "H without G43: some controls take the new length at once",
+    "X1 H2": "H without G43",
+    "G43 H1 Z1\nT2 M6\nG43 Z1": "G43 without H while tool 2 is in the spindle and H1 in force",
+    # machine coordinates, unknown positions
+    "G91 G53 X1": "G53 needs G90",
+    "G2\nG53 X1": "G53 needs G90 and G0 or G1",
+    "G28 Z0\nG91 Z1": "an increment of Z from a position that the program has not said",
+    "G30 X0\nG91 X1": "an increment of X from a position that the program has not said",
+    "M6\nG91 Z1": "an increment of Z from a position that the program has not said",
+    "G28 X0\nG2 X5 Y1 I2": "an arc from a position that the program has not said",
+    # block skip
+    "/X1": "whether it runs depends on the block-skip switch",
+    "N5 /2 M6": "whether it runs depends on the block-skip switch",
+    "/M30": "whether it runs depends on the block-skip switch",
+    "/M123": "whether it runs depends on the block-skip switch",
+    "/G4 P1": "whether it runs depends on the block-skip switch",
+    "/T2": "whether it runs depends on the block-skip switch",
+    "X1 /Y1": "whether it runs depends on the block-skip switch",
+    # several programs, tape marks
+    "O2": "a second program in one file",
+    "M30\nO2": "a second program in one file",
+    "M30\n%\nO2\nX1": "a second program in one file",
+    "%\nX5": "behind a tape mark that none opened",
+    "X10 %": "a tape mark that does not stand alone",
+    "/%": "a tape mark that does not stand alone",
+    # the next block, where a semicolon ends one
+    "X5; Y5": "words behind a semicolon",
+    "X5 ;G1 y5 ": "words behind a semicolon",
+    "X5;G91": "words behind a semicolon",
+    "M8 ; M6": "words behind a semicolon",
+    # control flow and other constructs
+    "IF[#1 EQ 2] GOTO 10": "control flow (IF, WHILE, GOTO) is not followed",
+    "GOTO10": "control flow (IF, WHILE, GOTO) is not followed",
+    "o100 call": "control flow (O-words) is not followed",
+    "[5]": "an expression that stands alone",
+    # coordinates that are a move for one code and none for the other
+    "G1 G50.1 X5": "coordinates that two codes may take",
+    "G5.1 Q1 G0 X5": "coordinates that two codes may take",
+    # splines or not, by what else is there
+    "G5.1 X2 I1 J1": "G5.1 without Q",
+    # codes nobody knows
+    "G11": "G11 is not known",
+    "G999": "G999 is not known",
+    "G0.5 X1": "G0.5 is not known",
+    "G500": "G500 is not known",
+    "G1 X1 G68.2": "G68.2 turns the coordinates",
+}  # fmt: skip
+
+
+def refusal(text, machine="gantry", **setup):
+    with pytest.raises(UserError) as caught:
+        read(text, load(machine), **setup)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("block", REFUSED)
+def test_refused(block):
+    message = refusal(SAY + block + "\n")
+    assert REFUSED[block] in message
+    line, shown = int(message.split(":")[1]), message.split("'")[1]
+    assert (SAY + block).split("\n")[line - 1].strip().startswith(shown.removesuffix("..."))
+
+
+@pytest.mark.parametrize("code", WHOLE_TABLE)
+@pytest.mark.parametrize("rest", ["", " X5 Y5 Z-5 R2 H1", " P1000"])
+def test_every_refused_code(code, rest):
+    assert code in refusal(SAY + code + rest + "\n")
+
+
+@pytest.mark.parametrize("code", sorted(HARMLESS_G))
+def test_every_harmless_code(code):
+    assert len(read(SAY + f"G{code:g} Q1\nX5\n".replace(" Q1", " Q1" if code == 5.1 else ""), load("gantry"))) == 2
+
+
+def test_no_code_is_both_harmless_and_refused():
+    assert HARMLESS_G.isdisjoint(REFUSED_G)
+
+
+def test_before_any_motion_code():
+    assert "coordinates before any G0, G1, G2 or G3" in refusal("X1\n")
+    assert "G53 needs G90 and G0 or G1" in refusal("G53 X1\n")
+    assert "an increment of X from a position" in refusal("G91 G0 X1\n")
+    assert "an arc from a position" in refusal("G0 X1\nG2 X5 I2\n")
+
+
+def test_integers_in_an_inch_program_have_no_known_increment():
+    machine = with_control(load("gantry"), integer_words="increments")
+    with pytest.raises(UserError, match="an inch coordinate without decimal point"):
+        read("G20 G0 X10\n", machine)
+
+
+def test_long_blocks_are_shown_short():
+    message = refusal(SAY + "G31 " + "X1 (" + "a" * 200 + ")\n")
+    assert len(message) < 200
+    assert "..." in message
+
+
+# ---- chunks
+
+
+def as_tables(motions):
+    return [motions.kind.tolist(), motions.target.tolist(), motions.start.tolist(), motions.known.tolist()]
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_chunks_read_as_the_whole(monkeypatch, size):
+    names = ("work offset without motion", "machine coordinates", "tool length", "absolute and increments")
+    text = "G90\n".join(GOLDEN[name][0] for name in names)
+    whole = read(text, load("gantry"), **G54)
+    assert len(text) < CHUNK
+    monkeypatch.setattr("postproc.verify.CHUNK", size)
+    assert as_tables(read(text, load("gantry"), **G54)) == as_tables(whole)
+
+
+@given(st.lists(st.sampled_from([*REFUSED, *(row[0] for row in GOLDEN.values()), *WHOLE_TABLE]), max_size=6))
+def test_any_mixture_is_read_or_refused(parts):
+    try:
+        motions = read("\n".join(parts) + "\n", load("gantry"))
+    except UserError as fault:
+        assert not isinstance(fault, Refusal)
+        assert str(fault).startswith("test.nc:")
+        return
+    assert np.isfinite(motions.machine_target).all()

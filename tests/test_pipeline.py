@@ -1,0 +1,493 @@
+"""The main job as a whole: random and real programs, in chunks of any size, judged by what comes out."""
+
+import dataclasses
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from programs import (
+    RandomProgram,
+    correct,
+    load,
+    model_of,
+    random_model,
+    random_setup,
+    read,
+    shifted,
+    source_of,
+)
+
+from kinematics.basis import Polynomial
+from kinematics.effects import ErrorMotion
+from kinematics.errors import UserError
+from postproc.circles import sweep
+from postproc.compensate import missed_um
+from postproc.dialects import find_dialect
+from postproc.mark import mark_in
+from postproc.motions import Kind
+from postproc.pipeline import Job, Pipeline
+from postproc.setup import make_setup
+from postproc.source import ENCODING, chunks, open_source
+from postproc.tool_table import ToolTable, read_tool_table
+from postproc.verify import verify
+
+FREECAD = Path(__file__).parent / "data" / "freecad"
+ROUNDING_UM = 0.1
+"""Three axes off by half of 0.0001 mm each: 0.087."""
+MACHINES = ("gantry", "bzt_pfu", "dmu50", "head_table")
+seeds = st.integers(0, 2**32 - 1)
+LINEAR_WORDS = re.compile(r"[XYZIJKR][ \t]*[+-]?[ \t]*(\d+\.?\d*|\.\d+)[ \t]*", re.I)
+MARK = re.compile(r"\(NCOMP \S+ MACHINE \S+ CALIBRATION [0-9A-F]+ PROGRAM [0-9A-F]{12}\)(\r*\n|\r)")
+
+
+def without_mark(text):
+    stripped, marks = MARK.subn("", text)
+    assert marks == 1
+    return stripped
+
+
+def others(line):
+    """What must not change: everything but linear words and blanks; comments to the letter."""
+    comment = re.search(r"\(.*\)|;.*", line)
+    code = line if comment is None else line.replace(comment[0], "@")
+    return re.sub(r"[ \t]", "", LINEAR_WORDS.sub("", code)), comment and comment[0]
+
+
+def exact_rows(motions):
+    """Rows that end where they should: not feed moves of rotary axes alone, nor what follows them as a circle.
+
+    Nor circles that are full or nearly so, which end where they start.
+    """
+    rows = motions.judged.copy()
+    way = np.abs(motions.target - motions.start)
+    linear, rotary = list(motions.machine.translators), motions.machine.rotary
+    turning = (motions.kind == Kind.LINE) & (way[:, linear] < 1e-6).all(axis=1) & (way[:, rotary] > 1e-6).any(axis=1)
+    for row, arc in motions.arcs.items():
+        i, j, _ = arc.plane
+        ends = [(float(at[row, i]), float(at[row, j])) for at in (motions.start, motions.target)]
+        if abs(sweep(*ends, arc.centre, arc.sense, arc.full)) > 5.2 or (row and turning[row - 1]):
+            rows[row] = False
+    return rows & ~turning
+
+
+@pytest.mark.parametrize("name", MACHINES)
+@settings(max_examples=25)
+@given(seed=seeds, tcp=st.booleans(), blocks=st.integers(3, 60))
+def test_random_programs(name, seed, tcp, blocks):
+    machine = load(name)
+    tcp &= name in ("dmu50", "head_table")
+    text = RandomProgram(machine, seed, tcp=tcp).text(blocks)
+    setup, model = random_setup(machine), random_model(machine, seed)
+    options = {"travel_check": not tcp}
+    # the machine without errors: byte for byte
+    assert correct(text, machine, **setup, **options).text == text
+    # every end where it should be, by what the corrected text says
+    output, report = correct(text, machine, model, **setup, **options)
+    corrected = without_mark(output)
+    nominal, commanded = read(text, machine, **setup), read(corrected, machine, **setup)
+    verdict = verify(nominal, commanded, model)
+    assert verdict.moves == report.moves == len(nominal)
+    rows = exact_rows(nominal)
+    q, target = commanded.machine_target[rows], nominal.machine_target[rows]
+    assert missed_um(machine, model, q, target, nominal.tool[rows]).max(initial=0.0) < ROUNDING_UM
+    assert (commanded.target[:, machine.rotary] == nominal.target[:, machine.rotary]).all()
+    # nothing else is touched
+    before, after = (re.split(r"(?<=\n)", part) for part in (text, corrected))
+    assert len(before) == len(after)
+    assert [others(line) for line in before] == [others(line) for line in after]
+    # what the report says is what verification finds
+    assert report.after.largest == pytest.approx(verdict.after.largest, abs=2e-3)
+    assert report.before.largest == pytest.approx(verdict.before.largest, abs=1e-6)
+    assert report.blocks == len([line for line in before if line])
+    # once more is refused, unless it is wanted
+    with pytest.raises(UserError, match="already corrected by ncomp"):
+        correct(output, machine, model, **setup, **options)
+    again = correct(output, machine, model, **setup, travel_check=False, force=True)
+    assert again.text.count("(NCOMP ") == 2
+    assert any(note.startswith("already corrected") for note in again.report.notes)
+
+
+@pytest.mark.parametrize("name", ["gantry", "dmu50"])
+@settings(max_examples=12)
+@given(seed=seeds)
+def test_chunks_of_any_size_give_the_same_bytes(name, seed):
+    machine = load(name)
+    text = RandomProgram(machine, seed).text(25)
+    setup, model = random_setup(machine), random_model(machine, seed)
+    whole = correct(text, machine, model, **setup)
+    for size in (1, 3, 7):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("postproc.pipeline.CHUNK", size)
+            part = correct(text, machine, model, **setup)
+        assert part.text == whole.text
+        assert part.report.notes == whole.report.notes
+        for statistic in ("before", "after", "between_ends"):
+            one, other = getattr(part.report, statistic), getattr(whole.report, statistic)
+            assert (one.count, one.largest) == (other.count, pytest.approx(other.largest))
+
+
+@settings(max_examples=25)
+@given(seed=seeds, um=st.tuples(*[st.integers(-1000, 1000).map(lambda n: n / 10)] * 3))
+def test_a_constant_shift_moves_everything_by_just_that(seed, um):
+    """End points and arc centres of a gantry that is off by the same everywhere."""
+    machine = load("gantry")
+    text = RandomProgram(machine, seed).text(30)
+    setup = random_setup(machine)
+    model = shifted(machine, **dict(zip("XYZ", um, strict=True)))
+    nominal = read(text, machine, **setup)
+    commanded = read(correct(text, machine, model, **setup).text, machine, **setup)
+    rows = nominal.judged
+    moved = (commanded.target - nominal.target)[rows]
+    assert moved == pytest.approx(np.tile(np.array(um) * -1e-3, (rows.sum(), 1)), abs=0.5e-4 + 1e-9)
+    for row, arc in nominal.arcs.items():
+        if nominal.judged_start[row]:
+            other = commanded.arcs[row]
+            for i, axis in enumerate(arc.plane[:2]):
+                tolerance = 2e-4 if not arc.form.startswith("radius") else 0.1
+                assert other.centre[i] - arc.centre[i] == pytest.approx(um[axis] * -1e-3, abs=tolerance)
+
+
+def another(machine, seed):
+    """The machine as it stands on the shop floor: other home positions, offsets and tools than ncomp was told."""
+    rng = np.random.default_rng(seed)
+    homes = [axis.home + float(rng.uniform(-300, 300)) * (not axis.rotary) for axis in machine.axes]
+    axes = tuple(dataclasses.replace(axis, home=home) for axis, home in zip(machine.axes, homes, strict=True))
+    places = rng.uniform(-500, 500, (4, 3)).round(3).tolist()
+    offsets = [
+        f"{name}={x},{y},{z}" for name, (x, y, z) in zip(("G54", "G55", "G54.1P3", "G59.3"), places, strict=True)
+    ]
+    tools = [f"T{number}={length:.3f}" for number, length in enumerate(rng.uniform(0, 300, 3), start=1)]
+    return dataclasses.replace(machine, axes=axes), {"offsets": offsets, "tools": tools}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+@settings(max_examples=25)
+@given(seed=seeds, tcp=st.booleans(), told=st.booleans())
+def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp, told):
+    """The corrected program, on a machine set up in another way than ncomp was told, stays beside the original."""
+    machine = load(name)
+    tcp &= name in ("dmu50", "head_table")
+    text = RandomProgram(machine, seed, tcp=tcp).text(50)
+    setup = random_setup(machine) if told else {}
+    corrected = without_mark(correct(text, machine, random_model(machine, seed), travel_check=False, **setup).text)
+    real, real_setup = another(machine, seed)
+    before, after = (read(each, real, **real_setup).machine_target for each in (text, corrected))
+    assert np.abs(after - before)[:, machine.translators].max() < 1.0
+    assert (after[:, machine.rotary] == before[:, machine.rotary]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MACHINES)
+@settings(max_examples=150)
+@given(seed=seeds, tcp=st.booleans())
+def test_many_random_programs(name, seed, tcp):
+    test_random_programs.hypothesis.inner_test(name, seed, tcp, 80)
+    test_no_move_goes_elsewhere_whatever_the_offsets_really_are.hypothesis.inner_test(name, seed, tcp, False)
+
+
+# ---- real programs
+
+REAL_SETUP = {"five_axis_ac": "trunnion_ac"}
+
+
+def real_programs(nc_data):
+    return sorted((nc_data / "iso").rglob("*.*")) + sorted(FREECAD.glob("*.nc"))
+
+
+def machine_for(path):
+    return load(REAL_SETUP.get(path.parent.name, "dmu50"))
+
+
+def run(path, machine, model):
+    source, out = open_source(str(path)), io.BytesIO()
+    job = Job(source, find_dialect("iso", "", ""), machine, model, make_setup(machine), travel_check=False)
+    report = Pipeline(job).run(out, lambda _: None)
+    return out.getvalue(), report
+
+
+ACCEPTED = {
+    "CONTOUR.NC", "CONTOUR_R.NC", "CONTOUR_R1.NC", "G17_18_19.NC", "G17_18_19_G91.NC", "PARALLEL.NC", "PROGRAM.NC",
+    "PROGRAM2.NC", "TEST.NC", "TEST3.NC", "TEST4.NC", "TEST_G90.NC", "VINT_360arc-1.NC", "VINT_360arc.NC",
+    "VINT_REV_360arc.NC", "impeller-7bl-xyzac.ngc", "box_grbl.nc", "box_linuxcnc.nc", "box_mach3_mach4.nc",
+}  # fmt: skip
+REASONS = {
+    "BOTTLE.NC": ":12: .*this is no circle; its centre would fit as absolute",
+    "CONTOUR_ABS.NC": ":15: .*this is no circle; its centre would fit as absolute",
+    "TEST2.NC": ":12: .*this is no circle; its centre would fit as absolute",
+    "G81.NC": ":10: .*G81 canned cycles are not corrected",
+    "G81_G91.NC": ":11: .*G81 canned cycles are not corrected",
+    "G82.NC": ":10: .*G82 canned cycles are not corrected",
+    "G83.NC": ":10: .*G83 canned cycles are not corrected",
+    "TEST_G91.NC": ":30: .*an increment of Z from a position that the program has not said",
+    "TEST_TURN.NC": ":9: .*an arc from a position that the program has not said",
+    "box_centroid.nc": ":105: .*M99 jumps back in the program",
+    "box_fanuc.nc": ":3: .*is not understood",
+}
+
+
+def test_real_programs(nc_data):
+    read_names = set()
+    for path in real_programs(nc_data):
+        machine = machine_for(path)
+        if path.name in REASONS:
+            with pytest.raises(UserError, match=REASONS[path.name]):
+                run(path, machine, model_of(machine))
+            continue
+        read_names.add(path.name)
+        data, report = run(path, machine, model_of(machine))
+        assert data == path.read_bytes()
+        model = random_model(machine, 11)
+        corrected, report = run(path, machine, model)
+        text = without_mark(corrected.decode(ENCODING))
+        nominal, commanded = read(data.decode(ENCODING), machine), read(text, machine)
+        rows = exact_rows(nominal)
+        q, target = commanded.machine_target[rows], nominal.machine_target[rows]
+        assert missed_um(machine, model, q, target, nominal.tool[rows]).max() < ROUNDING_UM
+        assert verify(nominal, commanded, model).moves == report.moves
+        before, after = (re.split(r"(?<=\n)", part) for part in (data.decode(ENCODING), text))
+        assert [others(line) for line in before] == [others(line) for line in after]
+    assert read_names == ACCEPTED
+
+
+# ---- files of every kind
+
+FORMS = {
+    "line feeds": "%\nO1\nG0 X1.5 Y1.5 Z1.5\nM30\n%\n",
+    "carriage returns and line feeds": "%\r\nO1\r\nG0 X1.5 Y1.5 Z1.5\r\n",
+    "carriage returns": "%\rO1\rG0 X1.5 Y1.5 Z1.5\rM30\r",
+    "two carriage returns": "G0 X1.5 Y1.5 Z1.5\r\r\nM30\r\r\n",
+    "mixed": "%\r\nO1\nG0 X1.5 Y1.5 Z1.5\r\nM30\n",
+    "no end of line at the end": "G0 X1.5 Y1.5 Z1.5\nX2.5",
+    "one block without end": "G0 X1.5 Y1.5 Z1.5",
+    "byte order mark": "\xef\xbb\xbf%\nG0 X1.5 Y1.5 Z1.5\n",
+    "nul leader and trailer": "\0\0\0\0%\nG0 X1.5 Y1.5 Z1.5\n%\0\0\0",
+    "empty lines": "\n\n  \n\t\nG0 X1.5 Y1.5 Z1.5\n\n\n",
+    "latin-1 and utf-8 comments": "(Vorfr\xe4sen \xc3\xa4)\nG0 X1.5 Y1.5 Z1.5 ; \xb5m\n",
+    "trailing blanks": "G0 X1.5 Y1.5 Z1.5 \t \nM30  \n",
+    "comments only": "(a)\n; b\n\n",
+    "a head only": "%\nO1",
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_every_form_of_a_file_is_kept(name):
+    text, machine = FORMS[name], load("gantry")
+    assert correct(text, machine).text == text
+    output = correct(text, machine, shifted(machine, X=-10.0)).text
+    if "G0" in text:
+        output = without_mark(output)
+    assert output == text.replace("X1.5", "X1.5100").replace("X2.5", "X2.5100")
+
+
+@pytest.mark.parametrize("size", [1, 2, 100])
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("%\nO1 (A)\nG0 X1 Y1\n", 2),
+        ("(A)\n%\nO1\n(B)\n\nG21\nG0 X1\n", 5),
+        ("G0 X1\n", 0),
+        ("( A )\r\nG0 X1\r\n", 1),
+    ],
+)
+def test_place_of_the_mark(monkeypatch, text, place, size):
+    monkeypatch.setattr("postproc.pipeline.CHUNK", size)
+    machine = load("gantry")
+    output = correct(text, machine, shifted(machine, X=-10.0)).text
+    lines = re.split(r"(?<=\n)", output)
+    assert MARK.fullmatch(lines[place])
+    assert ("\r\n" in lines[place]) == ("\r\n" in text)
+    assert mark_in(lines[place]) is not None
+    assert [i for i, line in enumerate(lines) if mark_in(line)] == [place]
+
+
+def test_the_mark_names_program_machine_and_calibration():
+    machine = load("dmu50")
+    model = shifted(machine, X=1.0)
+    text = "G0 X1 Y1 Z1\n"
+    mark = correct(text, machine, model).text.splitlines()[0]
+    assert mark == f"(NCOMP 0.1.0 MACHINE DMU50 CALIBRATION {model.id.upper()} PROGRAM {source_of(text).hash.upper()})"
+
+
+def test_a_mark_far_down_is_found(monkeypatch):
+    monkeypatch.setattr("postproc.pipeline.CHUNK", 10)
+    machine = load("gantry")
+    marked = correct("G0 X1\n", machine, shifted(machine, X=1.0)).text
+    with pytest.raises(UserError, match=r":101: .*already corrected by ncomp \(calibration [0-9A-F]+\); --force"):
+        correct("G0 X1\n" * 100 + marked, machine, shifted(machine, X=1.0))
+
+
+# ---- travel
+
+AT_THE_END = "G0 X5000 Y100 Z100\n"
+
+
+def test_outside_travel_as_programmed():
+    machine = load("gantry")
+    for model in (model_of(machine), shifted(machine, X=10.0)):
+        with pytest.raises(UserError, match=r"test.nc:2: .*X would go to 5000.5000 mm as programmed .*0..5000"):
+            correct("G0 X1\nX5000.5\n", machine, model)
+    noted = correct("G0 X1\nX5000.5\nX5001\n", machine, shifted(machine, X=10.0), travel_check=False).report.notes
+    assert "X outside its travel 0..5000 mm (line 2, 2 times)" in noted
+
+
+def test_outside_travel_after_correction():
+    machine = load("gantry")
+    assert correct(AT_THE_END, machine).text == AT_THE_END
+    assert "X4999.9900" in correct(AT_THE_END, machine, shifted(machine, X=10.0)).text
+    with pytest.raises(UserError, match=r"test.nc:1: .*X would go to 5000.0100 mm after correction"):
+        correct(AT_THE_END, machine, shifted(machine, X=-10.0))
+
+
+def test_travel_is_checked_in_machine_axes():
+    machine = load("gantry")
+    with pytest.raises(UserError, match=r"X would go to 5000.5000 mm as programmed"):
+        correct("G54 G0 X0.5\n", machine, offsets=["G54=5000"])
+    with pytest.raises(UserError, match=r"Z would go to 1600.0000 mm as programmed"):
+        correct("G43 H1 G0 Z1500\n", machine, tools=["T1=100"])
+    with pytest.raises(UserError, match=r"X would go to -1.0000 mm as programmed"):
+        correct("G0 G53 X-1\n", machine)
+    tilting = load("dmu50")
+    with pytest.raises(UserError, match=r"C would go to 370.0000 deg as programmed"):
+        correct("G0 X0 C370\n", tilting)
+
+
+# ---- what is reported
+
+
+def test_report():
+    machine = load("gantry")
+    model = model_of(machine, ErrorMotion("X", "X", Polynomial((0.0, 5000.0), 1), (10.0, 50.0), (1.0, 2.0)))
+    text = "G21 G90 G0 X1000.0 Y10.0 Z10.0\nG53 Z0\nG1 X2000.0 F500\nZ10.0\nX3000.0\nM30\n"
+    report = correct(text, machine, model).report
+    data = report.json()
+    assert data["blocks"] == {"read": 6, "changed": 3}
+    assert data["moves"] == {"read": 5, "corrected": 4, "not_judged": 2}
+    assert data["correction_um"]["X"]["max"] == pytest.approx(40.0, abs=0.1)
+    assert data["correction_um"]["Y"] == {"max": 0.0, "rms": 0.0, "count": 4}
+    error = data["predicted_error_um"]
+    assert error["before"]["max"] == pytest.approx(40.0, abs=1e-3)
+    assert error["before"]["count"] == error["after"]["count"] == 3
+    assert error["after"]["max"] < 0.05
+    assert error["between_block_ends_after"] == {"max": pytest.approx(0.0, abs=0.06), "rms": pytest.approx(0.0, abs=0.06), "count": 1}  # fmt: skip
+    assert error["standard_uncertainty_of_prediction"]["max"] == pytest.approx(np.hypot(1.0, 2.0 * 0.6), abs=1e-3)
+    assert data["work_offsets"] == {"G54": "0 (default)"}
+    assert data["tools"] == {}
+    assert data["calibration"]["id"] == model.id
+
+
+def test_between_the_ends_of_a_move_after_a_reference_point():
+    """The way to Z5 begins somewhere else than where the program was before G28: nothing is said about its middle."""
+    machine = load("gantry")
+    text = "G21 G90 G0 X10.0 Y10.0 Z5.0\nG91 G28 Z0.0\nG90 G1 Z5.0 F100\nX20.0\n"
+    report = correct(text, machine, random_model(machine, 1)).report
+    assert report.between_ends.count == 1
+    assert report.between_ends.largest < 1.0
+
+
+def test_notes():
+    machine = load("dmu50")
+    model = model_of(machine, ErrorMotion("X", "X", Polynomial((-100.0, 100.0), 2), (0.0, 0.0, 80.0), (1.0,) * 3))
+    text = "G21 G90 G0 X-200.0 Y0.0\nG1 Z10.0 F100\nX0.0\nC10.0\n"
+    notes = correct(text, machine, model, offsets=["G55=1,2,3"]).report.notes
+    assert notes == [
+        "B not said by the program yet, taken at its home 0 (line 1, 4 times)",
+        "C not said by the program yet, taken at its home 0 (line 1, 3 times)",
+        "Z not said by the program yet, taken at its home 400 (line 1)",
+        "a feed move strays more than 1 um between its ends (line 3)",
+        "work offset G55 was given and is not used",
+        "E_XX is used up to 100 beyond what is known of it (mm or degrees); its end value is held there",
+    ]
+
+
+# ---- offsets, lengths, sources
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "values"),
+    [
+        ("G54=10,20,-5", "G54", {"X": 10, "Y": 20, "Z": -5}),
+        ("g55 = 1, 2", "G55", {"X": 1, "Y": 2}),
+        ("G54.1 P3=1,,3".replace(",,", ",0,"), "G54.1P3", {"X": 1, "Y": 0, "Z": 3}),
+        ("1=X=5,C=-30", "1", {"X": 5, "C": -30}),
+        ("G54=1,2,3,C=30", "G54", {"X": 1, "Y": 2, "Z": 3, "C": 30}),
+    ],
+)
+def test_work_offset_option(option, name, values):
+    assert make_setup(load("dmu50"), [option]).work_offsets == {name: values}
+
+
+@pytest.mark.parametrize(
+    "option", ["G54", "G54=", "=1,2,3", "G54=a", "G54=1,2,3,4", "G54=1,U=4", "G54=nan", "G54=1,inf", "G54=1,,3", ""]
+)
+def test_bad_work_offset_option(option):
+    with pytest.raises(UserError, match=r"^--work-offset"):
+        make_setup(load("dmu50"), [option])
+
+
+@pytest.mark.parametrize("option", ["T1", "T1=", "T=5", "TX=5", "T1=a", "T1=nan", "T1=-inf", ""])
+def test_bad_tool_length_option(option):
+    with pytest.raises(UserError, match=r"^--tool-length"):
+        make_setup(load("dmu50"), [], [option])
+
+
+def test_options_overrule_the_tool_table():
+    table = ToolTable({"1": 100.0, "3": 7.0}, {"G54": {"X": 1.0}, "G55": {"X": 2.0}})
+    setup = make_setup(load("dmu50"), ["G54=9"], ["T1=5", "t02=6.5"], table)
+    assert setup.work_offsets == {"G54": {"X": 9.0}, "G55": {"X": 2.0}}
+    assert [setup.tool_length(n) for n in (1, 2, 3, 4)] == [5, 6.5, 7, 0]
+    assert setup.used_tools == {"1": "5", "2": "6.5", "3": "7", "4": "0 (default)"}
+
+
+@settings(max_examples=30)
+@given(st.binary(min_size=1, max_size=200), st.integers(1, 4))
+def test_lines_and_chunks_lose_no_byte(data, size):
+    source = source_of(data.decode(ENCODING))
+    parts = list(chunks(source.lines(), size))
+    numbered = [line for part in parts for line in part]
+    assert (source.mark + "".join(text for _, text in numbered)).encode(ENCODING) == data
+    assert [number for number, _ in numbered] == list(range(1, len(numbered) + 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "tools"),
+    [
+        (
+            "tool.tbl",
+            "; table\nT1 P1 D10 Z120.5 ;mill\n\nt02 p2 z+.5\nT3 P3 X0 Y+0.0 Z-5",
+            {"1": 120.5, "2": 0.5, "3": -5},
+        ),
+        ("t.json", '{"1": 120.5, "02": 3}', {"1": 120.5, "2": 3}),
+        ("t.json", '{"tools": {"7": 1}, "work_offsets": {"g54.1 p2": {"X": 1}}}', {"7": 1}),
+    ],
+)
+def test_tool_table(tmp_path, name, text, tools):
+    (tmp_path / name).write_text(text)
+    table = read_tool_table(tmp_path / name)
+    assert table.tools == tools
+    assert set(table.work_offsets) <= {"G54.1P2"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("tool.tbl", "T1 P1 D10\n"),
+        ("tool.tbl", "nonsense\n"),
+        ("tool.tbl", "T1 Z120.5\nT2 X5 Z3\n"),
+        ("tool.tbl", f"T1 Z{'9' * 400}\n"),
+        ("t.json", '{"T1": 120.5}'),
+        ("t.json", '{"1": "long"}'),
+        ("t.json", '{"1": null}'),
+        ("t.json", "[1]"),
+        ("t.json", ""),
+        ("t.json", '{"1": 1e999}'),
+        ("t.json", '{"tools": {}, "offsets": {}}'),
+    ],
+)
+def test_bad_tool_table(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=f"^tool table .*{name}"):
+        read_tool_table(tmp_path / name)
