@@ -16,6 +16,8 @@ from postproc.setup import Setup
 
 AXES = "XYZABCUVW"
 CENTRES = "IJK"
+MEANINGFUL = frozenset(AXES + CENTRES + "RGMTHO")
+"""Addresses that move the tool or change what others mean."""
 INCH = 25.4
 LARGEST = 1e9
 """No control has a number of this size."""
@@ -41,7 +43,8 @@ LENGTH_CODES = frozenset((43.0, 43.4, 49.0))
 OFFSET_CODES = frozenset((54.1, *WORK_OFFSETS))
 FRAME_CODES = LENGTH_CODES | OFFSET_CODES
 
-STANDING = frozenset((4.0, 5.1, 50.1, 92.1, 92.2))
+NAMING = frozenset((5.1, 50.1, 92.1, 92.2))
+STANDING = NAMING | {4.0}
 """Take the coordinates of their block for something else than a move."""
 ONE_SHOT = STANDING | {28.0, 30.0, 53.0}
 GROUPS = (
@@ -90,6 +93,8 @@ PROGRAM_ENDS = frozenset((2.0, 30.0))
 HARMLESS_M = frozenset(
     map(float, [*range(12), 13, 14, 16, 17, 18, 19, 29, 30, 48, 49, 50, 51, 52, 53, PALLET_CHANGE, 88, 89])
 )
+SKIPPABLE_M = HARMLESS_M - PROGRAM_ENDS - {TOOL_CHANGE, PALLET_CHANGE}
+"""Whether they run does not change what other blocks mean."""
 MOVE_WORDS = frozenset("NFSTHDPQIJKR")
 """What may stand in a move beside G, M and axes."""
 
@@ -208,7 +213,7 @@ class IsoInterpreter:
     def _check_block(self, block: Block, content: _Content, moves: bool) -> None:
         """Refuse what controls read in different ways, whatever the modes are."""
         other = content.other.keys()
-        if block.skippable and (moves or content.g or content.m or "T" in other):
+        if block.skippable and (moves or content.g or "T" in other or not SKIPPABLE_M.issuperset(content.m)):
             raise block.refuse("whether it runs depends on the block-skip switch")
         if "O" in other and self.begun:
             raise block.refuse("a second program in one file")
@@ -217,6 +222,8 @@ class IsoInterpreter:
         if "H" in other and LENGTH_CODES.isdisjoint(content.g) and REFUSED_G.keys().isdisjoint(content.g):
             raise block.refuse("H without G43: some controls take the new length at once, others do not")
         if len(content.g) > 1:
+            if content.axes and not NAMING.isdisjoint(content.g) and not MOTION.keys().isdisjoint(content.g):
+                raise block.refuse("coordinates that two codes may take")
             for group in GROUPS:
                 clash = sorted(group.intersection(content.g))
                 if len(clash) > 1:
@@ -225,8 +232,8 @@ class IsoInterpreter:
     def _check_line_end(self, block: Block) -> None:
         """Refuse words behind a semicolon that stands behind words: where it ends a block, they are the next one."""
         _, mark, rest = block.text[block.words[-1].end :].partition(";")
-        if mark and _WORDS.fullmatch(rest.rstrip("\r\n")) and not set(AXES).isdisjoint(rest.upper()):
-            raise block.refuse("coordinates behind a semicolon: a comment on some controls, the next block on others")
+        if mark and _WORDS.fullmatch(rest.rstrip("\r\n")) and not MEANINGFUL.isdisjoint(rest.upper()):
+            raise block.refuse("words behind a semicolon: a comment on some controls, the next block on others")
 
     def _sort(self, block: Block) -> _Content:
         content = _Content()

@@ -18,8 +18,8 @@ class Notes:
         self.count[text] = self.count.get(text, 0) + times
 
     def texts(self) -> list[str]:
-        """Each note with its first line and count."""
+        """Each note with its first line and count, in the order of lines."""
         return [
             f"{text} (line {line}{f', {self.count[text]} times' if self.count[text] > 1 else ''})"
-            for text, line in self.first.items()
+            for line, text in sorted((line, text) for text, line in self.first.items())
         ]

@@ -65,6 +65,7 @@ class Pipeline:
         self.writer = Writer(job.machine, orientation=self.orientation)
         self.report = _new_report(job)
         self._marked = False
+        self._beyond: dict[str, float] = {}
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
         """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
@@ -83,10 +84,17 @@ class Pipeline:
         except Refusal as refusal:
             raise refusal.located(job.source.name) from None
         report.work_offsets, report.tools = job.setup.used_offsets, job.setup.used_tools
-        for name in job.setup.unused():
-            self.notes.add(f"work offset {name} was given and is not used by the program", 1)
-        report.notes = self.notes.texts()
+        report.notes = [*self.notes.texts(), *self._summary()]
         return report
+
+    def _summary(self) -> list[str]:
+        """Notes that belong to no line."""
+        unused = [f"work offset {name} was given and is not used" for name in self.job.setup.unused()]
+        beyond = [
+            f"{name} is used up to {excess:.4g} beyond what is known of it (mm or degrees); its end value is held there"
+            for name, excess in sorted(self._beyond.items())
+        ]
+        return unused + beyond
 
     def _correct(self, blocks: list[Block]) -> list[str]:
         """Texts of a chunk of blocks, corrected."""
@@ -148,9 +156,7 @@ class Pipeline:
         some = np.flatnonzero(judged)[:: max(1, int(judged.sum()) // UNCERTAINTY_ROWS)]
         report.uncertainty.add(_uncertainty_um(machine, job.model, correction.nominal[some], tool[some]))
         for name, excess in job.model.outside(machine, State(nominal)).items():
-            self.notes.add(
-                f"{name} is known to {excess:.4g} less than used; held at its end value", motions.blocks[0].line
-            )
+            self._beyond[name] = max(excess, self._beyond.get(name, 0.0))
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
         """Say which moves were corrected although the program had not said yet where an axis stands."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from kinematics.files import read_input
 
 _LINUXCNC = re.compile(r"\s*T(?P<number>\d+)\b(?P<rest>[^;]*)", re.I)
 _LENGTH = re.compile(r"\bZ\s*([+-]?(?:\d+\.?\d*|\.\d+))", re.I)
+_SIDEWAYS = re.compile(r"\b([XYABCUVW])\s*[+-]?[\d.]*[1-9]", re.I)
 
 
 class ToolTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -40,15 +42,31 @@ def read_tool_table(path: Path) -> ToolTable:
         length = _LENGTH.search(content)
         if match is None or length is None:
             raise UserError(f"tool table {path}:{i}: {line.strip()!r} is no LinuxCNC tool entry (T1 P1 Z120.5)")
-        lengths[str(int(match["number"]))] = float(length[1])
-    return ToolTable(lengths)
+        sideways = _SIDEWAYS.search(content)
+        if sideways is not None:
+            raise UserError(f"tool table {path}:{i}: an offset in {sideways[1].upper()} is not corrected for")
+        lengths[match["number"]] = float(length[1])
+    return _checked(ToolTable(lengths), path)
 
 
 def _from_json(data: bytes, path: Path) -> ToolTable:
     try:
         entries = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
         if entries.keys() <= {"tools", "work_offsets"}:
-            return msgspec.json.decode(data, type=ToolTable)
-        return ToolTable(msgspec.json.decode(data, type=dict[str, float]))
+            return _checked(msgspec.json.decode(data, type=ToolTable), path)
+        return _checked(ToolTable(msgspec.json.decode(data, type=dict[str, float])), path)
     except msgspec.DecodeError as fault:
         raise UserError(f'tool table {path}: {fault}; expected {{"1": 120.5, ...}}') from None
+
+
+def _checked(table: ToolTable, path: Path) -> ToolTable:
+    """The table with its names as programs are read to write them; UserError for what could never be looked up."""
+    for name, values in {"tools": table.tools, **table.work_offsets}.items():
+        for key, value in values.items():
+            if not math.isfinite(value):
+                raise UserError(f"tool table {path}: {name}: {key}: {value} is not finite")
+    for number in table.tools:
+        if not number.isdecimal():
+            raise UserError(f"tool table {path}: tool {number!r} is no number")
+    tools = {str(int(number)): length for number, length in table.tools.items()}
+    return ToolTable(tools, {"".join(name.split()).upper(): values for name, values in table.work_offsets.items()})

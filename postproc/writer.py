@@ -82,14 +82,17 @@ class Writer:
         self._held: list[float] | None = None
         self._frame: Frame | None = None
         self._editors: dict[int, WordEditor] = {}
+        self._said: list[list[bool]] = []
 
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
         self._editors = {}
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
         turning = self._turning(motions)
+        assumed = (motions.known_start == Known.ASSUMED).tolist()
+        self._said = (motions.known == Known.PROGRAM).tolist()
         for row in range(len(motions)):
-            held = self._before(motions, row)
+            held = self._before(motions, row, assumed[row])
             starts[row] = held
             if motions.kind[row] == Kind.MACHINE:
                 self._go_to_machine_position(motions, row, held)
@@ -100,7 +103,7 @@ class Writer:
         texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
         return Written(texts, starts, ends, turning)
 
-    def _before(self, motions: Motions, row: int) -> list[float]:
+    def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position that the control holds before the row, in the row's frame.
 
         That is what has been written; for axes that the program has not said since, the assumed start.
@@ -112,7 +115,6 @@ class Writer:
             q = to_machine(self.machine, self._frame, np.array([held]))
             held = to_program(self.machine, frame, q)[0].tolist()
         self._frame = frame
-        assumed = (motions.known_start[row] == Known.ASSUMED).tolist()
         return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
 
     def _turning(self, motions: Motions) -> NDArrayBool:
@@ -156,7 +158,7 @@ class Writer:
         if arc is not None and not arc.full:
             self._round_off(motions, row, start, wanted, correction.middle_shift[row])
         linear_unit = float(motions.unit[row])
-        said = (motions.known[row] == Known.PROGRAM).tolist()
+        said = self._said[row]
         named = set()
         for axis, index, incremental in motions.words[row]:
             named.add(axis)

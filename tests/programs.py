@@ -247,19 +247,18 @@ class RandomProgram:
         self.be_absolute()
         self.said.clear()
         self.emit(self.rng.choice(LINUXCNC_OFFSETS if self.for_linuxcnc else OFFSETS))
-        self.go_on()
+        self.go_on(somewhere=True)
 
     def machine_position(self) -> None:
         if self.tcp:
             return
         self.be_absolute()
-        if self.for_linuxcnc and self.unit != 1.0:
-            self.switch_unit()  # LinuxCNC 2.9 takes a length offset of mm for inches in G53
+        self.leave_inches()
         axis = self.machine.axes[self.machine.index("Z")]
         self.motion = 0
-        self.emit("G53", "G0", "Z" + self.number((axis.travel[1] - 1.0) / self.unit))
+        self.emit("G53", "G0", "Z" + self.number((axis.travel[1] - 40.0) / self.unit))
         self.said.discard("Z")
-        self.go_on()
+        self.go_on(somewhere=True)
 
     def go_home(self) -> None:
         if self.tcp:
@@ -275,6 +274,7 @@ class RandomProgram:
         if self.tcp:
             return
         self.be_absolute()
+        self.leave_inches()
         if self.for_linuxcnc:
             self.go_everywhere()  # its test client forgets an arc when the tool is changed behind it
         number = self.rng.randint(1, 3)
@@ -290,6 +290,8 @@ class RandomProgram:
         if self.rotary and self.absolute:
             self.motion = self.rng.choice((0, 0, 1))
             self.emit(f"G{self.motion}", *self.angles())
+            if self.motion == 1:
+                self.go([], {axis: self.near(axis) for axis in "XYZ"})
 
     def turn_and_go(self) -> None:
         if self.absolute:
@@ -302,14 +304,23 @@ class RandomProgram:
         self.motion = 0
         self.go(["G0"], {axis: self.rng.uniform(-20, 20) for axis in "XYZ"})
 
-    def go_on(self) -> None:
-        """Say again some or all of what is no longer said."""
+    def go_on(self, *, somewhere: bool = False) -> None:
+        """Say again all that is no longer said, in one block or two; or move it by increments first, and others."""
         self.motion = 0
         lost = [axis for axis in "XYZ" if axis not in self.said]
         self.rng.shuffle(lost)
+        if somewhere and self.rng.random() < 0.3:
+            self.emit("G91", "G0", *(axis + self.number(self.rng.uniform(-1, 1)) for axis in lost))
+            self.emit("G90")
+            self.go([], {axis: self.near(axis) for axis in self.said & set("XY")})
         for part in [lost] if self.rng.random() < 0.6 else [lost[:1], lost[1:]]:
             if part:
                 self.go(["G0"], {axis: self.rng.uniform(-20, 20) for axis in part})
+
+    def leave_inches(self) -> None:
+        """LinuxCNC 2.9 takes a length offset of mm for inches, or the other way round, in G53 behind a change."""
+        if self.for_linuxcnc and self.unit != 1.0:
+            self.switch_unit()
 
     def be_absolute(self) -> None:
         if not self.absolute:
@@ -318,8 +329,7 @@ class RandomProgram:
 
     def some_axes(self) -> list[str]:
         usable = sorted(self.said) if not self.absolute else list("XYZ")
-        count = self.rng.randint(1, len(usable)) if usable else 0
-        return [axis for axis in usable if axis in self.rng.sample(usable, count)]
+        return sorted(self.rng.sample(usable, self.rng.randint(1, len(usable)))) if usable else []
 
     def near(self, axis: str) -> float:
         return max(-40.0, min(40.0, self.position[axis] + self.rng.choice((0.05, 1, 10)) * self.rng.uniform(-1, 1)))

@@ -7,17 +7,22 @@ from hypothesis import strategies as st
 from programs import FIVE_AXES, THREE_AXES, RandomProgram, load, model_of, random_model, random_setup, read, shifted
 
 from kinematics.basis import BSpline, Polynomial
+from kinematics.correction import correct_position
 from kinematics.effects import ErrorMotion
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.model import no_errors
 from kinematics.state import State
-from postproc.compensate import actual_tool_point, correct, correct_positions, missed_um
+from postproc.compensate import actual_tool_point, correct, missed_um
 from postproc.motions import Kind, Known
 
 ALL = (*FIVE_AXES, *THREE_AXES)
 EXACT_UM = 0.01
 seeds = st.integers(0, 2**32 - 1)
+
+
+def correct_positions(machine, model, nominal, tool, movable):
+    return correct_position(machine, lambda q: model.errors(machine, State(q)), nominal, tool, movable)
 
 
 def positions(machine, seed, n=50):
@@ -104,7 +109,7 @@ def test_constant_shift():
 def test_sign_by_hand():
     """An X scale that is 100 um long at 1000 mm: the axis has to be told 999.9."""
     machine = load("gantry")
-    long = ErrorMotion("X", "X", Polynomial((0.0, 1000.0), 1), (0.0, 100.0), (1.0, 1.0))
+    long = ErrorMotion("X", "X", Polynomial((0.0, 1000.0), 1), (0.0, 100.0), u=(1.0, 1.0))
     q = correct_positions(
         machine, model_of(machine, long), np.array([[1000.0, 0, 0]]), np.zeros((1, 3)), np.ones((1, 3), bool)
     )
@@ -113,7 +118,7 @@ def test_sign_by_hand():
 
 def test_too_steep_a_model_is_refused():
     machine = load("gantry")
-    jagged = ErrorMotion("X", "X", BSpline((0.0, 0.01, 0.02, 5000.0), 1), (0.0, 2e4, -2e4, 0.0), (1.0,) * 4)
+    jagged = ErrorMotion("X", "X", BSpline((0.0, 0.01, 0.02, 5000.0), 1), (0.0, 2e4, -2e4, 0.0), u=(1.0,) * 4)
     with pytest.raises(UserError, match="no correction settles"):
         correct_positions(
             machine, model_of(machine, jagged), np.array([[0.005, 0, 0]]), np.zeros((1, 3)), np.ones((1, 3), bool)
@@ -139,7 +144,7 @@ def test_only_what_the_program_has_said_is_corrected():
 def test_arc_middles():
     """A half circle's middle lies at (10, 10): where the scale error of X by then has grown to half."""
     machine = load("gantry")
-    model = model_of(machine, ErrorMotion("X", "X", Polynomial((0.0, 20.0), 1), (0.0, 20.0), (1.0, 1.0)))
+    model = model_of(machine, ErrorMotion("X", "X", Polynomial((0.0, 20.0), 1), (0.0, 20.0), u=(1.0, 1.0)))
     motions = read("G0 X0 Y0 Z0\nG2 X20 Y0 I10 J0\n", machine)
     correction = correct(motions, model)
     assert correction.middle_shift[1] == pytest.approx([-0.01 / 1.001, 0, 0], abs=1e-7)

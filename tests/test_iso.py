@@ -60,7 +60,7 @@ GOLDEN = {
         [(RAPID, 1, 0.5, -3), (RAPID, 1, 2, -3)],
     ),
     "blocks without moves": (
-        "G0 X1 Y1 Z1\nG4 X5.\nG4 P500\nF200\nN5\nM8 S100\n(X9)\nX2 (X9) ; X9 etc\n/ (skip)\n#1=5\nF#1\n",
+        "G0 X1 Y1 Z1\nG4 X5.\nG4 P500\nF200\nN5\nM8 S100;\n(X9)\nX2 (X9) ; X9 etc\n/ (skip)\n/M8 F5\n#1=5\nF#1\n; X7",
         {},
         [(RAPID, 1, 1, 1), (RAPID, 2, 1, 1)],
     ),
@@ -444,7 +444,10 @@ REFUSED = {
     "G28 X0\nG2 X5 Y1 I2": "an arc from a position that the program has not said",
     # block skip
     "/X1": "whether it runs depends on the block-skip switch",
-    "N5 /2 M8": "whether it runs depends on the block-skip switch",
+    "N5 /2 M6": "whether it runs depends on the block-skip switch",
+    "/M30": "whether it runs depends on the block-skip switch",
+    "/M123": "whether it runs depends on the block-skip switch",
+    "/G4 P1": "whether it runs depends on the block-skip switch",
     "/T2": "whether it runs depends on the block-skip switch",
     "X1 /Y1": "whether it runs depends on the block-skip switch",
     # several programs, tape marks
@@ -455,13 +458,18 @@ REFUSED = {
     "X10 %": "a tape mark that does not stand alone",
     "/%": "a tape mark that does not stand alone",
     # the next block, where a semicolon ends one
-    "X5; Y5": "coordinates behind a semicolon",
-    "X5 ;G1 y5 ": "coordinates behind a semicolon",
+    "X5; Y5": "words behind a semicolon",
+    "X5 ;G1 y5 ": "words behind a semicolon",
+    "X5;G91": "words behind a semicolon",
+    "M8 ; M6": "words behind a semicolon",
     # control flow and other constructs
     "IF[#1 EQ 2] GOTO 10": "control flow (IF, WHILE, GOTO) is not followed",
     "GOTO10": "control flow (IF, WHILE, GOTO) is not followed",
     "o100 call": "control flow (O-words) is not followed",
     "[5]": "an expression that stands alone",
+    # coordinates that are a move for one code and none for the other
+    "G1 G50.1 X5": "coordinates that two codes may take",
+    "G5.1 Q1 G0 X5": "coordinates that two codes may take",
     # splines or not, by what else is there
     "G5.1 X2 I1 J1": "G5.1 without Q",
     # codes nobody knows

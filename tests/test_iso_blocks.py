@@ -2,6 +2,7 @@
 
 import re
 import time
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -102,10 +103,9 @@ def test_mutated_lines_of_real_programs(nc_data, data):
     both_ways(text)
 
 
-def mutable_lines(folder: Path, found: list[str] = []) -> list[str]:
-    if not found:
-        found += sorted({line for line in real_lines(folder) if len(line) > 1})[::7]
-    return found
+@cache
+def mutable_lines(folder: Path) -> list[str]:
+    return sorted({line for line in real_lines(folder) if len(line) > 1})[::7]
 
 
 def test_joining_the_blocks_of_a_program_gives_its_bytes(nc_data):

@@ -1,5 +1,6 @@
 """The main job as a whole: random and real programs, in chunks of any size, judged by what comes out."""
 
+import dataclasses
 import io
 import re
 from pathlib import Path
@@ -150,12 +151,42 @@ def test_a_constant_shift_moves_everything_by_just_that(seed, um):
                 assert other.centre[i] - arc.centre[i] == pytest.approx(um[axis] * -1e-3, abs=tolerance)
 
 
+def another(machine, seed):
+    """The machine as it stands on the shop floor: other home positions, offsets and tools than ncomp was told."""
+    rng = np.random.default_rng(seed)
+    homes = [axis.home + float(rng.uniform(-300, 300)) * (not axis.rotary) for axis in machine.axes]
+    axes = tuple(dataclasses.replace(axis, home=home) for axis, home in zip(machine.axes, homes, strict=True))
+    places = rng.uniform(-500, 500, (4, 3)).round(3).tolist()
+    offsets = [
+        f"{name}={x},{y},{z}" for name, (x, y, z) in zip(("G54", "G55", "G54.1P3", "G59.3"), places, strict=True)
+    ]
+    tools = [f"T{number}={length:.3f}" for number, length in enumerate(rng.uniform(0, 300, 3), start=1)]
+    return dataclasses.replace(machine, axes=axes), {"offsets": offsets, "tools": tools}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+@settings(max_examples=25)
+@given(seed=seeds, tcp=st.booleans(), told=st.booleans())
+def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp, told):
+    """The corrected program, on a machine set up in another way than ncomp was told, stays beside the original."""
+    machine = load(name)
+    tcp &= name in ("dmu50", "head_table")
+    text = RandomProgram(machine, seed, tcp=tcp).text(50)
+    setup = random_setup(machine) if told else {}
+    corrected = without_mark(correct(text, machine, random_model(machine, seed), travel_check=False, **setup).text)
+    real, real_setup = another(machine, seed)
+    before, after = (read(each, real, **real_setup).machine_target for each in (text, corrected))
+    assert np.abs(after - before)[:, machine.translators].max() < 1.0
+    assert (after[:, machine.rotary] == before[:, machine.rotary]).all()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 @settings(max_examples=150)
 @given(seed=seeds, tcp=st.booleans())
 def test_many_random_programs(name, seed, tcp):
     test_random_programs.hypothesis.inner_test(name, seed, tcp, 80)
+    test_no_move_goes_elsewhere_whatever_the_offsets_really_are.hypothesis.inner_test(name, seed, tcp, False)
 
 
 # ---- real programs
@@ -329,7 +360,7 @@ def test_travel_is_checked_in_machine_axes():
 
 def test_report():
     machine = load("gantry")
-    model = model_of(machine, ErrorMotion("X", "X", Polynomial((0.0, 5000.0), 1), (10.0, 50.0), (1.0, 2.0)))
+    model = model_of(machine, ErrorMotion("X", "X", Polynomial((0.0, 5000.0), 1), (10.0, 50.0), u=(1.0, 2.0)))
     text = "G21 G90 G0 X1000.0 Y10.0 Z10.0\nG53 Z0\nG1 X2000.0 F500\nZ10.0\nX3000.0\nM30\n"
     report = correct(text, machine, model).report
     data = report.json()
@@ -341,7 +372,7 @@ def test_report():
     assert error["before"]["max"] == pytest.approx(40.0, abs=1e-3)
     assert error["before"]["count"] == error["after"]["count"] == 3
     assert error["after"]["max"] < 0.05
-    assert error["between_block_ends_after"] == {"max": pytest.approx(0.0, abs=0.06), "rms": pytest.approx(0.0, abs=0.06), "count": 1}  # noqa: E501  # fmt: skip
+    assert error["between_block_ends_after"] == {"max": pytest.approx(0.0, abs=0.06), "rms": pytest.approx(0.0, abs=0.06), "count": 1}  # fmt: skip
     assert error["standard_uncertainty_of_prediction"]["max"] == pytest.approx(np.hypot(1.0, 2.0 * 0.6), abs=1e-3)
     assert data["work_offsets"] == {"G54": "0 (default)"}
     assert data["tools"] == {}
@@ -359,7 +390,7 @@ def test_between_the_ends_of_a_move_after_a_reference_point():
 
 def test_notes():
     machine = load("dmu50")
-    model = model_of(machine, ErrorMotion("X", "X", Polynomial((-100.0, 100.0), 2), (0.0, 0.0, 80.0), (1.0,) * 3))
+    model = model_of(machine, ErrorMotion("X", "X", Polynomial((-100.0, 100.0), 2), (0.0, 0.0, 80.0), u=(1.0,) * 3))
     text = "G21 G90 G0 X-200.0 Y0.0\nG1 Z10.0 F100\nX0.0\nC10.0\n"
     notes = correct(text, machine, model, offsets=["G55=1,2,3"]).report.notes
     assert notes == [

@@ -23,7 +23,7 @@ SHIFTED = shifted(GANTRY, X=-10.0, Y=20.0, Z=-30.0)
 def ramp(component, axis, um_per_mm=0.1, machine=GANTRY):
     """An error motion that grows with the position of its axis from 0."""
     high = max(machine.axes[machine.index(axis)].travel[1], 1.0)
-    return ErrorMotion(component, axis, Polynomial((0.0, high), 1), (0.0, um_per_mm * high), (1.0, 1.0))
+    return ErrorMotion(component, axis, Polynomial((0.0, high), 1), (0.0, um_per_mm * high), u=(1.0, 1.0))
 
 
 Y_BY_X = model_of(GANTRY, ramp("Y", "X"))
@@ -188,7 +188,7 @@ def test_an_arc_from_a_place_that_is_not_said_in_its_frame_is_refused():
 
 def turning_lines(text, machine="dmu50", **options):
     machine = load(machine)
-    model = model_of(machine, ErrorMotion("X", "B", Polynomial((0.0, 90.0), 1), (0.0, 90.0), (1.0, 1.0)))
+    model = model_of(machine, ErrorMotion("X", "B", Polynomial((0.0, 90.0), 1), (0.0, 90.0), u=(1.0, 1.0)))
     return correct(text, machine, model, **options)
 
 
@@ -232,7 +232,7 @@ def test_linear_words_next_to_rotary_ones_keep_exactly_what_was_written():
 
 def test_a_full_circle_closes_whatever_its_decimals():
     text = "G0 X100.00000 Y0 Z0\nG2 X100 I-5\nG1 X100.000000\nG3 X100. Y0 I5\n"
-    model = model_of(GANTRY, ErrorMotion("X", "X", Polynomial((0.0, 5000.0), 1), (0.0, 61.7), (1.0, 1.0)))
+    model = model_of(GANTRY, ErrorMotion("X", "X", Polynomial((0.0, 5000.0), 1), (0.0, 61.7), u=(1.0, 1.0)))
     lines = written(text, model=model).splitlines()
     numbers = [re.search(r"X(\S+)", line)[1] for line in lines]
     assert {float(number) for number in numbers[:2]} == {float(numbers[0])}
@@ -345,7 +345,7 @@ def smooth_model(seed):
         for component in "XYZABC":
             size = 100.0 if component in "XYZ" else 20.0
             values = tuple((rng.uniform(-1, 1, 3) * size / 3).tolist())
-            motions.append(ErrorMotion(component, axis, Polynomial((0.0, high), 2), values, (1.0,) * 3))
+            motions.append(ErrorMotion(component, axis, Polynomial((0.0, high), 2), values, u=(1.0,) * 3))
     return model_of(GANTRY, *motions)
 
 
@@ -390,6 +390,6 @@ def test_a_correction_of_millimetres_is_refused():
     assert "Y would be corrected by 6 mm, more than 5: this calibration can't be right" in message
     tall = BSpline((0.0, 5000.0), 1)
     model = model_of(
-        GANTRY, ErrorMotion("C", "X", tall, (1e4, 1e4), (1.0, 1.0)), ErrorMotion("X", "X", tall, (9e3, 9e3), (1, 1))
+        GANTRY, ErrorMotion("C", "X", tall, (1e4, 1e4), u=(1.0, 1.0)), ErrorMotion("X", "X", tall, (9e3, 9e3), u=(1, 1))
     )
     assert "this calibration can't be right" in refusal("G0 X1000 Y100\n", model=model)
