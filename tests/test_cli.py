@@ -270,11 +270,13 @@ def test_without_errors_byte_for_byte(ncomp):
     assert Path("out.nc").read_bytes() == Path("in.nc").read_bytes()
 
 
-JSON_KEYS = {"correction_urad", "predicted_tool_axis_error_urad", 
+JSON_KEYS = {
     "program": {"name", "sha256", "dialect"},
     "machine": {"name", "chain"},
     "calibration": {"id", "made_at", "age_days", "made_by", "demonstration"},
     "blocks": {"read", "changed"},
+    "correction_urad": set(),
+    "predicted_tool_axis_error_urad": {"before", "after"},
     "moves": {"read", "corrected", "not_judged"},
     "correction_um": {"X", "Y", "Z"},
     "predicted_error_um": {"before", "after", "between_block_ends_after", "standard_uncertainty_of_prediction"},
