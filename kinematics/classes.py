@@ -23,6 +23,7 @@ import msgspec
 import numpy as np
 
 from kinematics.effects import Effect, LocationError, Racking, Wobble
+from kinematics.effects.base import own_component
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 
@@ -60,8 +61,9 @@ def _part(effect: Effect, axis: str) -> str:
         return "line"
     if isinstance(effect, Wobble):
         return "across" if effect.motion == "radial" else "turn"
-    component = "C" if isinstance(effect, Racking) else getattr(effect, "component", axis)
-    if component == axis:
+    own = own_component(axis)
+    component = "C" if isinstance(effect, Racking) else getattr(effect, "component", own)
+    if component == own:
         return "own"
     return "turn" if component in "ABC" else "across"
 

@@ -9,8 +9,10 @@ from effect_examples import EXAMPLES
 from programs import random_model
 
 import machines
+from kinematics.basis import Polynomial
 from kinematics.classes import CLASSES, ELEMENTARY, class_of, parse_classes, select
 from kinematics.correction import DAMPING, correct_orientation, correct_position
+from kinematics.effects import ErrorMotion
 from kinematics.errors import UserError
 from kinematics.forward import forward, tool_point
 from kinematics.model import ErrorModel, read_model
@@ -56,6 +58,12 @@ def test_every_effect_has_an_elementary_class():
 )  # fmt: skip
 def test_class_of_an_error_motion(name, expected):
     assert next(class_of(effect) for effect in DEMONSTRATION.effects if effect.name == name) == expected
+
+
+def test_a_second_axis_along_x_errs_along_itself_in_x():
+    along = ErrorMotion("X", "U", Polynomial((0.0, 50.0), 0), (1.0,))
+    assert class_of(along) == "L-POS"
+    assert class_of(msgspec.structs.replace(along, component="Y")) == "L-STR"
 
 
 def test_names_of_classes():
