@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from kinematics.machine import Machine
 from postproc.circles import centre_from_radius, radius_fault, same
 from postproc.frames import Frame, cartesian
+from postproc.iso_blocks import WORDS
 from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block
@@ -85,6 +86,7 @@ REFUSED_M = {
     98.0: "calls a subprogram",
     99.0: "jumps back in the program",
     198.0: "calls a subprogram",
+    61.0: "says that another tool is in the spindle",
     **dict.fromkeys((70.0, 71.0, 72.0, 73.0), "brings back other modes on some controls, and mirrors on others"),
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }
@@ -106,7 +108,6 @@ CONSTRUCTS = {
     "number": "a number without an address",
 }
 CENTRE_WORD = {"X": "I", "Y": "J", "Z": "K"}
-_WORDS = re.compile(r"(?:[ \t]*[A-Z][ \t]*[+-]?[ \t]*(?:\d+\.?|\d*\.\d+))+[ \t]*", re.I)
 _USER_VARIABLE = re.compile(r"#\s*(\d{1,3}|<[^_<>][^<>]*>)\s*=")
 
 
@@ -141,6 +142,9 @@ class IsoInterpreter:
             "distance": "no G90 or G91 before it: coordinates taken as absolute",
             "plane": "no G17, G18 or G19 before it: arcs taken in X Y",
         }
+        self.taken: set[str] = set()
+        """What the program has left unsaid and moves have been read by."""
+        self.offset_said = self.length_said = False
         self.plane = "XYZ"
         self.absolute = True
         self.arc_absolute = self.machine.control.arc_centres == "absolute"
@@ -217,6 +221,8 @@ class IsoInterpreter:
             raise block.refuse("whether it runs depends on the block-skip switch")
         if "O" in other and self.begun:
             raise block.refuse("a second program in one file")
+        if "L" in other and not REFUSED_G.keys() & content.g:
+            raise block.refuse("L calls a subprogram on some controls and repeats the block on others")
         if ";" in block.text:
             self._check_line_end(block)
         if "H" in other and LENGTH_CODES.isdisjoint(content.g) and REFUSED_G.keys().isdisjoint(content.g):
@@ -232,7 +238,7 @@ class IsoInterpreter:
     def _check_line_end(self, block: Block) -> None:
         """Refuse words behind a semicolon that stands behind words: where it ends a block, they are the next one."""
         _, mark, rest = block.text[block.words[-1].end :].partition(";")
-        if mark and _WORDS.fullmatch(rest.rstrip("\r\n")) and not MEANINGFUL.isdisjoint(rest.upper()):
+        if mark and WORDS.fullmatch(rest.rstrip("\r\n")) and not MEANINGFUL.isdisjoint(rest.upper()):
             raise block.refuse("words behind a semicolon: a comment on some controls, the next block on others")
 
     def _sort(self, block: Block) -> _Content:
@@ -261,13 +267,16 @@ class IsoInterpreter:
             if code not in HARMLESS_M:
                 self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
             if code == TOOL_CHANGE:
-                self._change_tool()
+                self._change_tool(block)
             elif code == PALLET_CHANGE:
                 self.recorder.forget(list(range(len(self.machine.axes))))
 
-    def _change_tool(self) -> None:
+    def _change_tool(self, block: Block) -> None:
         self.spindle_tool = self.selected_tool
-        moved = [self.machine.index(a) for a in self.machine.control.tool_change_moves if a in self.machine.names]
+        names = [name for name in self.machine.control.tool_change_moves if name in self.machine.names]
+        text = f"a tool change taken to move {' '.join(names) or 'no axis'} (machine file: tool_change_moves)"
+        self.notes.add(text, block.line)
+        moved = [self.machine.index(name) for name in names]
         self.recorder.forget(moved)
         by_spindle_tool = self.tcp and not self.length_offset
         self.recorder.set_frame(self._frame(), cartesian(self.machine) if by_spindle_tool else ())
@@ -275,7 +284,7 @@ class IsoInterpreter:
     def _modes(self, block: Block, content: _Content) -> float | None:
         """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
         claimed = None
-        frame = self.work_offset, self.length_offset or 0, self.tcp
+        frame = self._offsets(), self.tcp
         for code in content.g:
             if code == 5.1 and "Q" not in content.other:
                 raise block.refuse("G5.1 without Q: splines are not corrected")
@@ -283,8 +292,10 @@ class IsoInterpreter:
                 claimed = code
             elif code in OFFSET_CODES:
                 self._select_work_offset(block, content, code)
+                self.offset_said = True
             elif code in LENGTH_CODES:
                 self._select_length_offset(block, content, code)
+                self.length_said = True
             elif not self._take_mode(code) and code not in HARMLESS_G:
                 raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
         if not FRAME_CODES.isdisjoint(content.g):
@@ -310,7 +321,15 @@ class IsoInterpreter:
             return False
         if said is not None:
             self.unsaid.pop(said, None)
+            if said in self.taken and code in (21.0, 90.0):
+                # just what moves have been read by unsaid: if it was another before, the axes stand elsewhere
+                self.recorder.set_frame(self.recorder.frame, range(len(self.machine.axes)))
+            self.taken.discard(said)
         return True
+
+    def _offsets(self) -> tuple[str | None, int | None]:
+        """Work offset and length offset in force, None where the program has said nothing of it yet."""
+        return self.work_offset if self.offset_said else None, (self.length_offset or 0) if self.length_said else None
 
     def _select_work_offset(self, block: Block, content: _Content, code: float) -> None:
         extended = "P" in content.other and code in (54.0, 54.1)
@@ -343,15 +362,15 @@ class IsoInterpreter:
                 "G43.4: X Y Z taken as the tool point in the workpiece frame that turns with a table", block.line
             )
 
-    def _change_frame(self, work_offset: str, length_offset: int, tcp: bool) -> None:
+    def _change_frame(self, offsets: tuple[str | None, int | None], tcp: bool) -> None:
         """Tell the recorder of the new frame, and which axes are another place in it than in the one given."""
-        x_y_z, length = cartesian(self.machine), self.length_offset or 0
+        x_y_z, (work_offset, length) = cartesian(self.machine), self._offsets()
         changed: set[int] = set()
-        if self.work_offset != work_offset:
+        if work_offset != offsets[0]:
             changed.update(range(len(self.machine.axes)))
-        if self.tcp != tcp or (tcp and length != length_offset):
+        if self.tcp != tcp or (tcp and length != offsets[1]):
             changed.update(x_y_z)
-        elif length != length_offset:
+        elif length != offsets[1]:
             changed.add(x_y_z[2])
         self.recorder.set_frame(self._frame(), changed)
 
@@ -449,6 +468,7 @@ class IsoInterpreter:
         for what in ("unit", "distance", "plane") if kind is Kind.ARC else ("unit", "distance"):
             if what in self.unsaid:
                 self.notes.add(self.unsaid.pop(what), block.line)
+                self.taken.add(what)
 
     def _arc(self, block: Block, content: _Content, target: list[float]) -> Arc:
         first, second, normal = (self.machine.index(letter) for letter in self.plane)

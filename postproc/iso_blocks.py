@@ -17,6 +17,8 @@ from postproc.program import Block, Refusal, Word
 
 # Written so that there is one way only to match a text: trying all would take for ever on a long block.
 _WORD = r"[A-Za-z][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
+WORDS = re.compile(rf"(?:[ \t]*{_WORD})+[ \t]*")
+"""A text that holds words and nothing else."""
 _PLAIN = re.compile(rf"((?:[ \t]*{_WORD})*)[ \t]*(?:\([^()\r\n]*\)[ \t]*|;[^\r\n]*)?[\r\n]*")
 _PARTS = re.compile(r"([A-Za-z])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
 

@@ -112,7 +112,7 @@ def test_random_programs(name, seed, tcp, blocks):
 
 
 @pytest.mark.parametrize("name", ["gantry", "dmu50"])
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(seed=seeds)
 def test_chunks_of_any_size_give_the_same_bytes(name, seed):
     machine = load(name)
@@ -491,3 +491,19 @@ def test_bad_tool_table(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(UserError, match=f"^tool table .*{name}"):
         read_tool_table(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["BOTTLE.NC", "CONTOUR_ABS.NC", "TEST2.NC"])
+def test_real_programs_with_absolute_centres(nc_data, name):
+    """As the refusal of these says: with the machine file set, they are read, and stay circles."""
+    (path,) = (nc_data / "iso").rglob(name)
+    machine = load("dmu50")
+    machine = dataclasses.replace(machine, control=dataclasses.replace(machine.control, arc_centres="absolute"))
+    model = random_model(machine, 2)
+    data, report = run(path, machine, model)
+    nominal = read(path.read_bytes().decode(ENCODING), machine)
+    commanded = read(without_mark(data.decode(ENCODING)), machine)
+    rows = exact_rows(nominal)
+    q, target = commanded.machine_target[rows], nominal.machine_target[rows]
+    assert missed_um(machine, model, q, target, nominal.tool[rows]).max() < ROUNDING_UM
+    assert report.moves == len(nominal) > 15
