@@ -89,7 +89,7 @@ class Control:
     """Least input increment (mm or degrees) that `integer_words = "increments"` counts in."""
     arc_centres: Literal["incremental", "absolute"] = "incremental"
     """Meaning of I J K before any G90.1 or G91.1."""
-    tool_change_moves: tuple[str, ...] = ("Z",)
+    tool_change_moves: tuple[str, ...] = ("X", "Y", "Z")
     """Axes that a tool change leaves somewhere else."""
     tcp_at_start: bool = False
     """True for a control whose kinematics place the tool point in the workpiece frame from the start (LinuxCNC)."""

@@ -28,7 +28,7 @@ class _ControlEntry(msgspec.Struct, forbid_unknown_fields=True):
     integer_words: Literal["units", "increments"] = "units"
     increment: float = 1e-3
     arc_centres: Literal["incremental", "absolute"] = "incremental"
-    tool_change_moves: tuple[str, ...] = ("Z",)
+    tool_change_moves: tuple[str, ...] = ("X", "Y", "Z")
     tcp_at_start: bool = False
 
 

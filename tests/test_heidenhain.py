@@ -633,7 +633,7 @@ def test_chunks_carry_the_state_over(nc_data):
     [
         ("CYCL DEF 247 DATUM SETTING~\nQ339=2\n", {"Z"}),
         ("M128\n", {"Z"}),
-        ("TOOL CALL 2 Z S1000\n", {"X", "Y", "Z"}),
+        ("TOOL CALL 2 Z S1000\n", {"Z"}),
     ],
 )
 def test_only_what_is_said_in_the_new_frame_counts_as_said(change, left):

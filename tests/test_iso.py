@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import load, read, setup_of
 
+import machines
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Control
@@ -388,6 +389,12 @@ def test_assumptions_are_noted(text, note):
 
 def test_no_notes_for_a_program_that_says_everything():
     assert notes_of(SAID + "G2 I1.5 J0\nG0 G43 H1 Z1.0\nM30\n") == []
+
+
+def test_a_tool_change_may_leave_all_linear_axes_elsewhere():
+    """Unless the machine file says otherwise: a word of ours would send X and Y back to the part, beside Z."""
+    motions = read("G0 X1 Y1 Z1\nM6\nG43 H1 Z1\n", machines.load("gantry"))
+    assert [Known(k).name[0] for k in motions.known[-1]] == ["A", "A", "P"]
 
 
 # ---- refusals
