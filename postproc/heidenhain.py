@@ -355,6 +355,7 @@ class HeidenhainInterpreter:
                 raise block.refuse(f"M{code:g} {AXIS_M[code]}")
             if code not in HARMLESS_M and code not in MEANT_M:
                 self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
+                self.recorder.doubt()
         if 128.0 in content.m:
             self._start_tcp(block, "M128")
         if 140.0 in content.m:

@@ -266,6 +266,7 @@ class IsoInterpreter:
                 raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
             if code not in HARMLESS_M:
                 self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
+                self.recorder.doubt()
             if code == TOOL_CHANGE:
                 self._change_tool(block)
             elif code == PALLET_CHANGE:
@@ -323,7 +324,7 @@ class IsoInterpreter:
             self.unsaid.pop(said, None)
             if said in self.taken and code in (21.0, 90.0):
                 # just what moves have been read by unsaid: if it was another before, the axes stand elsewhere
-                self.recorder.set_frame(self.recorder.frame, range(len(self.machine.axes)))
+                self.recorder.doubt()
             self.taken.discard(said)
         return True
 

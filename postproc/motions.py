@@ -177,8 +177,7 @@ class Recorder:
         the program says, for two offsets that nobody has entered are both zero here and differ on the machine; None
         for those whose offset differs.
         """
-        for axis in self._moved_by(frame) if axes is None else axes:
-            self.known[axis] = min(self.known[axis], Known.MACHINE)
+        self.doubt(self._moved_by(frame) if axes is None else axes)
         if frame == self.frame:
             return
         q = to_machine(self.machine, self.frame, np.array([self.position]))
@@ -217,10 +216,14 @@ class Recorder:
         for axis, value in targets.items():
             q[axis] = value * self.machine.scale[axis]
             self.known[axis] = Known.MACHINE
-        for axis in self._coupled():
-            self.known[axis] = min(self.known[axis], Known.MACHINE)
+        self.doubt(self._coupled())
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
         self._record(block, Kind.MACHINE, target, 1.0, (False, False), words, before)
+
+    def doubt(self, axes: Iterable[int] | None = None) -> None:
+        """These axes, or all, may stand elsewhere than the program has said: not named until it says so again."""
+        for axis in range(len(self.known)) if axes is None else axes:
+            self.known[axis] = min(self.known[axis], Known.MACHINE)
 
     def forget(self, axes: list[int]) -> None:
         """The axes now stand somewhere the program does not say; taken at home."""

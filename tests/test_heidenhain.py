@@ -634,6 +634,8 @@ def test_chunks_carry_the_state_over(nc_data):
         ("CYCL DEF 247 DATUM SETTING~\nQ339=2\n", {"Z"}),
         ("M128\n", {"Z"}),
         ("TOOL CALL 2 Z S1000\n", {"Z"}),
+        ("M77\n", {"Z"}),
+        ("M8\n", {"X", "Y", "Z"}),
     ],
 )
 def test_only_what_is_said_in_the_new_frame_counts_as_said(change, left):

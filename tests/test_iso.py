@@ -305,6 +305,8 @@ def known(text, machine="gantry", row=-1, **setup):
         ("G0 X1 Y1 Z1\nG28\nX1\n", "PAA"),
         ("G0 X1 Y1 Z1\nM6\nX1\n", "PPA"),
         ("G0 X1 Y1 Z1\nM60\nX1\n", "PAA"),
+        ("G0 X1 Y1 Z1\nM8\nX1\n", "PPP"),
+        ("G0 X1 Y1 Z1\nM123\nX1\n", "PMM"),  # a maker's function: nobody knows what it moves
         ("G0 X1 Y1 Z1\nG53 Z1\nX1\n", "PPM"),
         # an offset that nobody has entered is zero here, and what it is on the machine: nothing said before holds
         ("G54 G0 X1 Y1 Z1\nG55 X1\n", "PMM"),
