@@ -59,7 +59,7 @@ def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setu
     try:
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
             chunk = interpreter.read([dialect.read_block(line, text) for line, text in lines])
-            motions.append(replace(chunk, blocks=[]))  # the columns are all that is looked at
+            motions.append(replace(chunk, blocks=[], words=[]))  # the columns are all that is looked at
     except Refusal as refusal:
         raise refusal.located(source.name) from None
     return motions
