@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from kinematics.machine import Machine
 from postproc.circles import Point, centre_from_radius, radius_fault
 from postproc.frames import Frame, cartesian
-from postproc.iso import AXES, INCH
+from postproc.iso_codes import AXES, INCH
 from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block, Word

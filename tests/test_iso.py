@@ -14,8 +14,9 @@ import machines
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Control
-from postproc.iso import HARMLESS_G, REFUSED_G, REFUSED_M, IsoInterpreter
+from postproc.iso import IsoInterpreter
 from postproc.iso_blocks import read_block
+from postproc.iso_codes import HARMLESS_G, REFUSED_G, REFUSED_M
 from postproc.motions import Kind, Known
 from postproc.notes import Notes
 from postproc.program import Refusal
