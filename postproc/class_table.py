@@ -9,7 +9,7 @@ import numpy as np
 
 from kinematics.classes import CLASSES, ORIENTATION, parse_classes, select
 from kinematics.model import ErrorModel
-from postproc.compensate import correct, missed_um, tilt_urad
+from postproc.compensate import correct, missed
 from postproc.motions import Motions
 from postproc.report import Statistic
 
@@ -54,8 +54,9 @@ def class_table(motions: Motions, model: ErrorModel) -> list[Left]:
         orientation = model if ORIENTATION in classes else None
         commanded = correct(motions, select(model, classes), orientation).corrected[judged]
         left = Left(choice)
-        left.position.add(missed_um(machine, model, commanded, nominal, tool))
-        left.tilt.add(tilt_urad(machine, model, commanded, nominal))
+        point_um, axis_urad = missed(machine, model, commanded, nominal, tool)
+        left.position.add(point_um)
+        left.tilt.add(axis_urad)
         left.turning.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)
         rows.append(left)
     return rows

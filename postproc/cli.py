@@ -6,12 +6,17 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, BinaryIO
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 import typer
 from typer.core import TyperGroup
 
 from kinematics.errors import UserError
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+    from kinematics.model import ErrorModel
+    from postproc.setup import Setup
 
 MAIN_JOB = "correct"
 
@@ -242,13 +247,13 @@ def _global(
     pass
 
 
-def _machine(name: str) -> Any:
+def _machine(name: str) -> Machine:
     import machines as shipped
 
     return shipped.load(name)
 
 
-def _model(calibration: str | None, machine: Any) -> Any:
+def _model(calibration: str | None, machine: Machine) -> ErrorModel:
     import machines as shipped
     from kinematics.model import no_errors, read_model
 
@@ -258,12 +263,13 @@ def _model(calibration: str | None, machine: Any) -> Any:
     if path is None:
         raise UserError(
             f"machine {machine.name} has no calibration of its own: give one with --calibration CAL.json "
-            "(made by 'ncomp fit'), or --calibration none"
+            "(JSON as the shipped one of dmu50; 'ncomp fit', to make one from measurements, is still to come), "
+            "or --calibration none"
         )
     return read_model(path, machine)
 
 
-def _classes(text: str | None, machine: Any) -> frozenset[str] | None:
+def _classes(text: str | None, machine: Machine) -> frozenset[str] | None:
     from kinematics.classes import ORIENTATION, parse_classes
 
     chosen = None if text is None else parse_classes(text)
@@ -272,7 +278,7 @@ def _classes(text: str | None, machine: Any) -> frozenset[str] | None:
     return chosen
 
 
-def _setup(machine: Any, offsets: list[str] | None, lengths: list[str] | None, table: Path | None) -> Any:
+def _setup(machine: Machine, offsets: list[str] | None, lengths: list[str] | None, table: Path | None) -> Setup:
     from postproc.setup import make_setup
     from postproc.tool_table import read_tool_table
 

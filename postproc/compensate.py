@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from kinematics.correction import Errors, correct_orientation, correct_position
-from kinematics.forward import forward, tool_point
+from kinematics.forward import forward
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.circles import point_at, sweep
 from postproc.motions import Kind, Known, Motions
 
 
@@ -58,21 +58,22 @@ def _corrected(
     return correct_position(machine, errors_of(model), nominal, tool, movable, start)
 
 
-def actual_tool_point(machine: Machine, model: ErrorModel, q: Array, tool: Array) -> Array:
-    """Where the machine with errors puts the tool point `(n, 3)`, mm, workpiece frame; exact matrix product."""
-    return tool_point(machine, q, tool, model.errors(machine, State(q)))
+class Missed(NamedTuple):
+    """How far the actual pose is from the wanted one `(n,)`: tool point, um; tool axis, urad."""
+
+    point_um: Array
+    axis_urad: Array
 
 
-def missed_um(machine: Machine, model: ErrorModel, q: Array, nominal: Array, tool: Array) -> Array:
-    """Distance `(n,)`, um, of the actual tool point at `q` from the nominal one at `nominal`; shapes as above."""
-    missed = actual_tool_point(machine, model, q, tool) - tool_point(machine, nominal, tool)
-    return np.asarray(np.linalg.norm(missed, axis=1) * 1e3)
+def missed(machine: Machine, model: ErrorModel, q: Array, nominal: Array, tool: Array) -> Missed:
+    """What the machine with errors at `q` misses of the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
-
-def tilt_urad(machine: Machine, model: ErrorModel, q: Array, nominal: Array) -> Array:
-    """Angle `(n,)`, urad, of the actual tool axis at `q` from the nominal one at `nominal`."""
-    actual = forward(machine, q, model.errors(machine, State(q))).rotation[:, :, 2]
-    return np.asarray(np.linalg.norm(actual - forward(machine, nominal).rotation[:, :, 2], axis=1) * 1e6)
+    tool `(n, 3)`, mm; exact matrix product.
+    """
+    actual, wanted = forward(machine, q, model.errors(machine, State(q))), forward(machine, nominal)
+    apart = np.linalg.norm(actual.apply(tool) - wanted.apply(tool), axis=1)
+    leaning = np.linalg.norm(actual.rotation[:, :, 2] - wanted.rotation[:, :, 2], axis=1)
+    return Missed(apart * 1e3, leaning * 1e6)
 
 
 def _arc_middles(
@@ -81,14 +82,7 @@ def _arc_middles(
     rows = sorted(motions.arcs)
     if not rows:
         return {}
-    middles = motions.target.copy()
-    for row in rows:
-        arc = motions.arcs[row]
-        first, second, _ = arc.plane
-        start, end = motions.start[row], motions.target[row]
-        middles[row] = (start + end) / 2
-        angle = sweep((start[first], start[second]), (end[first], end[second]), arc.centre, arc.sense, arc.full)
-        middles[row, [first, second]] = point_at((start[first], start[second]), arc.centre, angle / 2)
+    middles = motions.along(0.5)
     nominal = motions.in_machine(middles)
     corrected = nominal.copy()
     tool = motions.tool[rows]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
-from postproc.circles import Point, centre_from_radius, radius_fault
+from postproc.circles import Point, centre_from_radius, radius_fault, same
 from postproc.frames import Frame, cartesian
 from postproc.iso_codes import AXES, INCH
 from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
@@ -248,9 +248,7 @@ class HeidenhainInterpreter:
         result = []
         for i in indices:
             address = block.words[i].address
-            if address[-1] not in self.machine.names:
-                raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {address[-1]}")
-            axis = self.machine.index(address[-1])
+            axis = self.recorder.axis(block, address[-1])
             unit = 1.0 if self.machine.axes[axis].rotary else self.unit
             result.append((AxisWord(axis, i, len(address) > 1), self._value(block, block.words[i]) * unit))
         return result
@@ -264,21 +262,10 @@ class HeidenhainInterpreter:
         """Where a move with these words ends, in programmed coordinates."""
         if not self.begun:
             self.notes.add("no BEGIN PGM: coordinates taken in mm", block.line)
-        target = list(self.recorder.position)
-        for word, value in words:
-            if not word.incremental:
-                target[word.axis] = value
-            else:
-                self._check_known(block, word.axis)
-                target[word.axis] += value
+        target = self.recorder.target(block, words)
         if self.levelled and any(target[i] for i, axis in enumerate(self.machine.axes) if axis.rotary):
             raise block.refuse("rotary axes away from 0 while cycle 19 is on: the control may turn the coordinates")
         return target
-
-    def _check_known(self, block: Block, axis: int) -> None:
-        if not self.recorder.known[axis]:
-            name = self.machine.names[axis]
-            raise block.refuse(f"an increment of {name} from a position that the program has not said")
 
     # ---- circles
 
@@ -321,7 +308,7 @@ class HeidenhainInterpreter:
         plane = (first, second, normal)
         if block.kind == "circle":
             centre = self._centre(block, start, end)
-            arc = Arc(plane, sense, centre, start == end, "pole", self.pole_words, self.pole_block)
+            arc = Arc(plane, sense, centre, same(start, end), "pole", self.pole_words, self.pole_block)
         else:
             i, radius = self._radius(block)
             found = centre_from_radius(start, end, radius, sense)

@@ -353,10 +353,7 @@ class IsoInterpreter:
         """Axis words with their values, mm or degrees, in the order of the block."""
         result = []
         for i in content.axes:
-            address = block.words[i].address
-            if address not in self.machine.names:
-                raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {address}")
-            axis = self.machine.index(address)
+            axis = self.recorder.axis(block, block.words[i].address)
             unit = 1.0 if self.machine.axes[axis].rotary else self.unit
             result.append((AxisWord(axis, i, not self.absolute), self._value(block, i, unit)))
         return result
@@ -380,15 +377,7 @@ class IsoInterpreter:
             raise block.refuse("coordinates before any G0, G1, G2 or G3")
         self._check_move_words(block, content)
         words = self._axis_words(block, content)
-        target = list(self.recorder.position)
-        for word, value in words:
-            if not word.incremental:
-                target[word.axis] = value
-            elif not self.recorder.known[word.axis]:
-                name = self.machine.names[word.axis]
-                raise block.refuse(f"an increment of {name} from a position that the program has not said")
-            else:
-                target[word.axis] += value
+        target = self.recorder.target(block, words)
         kind = MOTION[self.motion]
         arc = self._arc(block, content, target) if kind is Kind.ARC else None
         if self.unsaid:

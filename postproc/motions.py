@@ -11,6 +11,7 @@ import numpy as np
 
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
+from postproc.circles import point_at, sweep
 from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.program import Block
 
@@ -121,6 +122,17 @@ class Motions:
         tools = np.array([frame.tool for frame in self.frames], float)
         return np.asarray(tools[self.frame])
 
+    def along(self, share: float) -> Array:
+        """Programmed positions `(n, axes)` at a share of the way of each move, on arcs round their circle."""
+        program = self.start + share * (self.target - self.start)
+        for row, arc in self.arcs.items():
+            i, j, _ = arc.plane
+            start, end = self.start[row].tolist(), self.target[row].tolist()
+            first, last = (start[i], start[j]), (end[i], end[j])
+            turned = sweep(first, last, arc.centre, arc.sense, arc.full)
+            program[row, [i, j]] = point_at(first, arc.centre, share * turned)
+        return np.asarray(program)
+
     def in_machine(self, program: Array) -> Array:
         """Axis positions `(n, axes)`, mm and rad, of programmed positions given for all rows."""
         q = np.empty_like(program)
@@ -219,6 +231,25 @@ class Recorder:
         self.doubt(self._coupled())
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
         self._record(block, Kind.MACHINE, target, 1.0, (False, False), words, before)
+
+    def axis(self, block: Block, name: str) -> int:
+        """Column of an axis that a block names; Refusal when the machine has none of that name."""
+        if name not in self.machine.names:
+            raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {name}")
+        return self.machine.index(name)
+
+    def target(self, block: Block, words: Iterable[tuple[AxisWord, float]]) -> list[float]:
+        """Where a move with these words, mm and degrees, ends; Refusal for an increment from an unknown position."""
+        target = list(self.position)
+        for word, value in words:
+            if not word.incremental:
+                target[word.axis] = value
+            elif self.known[word.axis]:
+                target[word.axis] += value
+            else:
+                name = self.machine.names[word.axis]
+                raise block.refuse(f"an increment of {name} from a position that the program has not said")
+        return target
 
     def doubt(self, axes: Iterable[int] | None = None) -> None:
         """These axes, or all, may stand elsewhere than the program has said: not named until it says so again."""

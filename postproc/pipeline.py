@@ -20,7 +20,7 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.compensate import Correction, correct, missed_um, tilt_urad
+from postproc.compensate import Correction, correct, missed
 from postproc.dialects import Dialect
 from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Kind, Known, Motions
@@ -147,10 +147,11 @@ class Pipeline:
         if not judged.any():
             return
         nominal, ends = correction.nominal[judged], motions.in_machine(written.ends)[judged]
-        report.before.add(missed_um(machine, job.model, nominal, nominal, tool[judged]))
-        report.after.add(missed_um(machine, job.model, ends, nominal, tool[judged]))
-        report.tilt_before.add(tilt_urad(machine, job.model, nominal, nominal))
-        report.tilt_after.add(tilt_urad(machine, job.model, ends, nominal))
+        before, after = (missed(machine, job.model, q, nominal, tool[judged]) for q in (nominal, ends))
+        report.before.add(before.point_um)
+        report.after.add(after.point_um)
+        report.tilt_before.add(before.axis_urad)
+        report.tilt_after.add(after.axis_urad)
         self._judge_between(motions, written)
         self._note_turning(motions, correction, written)
         some = np.flatnonzero(judged)[:: max(1, int(judged.sum()) // UNCERTAINTY_ROWS)]
@@ -169,8 +170,8 @@ class Pipeline:
 
     def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Say where a feed move of rotary axes alone leaves an error that the next move takes out."""
-        missed = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
-        for row in np.flatnonzero(written.turning & (missed * 1e3 > self.job.tolerance_um)):
+        behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
+        for row in np.flatnonzero(written.turning & (behind * 1e3 > self.job.tolerance_um)):
             line = motions.blocks[motions.block[row]].line
             self.notes.add(
                 "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else", line
@@ -183,9 +184,9 @@ class Pipeline:
             return
         nominal = motions.in_machine((motions.start + motions.target) / 2)[rows]
         actual = motions.in_machine((written.starts + written.ends) / 2)[rows]
-        missed = missed_um(self.job.machine, self.job.model, actual, nominal, motions.tool[rows])
-        self.report.between_ends.add(missed)
-        for row in np.flatnonzero(rows)[missed > self.job.tolerance_um]:
+        strayed = missed(self.job.machine, self.job.model, actual, nominal, motions.tool[rows]).point_um
+        self.report.between_ends.add(strayed)
+        for row in np.flatnonzero(rows)[strayed > self.job.tolerance_um]:
             line = motions.blocks[motions.block[row]].line
             self.notes.add(f"a feed move strays more than {self.job.tolerance_um:g} um between its ends", line)
 

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from kinematics.errors import UserError
@@ -37,7 +38,7 @@ class Source:
         """The bytes from the start."""
         return Path(self.name).open("rb") if self.data is None else io.BytesIO(self.data)
 
-    @property
+    @cached_property
     def hash(self) -> str:
         """Fingerprint of the bytes, as `kinematics.files.fingerprint`."""
         with self.open() as stream:

@@ -17,8 +17,7 @@ from kinematics.machine import Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.circles import point_at, sweep
-from postproc.compensate import missed_um
+from postproc.compensate import missed
 from postproc.dialects import Dialect
 from postproc.motions import Kind, Motions
 from postproc.notes import Notes
@@ -73,13 +72,13 @@ def verify(nominal: Motions, commanded: Motions, model: ErrorModel) -> Verdict:
     judged = nominal.judged
     q, q_commanded = nominal.machine_target[judged], commanded.machine_target[judged]
     verdict = Verdict(len(nominal), Statistic(), Statistic(), Statistic(), Statistic(), {})
-    verdict.before.add(missed_um(machine, model, q, q, tool[judged]))
-    verdict.after.add(missed_um(machine, model, q_commanded, q, tool[judged]))
+    verdict.before.add(missed(machine, model, q, q, tool[judged]).point_um)
+    verdict.after.add(missed(machine, model, q_commanded, q, tool[judged]).point_um)
     feed = nominal.judged_start & (nominal.kind != Kind.RAPID)
     for share in PATH_POINTS:
-        path, path_commanded = (_along(motions, share)[feed] for motions in (nominal, commanded))
-        verdict.path_before.add(missed_um(machine, model, path, path, tool[feed]))
-        verdict.path_after.add(missed_um(machine, model, path_commanded, path, tool[feed]))
+        path, path_commanded = (m.in_machine(m.along(share))[feed] for m in (nominal, commanded))
+        verdict.path_before.add(missed(machine, model, path, path, tool[feed]).point_um)
+        verdict.path_after.add(missed(machine, model, path_commanded, path, tool[feed]).point_um)
     _contributions(machine, model, q, tool[judged], verdict.contributions)
     return verdict
 
@@ -100,17 +99,6 @@ def merged(parts: list[Motions]) -> Motions:
     }
     words = [word for part in parts for word in part.words]
     return Motions(first.machine, [], frames, frame=frame, words=words, arcs=arcs, **stacked)
-
-
-def _along(motions: Motions, share: float) -> Array:
-    """Axis positions `(n, axes)`, mm and rad, at a share of the way of each move."""
-    program = motions.start + share * (motions.target - motions.start)
-    for row, arc in motions.arcs.items():
-        i, j, _ = arc.plane
-        start, end = motions.start[row, [i, j]].tolist(), motions.target[row, [i, j]].tolist()
-        angle = sweep((start[0], start[1]), (end[0], end[1]), arc.centre, arc.sense, arc.full)
-        program[row, [i, j]] = point_at((start[0], start[1]), arc.centre, share * angle)
-    return motions.in_machine(program)
 
 
 def _contributions(machine: Machine, model: ErrorModel, q: Array, tool: Array, into: dict[str, Statistic]) -> None:

@@ -229,11 +229,8 @@ class Writer:
         elif arc.form == "pole":
             centre = self._write_pole(motions, int(motions.block[row]), arc, centre, unit)
         else:
-            editor, base = (
-                self._editor(motions, int(motions.block[row])),
-                start if arc.form == "incremental" else (0.0, 0.0),
-            )
-            centre = self._write_centre(editor, arc, base, centre, unit)
+            base = start if arc.form == "incremental" else (0.0, 0.0)
+            centre = self._write_centre(self._editor(motions, int(motions.block[row])), arc, base, centre, unit)
         if abs(sweep(start, end, centre, arc.sense, arc.full) - turned) > 1.0 and math.dist(start, centre) > DOT:
             raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
 

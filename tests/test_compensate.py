@@ -13,7 +13,7 @@ from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.model import no_errors
 from kinematics.state import State
-from postproc.compensate import actual_tool_point, correct, missed_um
+from postproc.compensate import correct, missed
 from postproc.motions import Kind, Known
 
 ALL = (*FIVE_AXES, *THREE_AXES)
@@ -52,7 +52,7 @@ def test_nothing_is_missed_at_block_ends(name, seed):
     assert (q[:, machine.rotary] == nominal[:, machine.rotary]).all()
     before = missed_by_hand(machine, model, nominal, nominal, tool)
     assert before.max() > 0.02, "the model is no test"
-    assert missed_um(machine, model, nominal, nominal, tool) == pytest.approx(before * 1e3)
+    assert missed(machine, model, nominal, nominal, tool).point_um == pytest.approx(before * 1e3)
 
 
 @pytest.mark.parametrize("name", FIVE_AXES)
@@ -102,7 +102,7 @@ def test_constant_shift():
     model = shifted(machine, X=10.0, Y=-20.0, Z=30.0)
     q = correct_positions(machine, model, nominal, np.zeros((len(nominal), 3)), np.ones_like(nominal, bool))
     assert q - nominal == pytest.approx(np.tile([-0.01, 0.02, -0.03], (len(nominal), 1)), abs=1e-9)
-    actual = actual_tool_point(machine, model, q, np.zeros((len(nominal), 3)))
+    actual = tool_point(machine, q, (0.0, 0.0, 0.0), model.errors(machine, State(q)))
     assert actual == pytest.approx(tool_point(machine, nominal), abs=1e-9)
 
 

@@ -25,7 +25,7 @@ from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.errors import UserError
 from postproc.circles import sweep
-from postproc.compensate import missed_um
+from postproc.compensate import missed
 from postproc.dialects import find_dialect
 from postproc.mark import mark_in
 from postproc.motions import Kind
@@ -93,7 +93,7 @@ def test_random_programs(name, seed, tcp, blocks):
     assert verdict.moves == report.moves == len(nominal)
     rows = exact_rows(nominal)
     q, target = commanded.machine_target[rows], nominal.machine_target[rows]
-    assert missed_um(machine, model, q, target, nominal.tool[rows]).max(initial=0.0) < ROUNDING_UM
+    assert missed(machine, model, q, target, nominal.tool[rows]).point_um.max(initial=0.0) < ROUNDING_UM
     assert (commanded.target[:, machine.rotary] == nominal.target[:, machine.rotary]).all()
     # nothing else is touched
     before, after = (re.split(r"(?<=\n)", part) for part in (text, corrected))
@@ -246,7 +246,7 @@ def test_real_programs(nc_data):
         nominal, commanded = read(data.decode(ENCODING), machine), read(text, machine)
         rows = exact_rows(nominal)
         q, target = commanded.machine_target[rows], nominal.machine_target[rows]
-        assert missed_um(machine, model, q, target, nominal.tool[rows]).max() < ROUNDING_UM
+        assert missed(machine, model, q, target, nominal.tool[rows]).point_um.max() < ROUNDING_UM
         assert verify(nominal, commanded, model).moves == report.moves
         before, after = (re.split(r"(?<=\n)", part) for part in (data.decode(ENCODING), text))
         assert [others(line) for line in before] == [others(line) for line in after]
@@ -505,5 +505,5 @@ def test_real_programs_with_absolute_centres(nc_data, name):
     commanded = read(without_mark(data.decode(ENCODING)), machine)
     rows = exact_rows(nominal)
     q, target = commanded.machine_target[rows], nominal.machine_target[rows]
-    assert missed_um(machine, model, q, target, nominal.tool[rows]).max() < ROUNDING_UM
+    assert missed(machine, model, q, target, nominal.tool[rows]).point_um.max() < ROUNDING_UM
     assert report.moves == len(nominal) > 15
