@@ -92,3 +92,12 @@ def test_modal_and_incremental_blocks_reach_the_nominal_points(moves):
     lines = "".join(f"L {'I' * step}{axis}{value / (9 if step else 1):.3f} F300\r\n" for axis, value, step in moves)
     verdict, _ = judged(program(lines))
     assert verdict.after.largest < 0.09
+
+
+def test_a_circle_that_closes_but_for_the_sum_of_increments_is_full():
+    """0.1 + 0.2 is not 0.3 in binary: for any control it is."""
+    circle = program("3 L X+0.1 Y+0\r\n4 L IX+0.2\r\n5 CC X+10.3 Y+0\r\n6 C X+0.3 Y+0 DR- F100\r\n")
+    (arc,) = merged(read_motions(circle, HEIDENHAIN, DMU50, setup())).arcs.values()
+    assert arc.full
+    verdict, _ = judged(circle)
+    assert verdict.after.largest < 0.09
