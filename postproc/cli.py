@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from kinematics.errors import UserError
+from postproc.commands.shared import CalibrationName, JsonFile, MachineName, machine_of, model_of, result, write_json
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
-    from kinematics.model import ErrorModel
     from postproc.setup import Setup
 
 MAIN_JOB = "correct"
-
-
-def _machine_names() -> list[str]:
-    import machines as shipped
-
-    return shipped.names()
 
 
 def _dialect_names() -> list[str]:
@@ -59,16 +51,6 @@ app = typer.Typer(
 )
 
 Program = Annotated[str, typer.Argument(metavar="IN.nc", help="NC program; - for standard input.")]
-MachineName = Annotated[
-    str,
-    typer.Option(
-        "--machine", "-m", help="Name of a machine, or path of its .toml file.", autocompletion=_machine_names
-    ),
-]
-CalibrationName = Annotated[
-    str | None,
-    typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
-]
 DialectName = Annotated[
     str, typer.Option("--dialect", help="auto, iso, siemens or heidenhain.", autocompletion=_dialect_names)
 ]
@@ -83,7 +65,6 @@ ToolTable = Annotated[
     Path | None,
     typer.Option("--tool-table", metavar="FILE", help='Tool lengths: LinuxCNC tool.tbl or JSON {"1": 120.5}.'),
 ]
-JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
 
 
 @app.command(
@@ -132,17 +113,17 @@ def correct(
         raise UserError("--json - and the program can't both go to standard output; name a file for one")
     if json is not None and json != "-" and Path(json).resolve() == Path(output).resolve():
         raise UserError(f"--json and --output both name {json}")
-    found = _machine(machine)
-    model = _model(calibration, found)
+    found = machine_of(machine)
+    model = model_of(calibration, found)
     chosen = _classes(classes, found)
     source = open_source(program)
     setup = _setup(found, work_offset, tool_length, tool_table)
     language = find_dialect(dialect, source.name, source.text_head)
     job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um)
-    with _result(json) as results:
-        with progress_of(source.size, "correcting") as progress, _result(output) as file:
+    with result(json) as results:
+        with progress_of(source.size, "correcting") as progress, result(output) as file:
             report = Pipeline(job).run(file, progress)
-        _write_json(report.json(), results)
+        write_json(report.json(), results)
     show_report(report)
 
 
@@ -172,8 +153,8 @@ def verify_command(
     from postproc.terminal import console, output, say, show_classes, show_verdict
     from postproc.verify import merged, read_motions, verify
 
-    found = _machine(machine)
-    model = _model(calibration, found)
+    found = machine_of(machine)
+    model = model_of(calibration, found)
     setup = _setup(found, work_offset, tool_length, tool_table)
     motions = []
     for name in (program, corrected):
@@ -185,8 +166,8 @@ def verify_command(
     if marked != model.id.upper():
         say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
     table = class_table(motions[0], model) if classes else []
-    with _result(json) as results:
-        _write_json(verdict.json() | {"classes": [left.json() for left in table]}, results)
+    with result(json) as results:
+        write_json(verdict.json() | {"classes": [left.json() for left in table]}, results)
     to = console if json == "-" else output
     show_verdict(verdict, to)
     if table:
@@ -208,7 +189,7 @@ def machines_command(
             machine = shipped.load(each)
             output.print(f"{each:<12} {machine.chain:<24} {machine.description}")
         return
-    machine = _machine(name)
+    machine = machine_of(name)
     path = shipped.default_calibration(machine)
     show_machine(machine, "none of its own" if path is None else path.name)
 
@@ -247,28 +228,6 @@ def _global(
     pass
 
 
-def _machine(name: str) -> Machine:
-    import machines as shipped
-
-    return shipped.load(name)
-
-
-def _model(calibration: str | None, machine: Machine) -> ErrorModel:
-    import machines as shipped
-    from kinematics.model import no_errors, read_model
-
-    if calibration == "none":
-        return no_errors(machine)
-    path = Path(calibration) if calibration else shipped.default_calibration(machine)
-    if path is None:
-        raise UserError(
-            f"machine {machine.name} has no calibration of its own: give one with --calibration CAL.json "
-            "(JSON as the shipped one of dmu50; 'ncomp fit', to make one from measurements, is still to come), "
-            "or --calibration none"
-        )
-    return read_model(path, machine)
-
-
 def _classes(text: str | None, machine: Machine) -> frozenset[str] | None:
     from kinematics.classes import ORIENTATION, parse_classes
 
@@ -283,38 +242,3 @@ def _setup(machine: Machine, offsets: list[str] | None, lengths: list[str] | Non
     from postproc.tool_table import read_tool_table
 
     return make_setup(machine, offsets or (), lengths or (), read_tool_table(table) if table else None)
-
-
-@contextmanager
-def _result(target: str | None) -> Iterator[BinaryIO]:
-    """A file for one result, which comes out whole or not at all: also on standard output (`-`) and on a device.
-
-    None is a result that nobody asked for.
-    """
-    import shutil
-    import tempfile
-
-    from kinematics.files import whole_file
-
-    if target not in (None, "-") and _can_be_replaced(Path(target)):
-        with whole_file(Path(target)) as file:
-            yield file
-        return
-    with tempfile.TemporaryFile() as spool:
-        yield spool
-        spool.seek(0)
-        if target == "-":
-            shutil.copyfileobj(spool, sys.stdout.buffer)
-        elif target is not None:
-            with Path(target).open("wb") as device:
-                shutil.copyfileobj(spool, device)
-
-
-def _can_be_replaced(path: Path) -> bool:
-    return path.is_file() or path.is_dir() or not path.exists()
-
-
-def _write_json(results: dict[str, Any], file: BinaryIO) -> None:
-    import json
-
-    file.write((json.dumps(results, indent=2) + "\n").encode())

@@ -1,0 +1,1 @@
+"""Measured data in; error models, diagnoses, plans and reports out."""

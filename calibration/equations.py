@@ -1,0 +1,129 @@
+"""The observation equations: what is expected to be observed, and its derivatives; one instrument kind each.
+
+observed = registration(points of the machine with errors) + shift by the instrument's own effects + noise. Values are
+exact; derivatives are those at nominal positions, first order in the errors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.instruments import Interferometer, Part
+from calibration.measurement import Measurement
+from calibration.registration import Registration, rigid
+from calibration.sight import carried, seen_points, seen_transform
+from kinematics.deviation import exact_deviation
+from kinematics.error_transform import place_transform
+from kinematics.forward import axis_frames
+from kinematics.model import Observation
+from kinematics.transforms import Array, turn
+
+
+def start(measurement: Measurement) -> Registration:
+    """A first registration, from the nominal machine."""
+    if isinstance(measurement.instrument, Interferometer):
+        return Registration(zeros=dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0))
+    planar = measurement.instrument.components == 2
+    unknown = {n: np.array(t.position) for n, t in measurement.targets.items() if not t.known}
+    points = seen_points(measurement, None, measurement.tool)
+    observed = _in_space(measurement, points)
+    poses, centres = {}, {}
+    for group in np.unique(measurement.groups).tolist():
+        rows = measurement.groups == group
+        poses[group] = rigid(points[rows], observed[rows], planar=planar)
+        centres[group] = observed[rows].mean(axis=0)
+    return Registration(poses, centres, planar, {}, unknown)
+
+
+def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
+    """What is to be observed `(n, components)`, mm and rad, with these effects on it."""
+    if isinstance(measurement.instrument, Interferometer):
+        machine, q = measurement.machine, measurement.state.positions
+        position, turned = exact_deviation(machine, q, effects.errors, measurement.tool)
+        along = np.concatenate([position, turned], axis=1)
+        zeros = np.array([registration.zeros[group] for group in measurement.groups.tolist()])
+        return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros)[:, None])
+    points = seen_points(measurement, effects.errors, registration.tool(measurement))
+    seen = registration.seen(measurement, points) + effects.shift
+    return seen[:, : measurement.instrument.components]
+
+
+def transform(measurement: Measurement, registration: Registration) -> Array:
+    """Derivatives `(n, components, (axes + 1) * 6 + 3)`: by the error motions, and by the shift of the observed point.
+
+    As `ErrorModel.observation_design` takes it.
+    """
+    n, components = len(measurement), measurement.instrument.components
+    if isinstance(measurement.instrument, Interferometer):
+        six = place_transform(measurement.machine, measurement.state.positions, measurement.tool)
+        own = np.einsum("nk,nkp->np", _lines(measurement), six)[:, None]
+        return np.concatenate([own, np.zeros((n, 1, 3))], axis=2)
+    seen = seen_transform(measurement, registration.tool(measurement))
+    own = registration.rotations(measurement) @ seen
+    shift = np.broadcast_to(np.eye(3), (n, 3, 3))
+    return np.concatenate([own, shift], axis=2)[:, :components]
+
+
+def registration_design(measurement: Measurement, registration: Registration) -> Array:
+    """Derivatives `(n, components, parameters)` by the registration, at the machine's nominal points."""
+    n, components, groups = len(measurement), measurement.instrument.components, measurement.groups
+    if isinstance(measurement.instrument, Interferometer):
+        return np.stack([np.equal(groups, group).astype(float)[:, None] for group in registration.zeros], axis=2)
+    points = registration.seen(measurement, seen_points(measurement, None, registration.tool(measurement)))
+    columns = []
+    for group, centre in registration.centres.items():
+        own = np.zeros((n, 3, 6))
+        rows = groups == group
+        own[rows, :, :3] = np.eye(3)
+        own[rows, :, 3:] = np.cross(np.eye(3), (points[rows] - centre)[:, None, :]).swapaxes(1, 2)
+        columns.append(own[:, :, [0, 1, 5]] if registration.planar else own)
+    turns = registration.rotations(measurement) @ carried(measurement) if registration.targets else None
+    numbers = {name: i for i, name in enumerate(measurement.targets)}
+    for name in registration.targets:
+        assert turns is not None
+        columns.append(np.where(np.equal(measurement.target_number, numbers[name])[:, None, None], turns, 0.0))
+    return np.concatenate(columns, axis=2)[:, :components]
+
+
+def covariance(measurement: Measurement) -> Array:
+    """Covariances `(n, components, components)`, mm2 or rad2, of what was observed."""
+    instrument = measurement.instrument
+    if isinstance(instrument, Interferometer):
+        return _along_axes(measurement, instrument)
+    if isinstance(instrument, Part):
+        u = (instrument.u_um + instrument.u_um_per_m * 1e-3 * np.linalg.norm(measurement.observed, axis=1)) * 1e-3
+        return np.asarray(u[:, None, None] ** 2 * np.eye(instrument.components))
+    return instrument.covariance(measurement.observed)
+
+
+def _lines(measurement: Measurement) -> Array:
+    """Directions `(n, 6)` that an interferometer measures in: of the axis' motion, or its turn, workpiece frame."""
+    machine = measurement.machine
+    assert measurement.axis is not None
+    frames = axis_frames(machine, measurement.state.positions)
+    lines = np.zeros((len(measurement), 6))
+    for name in np.unique(measurement.axis).tolist():
+        i, rows = machine.index(name), measurement.axis == name
+        part = slice(3, 6) if machine.axes[i].rotary else slice(0, 3)
+        along = turn(frames[i].rotation, machine.axes[i].unit_direction)
+        lines[rows, part] = np.broadcast_to(along, (len(measurement), 3))[rows]
+    return lines
+
+
+def _along_axes(measurement: Measurement, instrument: Interferometer) -> Array:
+    """Covariances `(n, 1, 1)` of an interferometer; mm2, of rotary axes rad2."""
+    machine, n = measurement.machine, len(measurement)
+    assert measurement.axis is not None
+    column = np.array([machine.index(name) for name in measurement.axis.tolist()], int)
+    position = measurement.state.positions[np.arange(n), column]
+    _, first, run = np.unique(measurement.groups, return_index=True, return_inverse=True)
+    away = np.abs(position - position[first[run]])
+    metres = np.where(machine.rotary[column], 0.0, away * 1e-3)
+    size = np.where(machine.rotary[column], 1e-6, 1e-3)
+    return np.asarray((((instrument.u_um + instrument.u_um_per_m * metres) * size) ** 2)[:, None, None])
+
+
+def _in_space(measurement: Measurement, points: Array) -> Array:
+    """Observed points `(n, 3)`; what a part's measurement does not say of z is nominal."""
+    missing = points[:, measurement.instrument.components :]
+    return np.concatenate([measurement.observed, missing], axis=1)

@@ -1,0 +1,64 @@
+"""Instruments: what they observe, and how uncertain that is.
+
+Standard uncertainties (k = 1) as they stand in a measurement file, um and um per m of range. The base and the part per
+metre of one quantity are added, as data sheets state them.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from kinematics.transforms import Array
+
+UM, PER_M = 1e-3, 1e-6
+"""um in mm; um per m as mm per mm."""
+
+
+class LaserTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="laser-tracker"):
+    """Points in the tracker's own frame, its beam starting in the origin: range, and two angles across the beam."""
+
+    u_range_um: float = 0.0
+    u_range_um_per_m: float = 0.0
+    u_angle_um: float = 0.0
+    """Across the beam, as a length, in both directions."""
+    u_angle_um_per_m: float = 0.0
+    components: Literal[3] = 3
+
+    def covariance(self, points: Array) -> Array:
+        """Covariances `(n, 3, 3)`, mm2, of observed points `(n, 3)`, mm.
+
+        Along the beam b the range's variance, across it that of the angles: r2 b b' + a2 (1 - b b'); on-the-fly paper
+        (4)-(9) with its errata.
+        """
+        length = np.linalg.norm(points, axis=1)
+        beam = points / np.maximum(length, np.finfo(float).tiny)[:, None]
+        along = (self.u_range_um * UM + self.u_range_um_per_m * PER_M * length) ** 2
+        across = (self.u_angle_um * UM + self.u_angle_um_per_m * PER_M * length) ** 2
+        outer = beam[:, :, None] * beam[:, None, :]
+        return np.asarray(across[:, None, None] * np.eye(3) + (along - across)[:, None, None] * outer)
+
+
+class Interferometer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="interferometer"):
+    """Deviations along, or about, one axis at a time."""
+
+    u_um: float = 0.0
+    """um; urad on a rotary axis."""
+    u_um_per_m: float = 0.0
+    """um per m of travel from the first position of the run."""
+    components: Literal[1] = 1
+
+
+class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="part"):
+    """Features of a machined workpiece, measured in the part's frame: by a coordinate measuring machine, say."""
+
+    u_um: float = 0.0
+    """Of each coordinate."""
+    u_um_per_m: float = 0.0
+    """um per m of distance from the part's zero."""
+    components: Literal[2, 3] = 3
+
+
+Instrument = LaserTracker | Interferometer | Part

@@ -1,0 +1,123 @@
+"""Measurement: columns of states and observations, whatever file they come from (contract 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from calibration.instruments import Instrument
+from kinematics.machine import Machine, Vector
+from kinematics.state import State
+from kinematics.transforms import Array
+
+Carrier = Literal["tool", "table", "bed"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reflector: where it sits on what carries it."""
+
+    position: Vector
+    """mm: from the tool reference point, in the tool's directions; on the table or the bed, in the workpiece frame at
+    zero pose of the machine."""
+    carrier: Carrier = "tool"
+
+    @property
+    def known(self) -> bool:
+        """False where the position is a guess that registration improves: on the table and on the bed."""
+        return self.carrier == "tool"
+
+
+SPINDLE_NOSE = Target((0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One row per observation, in the order of acquisition; mm and rad."""
+
+    machine: Machine
+    instrument: Instrument
+    state: State
+    """With approach, last move, run as cycle, station and target; `observed` of a tracker."""
+    observed: Array
+    """`(n, components)`, mm: points in the instrument's or the part's frame; deviations of an interferometer (mm, of a
+    rotary axis rad)."""
+    targets: Mapping[str, Target] = field(default_factory=lambda: {"1": SPINDLE_NOSE})
+    """By the names in `state.target`."""
+    stands_on: Literal["workpiece", "bed"] = "workpiece"
+    """What the instrument stands on: the workpiece's table, or the bed (the floor)."""
+    axis: np.ndarray | None = None
+    """Name of the measured axis `(n,)`, of an interferometer."""
+    run: np.ndarray | None = None
+    """Name of the run `(n,)`."""
+    actual: Array | None = None
+    """Read-back positions `(n, axes)`, mm and rad."""
+    lines: np.ndarray | None = None
+    """Line in the file `(n,)`, for messages."""
+    source: str = ""
+    """Name of the file."""
+    fingerprint: str = ""
+    """Of the file's content."""
+    notes: tuple[str, ...] = ()
+    """What was taken for granted in reading, for people."""
+
+    def __len__(self) -> int:
+        return len(self.observed)
+
+    @property
+    def groups(self) -> np.ndarray:
+        """What is registered together `(n,)`: the station of a tracker, the run of an interferometer, one part."""
+        if self.instrument.components == 1:
+            assert self.axis is not None
+            assert self.run is not None
+            return np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
+        station = self.state.station
+        return np.full(len(self), "1") if station is None else station.astype(str)
+
+    @property
+    def tool(self) -> Array:
+        """Nominal positions `(n, 3)`, mm, of the targets on what carries them."""
+        return np.asarray(np.array([target.position for target in self.targets.values()])[self.target_number])
+
+    @property
+    def target_number(self) -> np.ndarray:
+        """Number `(n,)` of the row's target in `targets`."""
+        names = np.array(list(self.targets))
+        order = np.argsort(names)
+        assert self.state.target is not None
+        return np.asarray(order[np.searchsorted(names, self.state.target, sorter=order)])
+
+    def rows(self, index: slice | Array) -> Measurement:
+        """The measurement at some of its rows; approach and last move stay what they were."""
+
+        def at(column: np.ndarray | None) -> np.ndarray | None:
+            return None if column is None else column[index]
+
+        return replace(
+            self,
+            state=self.state.rows(index),
+            observed=self.observed[index],
+            axis=at(self.axis),
+            run=at(self.run),
+            actual=at(self.actual),
+            lines=at(self.lines),
+        )
+
+    def where(self, row: int) -> str:
+        """Source and line of a row, for messages."""
+        return self.source if self.lines is None else f"{self.source}:{self.lines[row]}"
+
+
+def with_moves(state: State, approach: Array | None = None) -> State:
+    """The state with the last move of each axis, from the order of its rows, and, unless given, the approach.
+
+    A row that leaves an axis where it was keeps its last move and its approach; 0 before the first move.
+    """
+    moves = np.diff(state.positions, axis=0, prepend=state.positions[:1])
+    moves[np.abs(moves) < 1e-9] = 0.0
+    moved = np.where(moves != 0.0, np.arange(len(state))[:, None], 0)
+    last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
+    return replace(state, last_move=last, approach=np.sign(last) if approach is None else approach)

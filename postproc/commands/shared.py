@@ -1,0 +1,95 @@
+"""What the commands share: their common options, and how they read and write files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+
+import typer
+
+from kinematics.errors import UserError
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+    from kinematics.model import ErrorModel
+
+
+def machine_names() -> list[str]:
+    """Of the shipped machines."""
+    import machines as shipped
+
+    return shipped.names()
+
+
+MachineName = Annotated[
+    str,
+    typer.Option("--machine", "-m", help="Name of a machine, or path of its .toml file.", autocompletion=machine_names),
+]
+CalibrationName = Annotated[
+    str | None,
+    typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
+]
+JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
+
+
+def machine_of(name: str) -> Machine:
+    """The machine of that name or file."""
+    import machines as shipped
+
+    return shipped.load(name)
+
+
+def model_of(calibration: str | None, machine: Machine) -> ErrorModel:
+    """The calibration that `--calibration` names; without it the machine's own; UserError when there is none."""
+    import machines as shipped
+    from kinematics.model import no_errors, read_model
+
+    if calibration == "none":
+        return no_errors(machine)
+    path = Path(calibration) if calibration else shipped.default_calibration(machine)
+    if path is None:
+        raise UserError(
+            f"machine {machine.name} has no calibration of its own: give one with --calibration CAL.json "
+            "('ncomp fit' makes one from measurements), "
+            "or --calibration none"
+        )
+    return read_model(path, machine)
+
+
+@contextmanager
+def result(target: str | None) -> Iterator[BinaryIO]:
+    """A file for one result, which comes out whole or not at all: also on standard output (`-`) and on a device.
+
+    None is a result that nobody asked for.
+    """
+    import shutil
+    import tempfile
+
+    from kinematics.files import whole_file
+
+    if target not in (None, "-") and _can_be_replaced(Path(target)):
+        with whole_file(Path(target)) as file:
+            yield file
+        return
+    with tempfile.TemporaryFile() as spool:
+        yield spool
+        spool.seek(0)
+        if target == "-":
+            shutil.copyfileobj(spool, sys.stdout.buffer)
+        elif target is not None:
+            with Path(target).open("wb") as device:
+                shutil.copyfileobj(spool, device)
+
+
+def _can_be_replaced(path: Path) -> bool:
+    return path.is_file() or path.is_dir() or not path.exists()
+
+
+def write_json(results: dict[str, Any], file: BinaryIO) -> None:
+    """Write results for programs."""
+    import json
+
+    file.write((json.dumps(results, indent=2) + "\n").encode())
