@@ -63,6 +63,8 @@ class Example:
     name: str
     units: str
     """Of its parameters, in order."""
+    keys: str
+    """Of its quantities, in order: names with units, once."""
     touched: str
     """Error motions, `tool` and `seen` with their components, in no order."""
     machine: Machine = DMU50
@@ -77,78 +79,78 @@ RISE = {"amplitudes": (12.0,), "time_constants_s": (900.0,)}
 TWO = {"rate": -2.0, "amplitudes": (12.0, -5.0), "time_constants_s": (900.0, 9000.0)}
 
 EXAMPLES = [
-    Example(ErrorMotion("X", "X", TABLE, (1.0, -2.0, 3.0), u=(0.1, 0.1, 0.2), note="seen"), "E_XX", "um um um", "E_XX"),
-    Example(ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0)), "E_CY", "urad urad urad", "E_CY"),
-    Example(ErrorMotion("Z", "Z", Polynomial((0.0, 400.0), 1), (0.0, 9.0), u=(1.0, 1.0)), "E_ZZ", "um um", "E_ZZ"),
+    Example(ErrorMotion("X", "X", TABLE, (1.0, -2.0, 3.0), u=(0.1, 0.1, 0.2), note="seen"), "E_XX", "um um um", "parameters_um", "E_XX"),
+    Example(ErrorMotion("C", "Y", Legendre((-225.0, 225.0), 2), (4.0, 0.5, -1.0)), "E_CY", "urad urad urad", "parameters_urad", "E_CY"),
+    Example(ErrorMotion("Z", "Z", Polynomial((0.0, 400.0), 1), (0.0, 9.0), u=(1.0, 1.0)), "E_ZZ", "um um", "parameters_um", "E_ZZ"),
     Example(
-        ErrorMotion("B", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 2.0, 3.0, 4.0)), "E_BC", "urad " * 4, "E_BC"
+        ErrorMotion("B", "C", Fourier((0.0, 360.0), (2.0,)), (1.0, 2.0, 3.0, 4.0)), "E_BC", "urad " * 4, "parameters_urad", "E_BC"
     ),
-    Example(ErrorMotion("X", "U", Polynomial((-50.0, 50.0), 1), (3.0, 9.0)), "E_XU", "um um", "E_XU", BACKWARD),
-    Example(LocationError("C", "Y", 12.0, u=(2.0,)), "E_C0Y", "urad", "E_XY"),
-    Example(LocationError("B", "Z", -15.0, u=(2.0,), note="seen"), "E_B0Z", "urad", "E_XZ"),
-    Example(LocationError("A", "X", 3.0), "E_A0X", "urad", ""),  # a line has no roll
-    Example(LocationError("Z", "Z", 6.0), "E_Z0Z", "um", "E_ZZ"),
-    Example(LocationError("X", "C", 6.0), "E_X0C", "um", "E_XC"),
-    Example(LocationError("A", "B", 6.0), "E_A0B", "urad", "E_AB"),
+    Example(ErrorMotion("X", "U", Polynomial((-50.0, 50.0), 1), (3.0, 9.0)), "E_XU", "um um", "parameters_um", "E_XU", BACKWARD),
+    Example(LocationError("C", "Y", 12.0, u=(2.0,)), "E_C0Y", "urad", "value_urad", "E_XY"),
+    Example(LocationError("B", "Z", -15.0, u=(2.0,), note="seen"), "E_B0Z", "urad", "value_urad", "E_XZ"),
+    Example(LocationError("A", "X", 3.0), "E_A0X", "urad", "value_urad", ""),  # a line has no roll
+    Example(LocationError("Z", "Z", 6.0), "E_Z0Z", "um", "value_um", "E_ZZ"),
+    Example(LocationError("X", "C", 6.0), "E_X0C", "um", "value_um", "E_XC"),
+    Example(LocationError("A", "B", 6.0), "E_A0B", "urad", "value_urad", "E_AB"),
     Example(
         CrossAxis("Z", "X", "Y", (-250.0, 250.0), (-225.0, 225.0), 1, 2, (3.0, -1.0, 2.0, 0.5), u=(1.0,) * 4),
-        "E_ZX(Y)", "um um um um", "E_ZX",
+        "E_ZX(Y)", "um um um um", "coefficients_um", "E_ZX",
     ),
-    Example(CrossAxis("A", "C", "Z", (0.0, 360.0), (0.0, 400.0), 0, 1, (8.0,)), "E_AC(Z)", "urad", "E_AC"),
-    Example(Racking("X", "Y", 450.0, TABLE, (20.0, -5.0, 8.0), -225.0), "racking X", "um um um", "E_XX, E_CX"),
+    Example(CrossAxis("A", "C", "Z", (0.0, 360.0), (0.0, 400.0), 0, 1, (8.0,)), "E_AC(Z)", "urad", "coefficients_urad", "E_AC"),
+    Example(Racking("X", "Y", 450.0, TABLE, (20.0, -5.0, 8.0), -225.0), "racking X", "um um um", "lead_um", "E_XX, E_CX"),
     Example(
-        Racking("X", "Y", 400.0, Polynomial((0.0, 600.0), 1), (20.0, -5.0)), "racking X", "um um", "E_XX, E_CX",
+        Racking("X", "Y", 400.0, Polynomial((0.0, 600.0), 1), (20.0, -5.0)), "racking X", "um um", "lead_um", "E_XX, E_CX",
         BACKWARD,
     ),
-    Example(Wobble("C", "radial", 1, 1, 4.0, -2.0), "wobble C radial 1 1", "um um", "E_XC, E_YC"),
-    Example(Wobble("B", "tilt", 2, -1, 4.0, -2.0), "wobble B tilt 2 -1", "urad urad", "E_AB, E_CB"),
-    Example(Backlash("X", 12.0, u=(0.5,)), "backlash X", "um", "E_XX"),
-    Example(Backlash("Z", 12.0, 30.0), "backlash Z", "um um/m", "E_ZZ"),
-    Example(Backlash("B", 40.0, 9.0, u=(1.0, 2.0)), "backlash B", "urad urad/rad", "E_BB"),
-    Example(Backlash("U", 9.0, -7.0), "backlash U", "um um/m", "E_XU", BACKWARD),
-    Example(Cyclic("X", "X", 10.0, (2.0,), (-1.0,)), "cyclic E_XX", "mm um um", "E_XX"),
+    Example(Wobble("C", "radial", 1, 1, 4.0, -2.0), "wobble C radial 1 1", "um um", "cosine_um sine_um", "E_XC, E_YC"),
+    Example(Wobble("B", "tilt", 2, -1, 4.0, -2.0), "wobble B tilt 2 -1", "urad urad", "cosine_urad sine_urad", "E_AB, E_CB"),
+    Example(Backlash("X", 12.0, u=(0.5,)), "backlash X", "um", "width_um", "E_XX"),
+    Example(Backlash("Z", 12.0, 30.0), "backlash Z", "um um/m", "width_um windup_um_per_m", "E_ZZ"),
+    Example(Backlash("B", 40.0, 9.0, u=(1.0, 2.0)), "backlash B", "urad urad/rad", "width_urad windup_urad_per_rad", "E_BB"),
+    Example(Backlash("U", 9.0, -7.0), "backlash U", "um um/m", "width_um windup_um_per_m", "E_XU", BACKWARD),
+    Example(Cyclic("X", "X", 10.0, (2.0,), (-1.0,)), "cyclic E_XX", "mm um um", "period_mm sine_um cosine_um", "E_XX"),
     Example(
-        Cyclic("C", "Y", 0.25, (2.0, 0.3, 0.0), (-1.0, 0.0, 0.5)), "cyclic E_CY", "mm" + " urad" * 6, "E_CY"
+        Cyclic("C", "Y", 0.25, (2.0, 0.3, 0.0), (-1.0, 0.0, 0.5)), "cyclic E_CY", "mm" + " urad" * 6, "period_mm sine_urad cosine_urad", "E_CY"
     ),
-    Example(Cyclic("Z", "C", 360.0, (3.0, 1.0), (0.0, 2.0)), "cyclic E_ZC", "deg um um um um", "E_ZC"),
-    Example(QuantisedCompensation("X", 4.0, 25.0, 3.0), "quantised-compensation X", "um mm mm", "E_XX"),
-    Example(QuantisedCompensation("C", -6.0, 15.0), "quantised-compensation C", "urad deg deg", "E_CC"),
-    Example(FollowingError("Y", 1.5), "following-error Y", "ms", "E_YY"),
-    Example(FollowingError("C", 1.5, 12.0), "following-error C", "ms ms2", "E_CC"),
-    Example(Settling("Z", 30.0), "settling Z", "ppm", "E_ZZ"),
-    Example(FirstCycle("Y", "X", -4.0), "first-cycle E_YX", "um", "E_YX"),
-    Example(FirstCycle("B", "B", -4.0), "first-cycle E_BB", "urad", "E_BB"),
-    Example(ThermalDrift(component="Z", rate=-25.0), "thermal-drift Z", "um/h", "tool Z"),
-    Example(ThermalDrift(component="X", **RISE), "thermal-drift X", "um s", "tool X"),
-    Example(ThermalDrift(component="A", **TWO), "thermal-drift A", "urad/h urad urad s s", "tool A"),
+    Example(Cyclic("Z", "C", 360.0, (3.0, 1.0), (0.0, 2.0)), "cyclic E_ZC", "deg um um um um", "period_deg sine_um cosine_um", "E_ZC"),
+    Example(QuantisedCompensation("X", 4.0, 25.0, 3.0), "quantised-compensation X", "um mm mm", "step_um pitch_mm offset_mm", "E_XX"),
+    Example(QuantisedCompensation("C", -6.0, 15.0), "quantised-compensation C", "urad deg deg", "step_urad pitch_deg offset_deg", "E_CC"),
+    Example(FollowingError("Y", 1.5), "following-error Y", "ms", "lag_ms", "E_YY"),
+    Example(FollowingError("C", 1.5, 12.0), "following-error C", "ms ms2", "lag_ms compliance_ms2", "E_CC"),
+    Example(Settling("Z", 30.0), "settling Z", "ppm", "share_ppm", "E_ZZ"),
+    Example(FirstCycle("Y", "X", -4.0), "first-cycle E_YX", "um", "offset_um", "E_YX"),
+    Example(FirstCycle("B", "B", -4.0), "first-cycle E_BB", "urad", "offset_urad", "E_BB"),
+    Example(ThermalDrift(component="Z", rate=-25.0), "thermal-drift Z", "um/h", "rate_um_per_h", "tool Z"),
+    Example(ThermalDrift(component="X", **RISE), "thermal-drift X", "um s", "amplitudes_um time_constants_s", "tool X"),
+    Example(ThermalDrift(component="A", **TWO), "thermal-drift A", "urad/h urad urad s s", "rate_urad_per_h amplitudes_urad time_constants_s", "tool A"),
     Example(
         DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0),
-        "thermal-drift-sensor Z spindle", "um/K", "tool Z",
+        "thermal-drift-sensor Z spindle", "um/K", "coefficient_um_per_k", "tool Z",
     ),
     Example(
         DriftWithSensor(component="B", sensor="column", coefficient=-6.0, lag_s=700.0),
-        "thermal-drift-sensor B column", "urad/K s", "tool B",
+        "thermal-drift-sensor B column", "urad/K s", "coefficient_urad_per_k lag_s", "tool B",
     ),
-    Example(GrowthWithTime(axis="X", rate=15.0, fixed_point=-250.0), "thermal-scale X", "um/m/h", "E_XX"),
-    Example(GrowthWithTime(axis="Y", **RISE), "thermal-scale Y", "um/m s", "E_YY", BACKWARD),
-    Example(GrowthWithTime(axis="Z", **TWO), "thermal-scale Z", "um/m/h um/m um/m s s", "E_ZZ"),
+    Example(GrowthWithTime(axis="X", rate=15.0, fixed_point=-250.0), "thermal-scale X", "um/m/h", "rate_um_per_m_per_h", "E_XX"),
+    Example(GrowthWithTime(axis="Y", **RISE), "thermal-scale Y", "um/m s", "amplitudes_um_per_m time_constants_s", "E_YY", BACKWARD),
+    Example(GrowthWithTime(axis="Z", **TWO), "thermal-scale Z", "um/m/h um/m um/m s s", "rate_um_per_m_per_h amplitudes_um_per_m time_constants_s", "E_ZZ"),
     Example(
         GrowthWithSensor(axis="Y", sensor="column", coefficient=10.0, lag_s=700.0),
-        "thermal-scale-sensor Y column", "um/m/K s", "E_YY",
+        "thermal-scale-sensor Y column", "um/m/K s", "coefficient_um_per_m_per_k lag_s", "E_YY",
     ),
     Example(
         GrowthWithSensor(axis="U", sensor="column", coefficient=10.0, fixed_point=20.0),
-        "thermal-scale-sensor U column", "um/m/K", "E_XU", BACKWARD,
+        "thermal-scale-sensor U column", "um/m/K", "coefficient_um_per_m_per_k", "E_XU", BACKWARD,
     ),
-    Example(StationShift("s2", (5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "station-shift s2", SIX, XYZ),
-    Example(TrackerDrift((5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "tracker-drift", PER_HOUR, XYZ),
-    Example(RangeOffset(7.0), "tracker-range", "um", XYZ),
-    Example(AirScale(-1.5), "air-scale", "um/m", XYZ),
-    Example(AngleHarmonic("azimuth", 1, 6.0, -3.0), "tracker-angle azimuth 1", "urad urad", XYZ),
-    Example(AngleHarmonic("elevation", 2, 6.0, -3.0), "tracker-angle elevation 2", "urad urad", XYZ),
-    Example(TargetOffset("t1", (30.0, -20.0, 10.0)), "target-offset t1", "um um um", "tool X, tool Y, tool Z"),
-    Example(LateReadBack(2.0), "late-read-back", "ms", OWN),
-    Example(Outliers((3, 0), (100.0, 0.0, 50.0, -70.0, 5.0, 5.0)), "outliers", "um " * 6, XYZ),
+    Example(StationShift("s2", (5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "station-shift s2", SIX, "shift_um turn_urad", XYZ),
+    Example(TrackerDrift((5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "tracker-drift", PER_HOUR, "shift_um_per_h turn_urad_per_h", XYZ),
+    Example(RangeOffset(7.0), "tracker-range", "um", "offset_um", XYZ),
+    Example(AirScale(-1.5), "air-scale", "um/m", "scale_um_per_m", XYZ),
+    Example(AngleHarmonic("azimuth", 1, 6.0, -3.0), "tracker-angle azimuth 1", "urad urad", "sine_urad cosine_urad", XYZ),
+    Example(AngleHarmonic("elevation", 2, 6.0, -3.0), "tracker-angle elevation 2", "urad urad", "sine_urad cosine_urad", XYZ),
+    Example(TargetOffset("t1", (30.0, -20.0, 10.0)), "target-offset t1", "um um um", "offset_um", "tool X, tool Y, tool Z"),
+    Example(LateReadBack(2.0), "late-read-back", "ms", "lag_ms", OWN),
+    Example(Outliers((3, 0), (100.0, 0.0, 50.0, -70.0, 5.0, 5.0)), "outliers", "um " * 6, "shift_um", XYZ),
 ]  # fmt: skip
 
 

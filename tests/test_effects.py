@@ -16,7 +16,7 @@ from kinematics.basis import Polynomial
 from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis, Effect, ErrorMotion, LocationError
 from kinematics.effects.base import Remedy
 from kinematics.effects.describe import describe, markdown
-from kinematics.effects.drive import Cyclic
+from kinematics.effects.drive import Backlash, Cyclic
 from kinematics.effects.geometric import Racking, Wobble
 from kinematics.effects.instrument import Outliers
 from kinematics.effects.thermal import GrowthWithTime, ThermalDrift
@@ -83,6 +83,7 @@ def test_class_facts_are_complete(effect_class):
     for quantity in effect_class.QUANTITIES:
         assert set(quantity.unit.split(" or ")) <= UNITS
         assert quantity.typical > 0
+        assert not (quantity.bound and quantity.linear)  # linear least squares keeps no bounds
         assert np.isfinite(quantity.typical) or effect_class is Outliers
         assert not quantity.share_of or quantity.share_of in names
     assert any(quantity.linear for quantity in effect_class.QUANTITIES)
@@ -135,6 +136,8 @@ def test_other_parameters(example: Example):
     for wrong in ([0.0] * (n + 1), [0.0] * (n - 1)):
         with pytest.raises(ValueError, match=f"{n} parameters"):
             effect.with_parameters(wrong)
+        with pytest.raises(ValueError, match=f"{n} parameters"):
+            effect.by_key(wrong)
     with pytest.raises(ValueError, match=r"takes|parameters with"):
         effect.with_parameters(effect.parameters, (1.0,) * (n + 1))
 
@@ -153,12 +156,79 @@ REFUSED = {
     "thermal-drift Z: up to two amplitudes, each with its time constant":
         lambda: ThermalDrift(component="Z", amplitudes=(1.0,)),
     "thermal-drift Z: neither a rate nor an amplitude": lambda: ThermalDrift(component="Z"),
-    "thermal-drift Z: time constants must be positive":
+    "thermal-drift Z: time_constants_s must be > 0, got 0":
         lambda: ThermalDrift(component="Z", amplitudes=(1.0,), time_constants_s=(0.0,)),
     "thermal-scale C: C has no length that could grow": lambda: GrowthWithTime(axis="C", rate=1.0),
     "outliers: three numbers for each of its 2 rows": lambda: Outliers((1, 2), (0.0, 0.0, 0.0)),
     "E_C0Y: 1 parameters with 2 u": lambda: LocationError("C", "Y", 1.0, u=(1.0, 1.0)),
 }  # fmt: skip
+
+
+BOUNDS = {
+    "period": "> 0",
+    "pitch": "> 0",
+    "time_constants_s": "> 0",
+    "lag_s": ">= 0",
+}
+"""Of every quantity that has one, by name."""
+
+
+@every_example
+def test_bounds(example: Example):
+    """At a bound and below it, and what is no number, an effect refuses a parameter; above it does not."""
+    effect, start = example.effect, list(example.effect.parameters)
+    for k, parameter in enumerate(effect.parameter_table):
+        name = parameter.name.partition("[")[0]
+        assert parameter.bound == BOUNDS.get(name, "")
+        at = parameter.lower
+        inside = [at + 1e-6, 1e6] if parameter.bound else [-1e6, 0.0, 1e6]
+        outside = [at - 1e-9, float("nan"), float("-inf")] if parameter.bound else []
+        if parameter.bound:
+            (inside if parameter.closed else outside).append(at)
+        for value in inside:
+            assert parameter.allows(value)
+            changed = effect.with_parameters([*start[:k], value, *start[k + 1 :]])
+            assert changed.parameters[k] == value
+        for value in outside:
+            assert not parameter.allows(value)
+            with pytest.raises(ValueError, match="must be") as refusal:
+                effect.with_parameters([*start[:k], value, *start[k + 1 :]])
+            assert str(refusal.value) == f"{effect.name}: {name} must be {parameter.bound}, got {value:g}"
+
+
+@every_example
+def test_bounds_hold_in_files_too(example: Example):
+    data = encode_model(model_of(example.machine, example.effect))
+    for quantity in filter(lambda quantity: quantity.bound, example.effect.quantities()):
+        content = msgspec.json.decode(data)
+        row = content["effects"][0][quantity.name]
+        content["effects"][0][quantity.name] = [-3.0] * len(row) if isinstance(row, list) else -3.0
+        if row != []:
+            with pytest.raises(UserError) as refusal:
+                decode_model(msgspec.json.encode(content), "c.json")
+            said = f"{example.effect.name}: {quantity.name} must be {quantity.bound}, got -3 - at `$.effects[0]`"
+            assert str(refusal.value) == f"calibration c.json: {said}"
+
+
+@every_example
+def test_keys_carry_the_unit_once(example: Example):
+    effect = example.effect
+    values, u = effect.by_key(effect.parameters), effect.by_key(effect.uncertainties)
+    assert list(values) == list(u) == example.keys.split()
+    flat = [parameter.key.partition("[")[0] for parameter in effect.parameter_table]
+    assert list(dict.fromkeys(flat)) == list(values)
+    rows = [value if isinstance(value, tuple) else (value,) for value in values.values()]
+    assert tuple(number for row in rows for number in row) == effect.parameters
+    assert [key for key in values if "[" in key or "/" in key or " " in key] == []
+
+
+def test_keys_of_scalars_and_rows():
+    assert Backlash("X", 31.2, u=(0.8,)).by_key((0.8,)) == {"width_um": 0.8}
+    cyclic = Cyclic("X", "X", 10.0, (2.0, 1.0), (-1.0, 0.0))
+    assert cyclic.by_key(cyclic.parameters) == {"period_mm": 10.0, "sine_um": (2.0, 1.0), "cosine_um": (-1.0, 0.0)}
+    assert [parameter.key for parameter in cyclic.parameter_table] == [
+        "period_mm", "sine_um[0]", "sine_um[1]", "cosine_um[0]", "cosine_um[1]",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("message", "make"), REFUSED.items(), ids=REFUSED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple, Self, cast
@@ -56,6 +57,26 @@ class Parameter(NamedTuple):
     """False of what shapes the columns (a period, a time constant) and has no effect without an amplitude."""
     share_of: str = ""
     """In the table of a class: the field that `typical` is a share of."""
+    lower: float = -math.inf
+    """It lies above this; linear parameters have no bounds."""
+    closed: bool = False
+    """True when it may also lie on the bound."""
+
+    @property
+    def bound(self) -> str:
+        """`> 0` or `>= 0`; empty when there is none."""
+        return "" if math.isinf(self.lower) else f"{'>=' if self.closed else '>'} {self.lower:g}"
+
+    @property
+    def key(self) -> str:
+        """Name and unit of an object's parameter, the unit once: `width_um`, `rate_um_per_h`, `lag_ms`."""
+        name, bracket, index = self.name.partition("[")
+        unit = self.unit.replace("/", "_per_").lower()
+        return f"{name if name.endswith(f'_{unit}') else f'{name}_{unit}'}{bracket}{index}"
+
+    def allows(self, value: float) -> bool:
+        """True within its bound; not a number is not."""
+        return not self.bound or value > self.lower or (self.closed and value == self.lower)
 
 
 def unit_of(direction: str) -> tuple[str, float]:
@@ -106,6 +127,11 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     def __post_init__(self) -> None:
         if self.u and len(self.u) != len(self.parameters):
             raise ValueError(f"{self.name}: {len(self.parameters)} parameters with {len(self.u)} u")
+        for quantity in self.QUANTITIES:
+            value = getattr(self, quantity.name)
+            for number in value if isinstance(value, tuple) else () if value is None else (value,):
+                if not quantity.allows(number):
+                    raise ValueError(f"{self.name}: {quantity.name} must be {quantity.bound}, got {number:g}")
 
     @property
     def kind(self) -> str:
@@ -147,7 +173,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
                 turns = self.axes[0][0] in "ABC" if q.unit == BY_AXIS else self.angular
                 unit = q.unit.split(" or ")[turns] if " or " in q.unit else q.unit
                 size = getattr(self, q.share_of) if q.share_of else 1.0
-                found.append(Parameter(q.name, unit, q.typical * size, q.linear))
+                found.append(q._replace(unit=unit, typical=q.typical * size, share_of=""))
         return tuple(found)
 
     @property
@@ -179,14 +205,23 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     def with_parameters(self, values: Sequence[float], u: Sequence[float] = ()) -> Self:
         """The same effect with other parameters, flat, and their standard uncertainties."""
+        changes: dict[str, Any] = {quantity.name: value for quantity, value in self._by_quantity(values)}
+        return msgspec.structs.replace(self, **changes, u=tuple(map(float, u)))
+
+    def by_key(self, values: Sequence[float]) -> dict[str, float | tuple[float, ...]]:
+        """Values, flat, of its parameters or their uncertainties under keys with units, as a diagnosis has them.
+
+        `{"width_um": 31.2}`; a row of numbers stays one, unless it is empty.
+        """
+        return {quantity.key: value for quantity, value in self._by_quantity(values) if value != ()}
+
+    def _by_quantity(self, values: Sequence[float]) -> Iterator[tuple[Parameter, float | tuple[float, ...]]]:
         if len(values) != len(self.parameters):
             raise ValueError(f"{self.name}: {len(self.parameters)} parameters, got {len(values)}")
         left = iter(map(float, values))
-        changes: dict[str, Any] = {"u": tuple(map(float, u))}
         for quantity in self.quantities():
             value = getattr(self, quantity.name)
-            changes[quantity.name] = tuple(next(left) for _ in value) if isinstance(value, tuple) else next(left)
-        return msgspec.structs.replace(self, **changes)
+            yield quantity, tuple(next(left) for _ in value) if isinstance(value, tuple) else next(left)
 
     @abstractmethod
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:

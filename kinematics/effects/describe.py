@@ -20,7 +20,7 @@ the data and never enters the machine. An error is actual minus nominal, tool re
 [conventions](conventions.md)); of the instrument, observed minus true. Parameters are in um and urad where no other
 unit is given, positions in mm and degrees. The typical size is the standard deviation of the prior in a fit. *Needs*
 names what must be known of an instant besides the axis positions. The remedy is the least that puts it right; the
-corrected program can whatever a table can.
+corrected program can whatever a table can. In a diagnosis a parameter's name carries its unit: `width_um`.
 """
 NEEDS = {
     "approach": "direction of approach",
@@ -91,6 +91,7 @@ def markdown() -> str:
             lines += [f"Told by: {', '.join(f'`{name}`' for name in row.told_by)}.", ""]
         lines += ["| parameter | unit | typical size | |", "|---|---|---|---|"]
         for quantity in row.quantities:
-            remarks = [*["optional"][: quantity.name in row.optional], *["not linear"][: not quantity.linear]]
+            optional, curved = quantity.name in row.optional, not quantity.linear
+            remarks = filter(None, ("optional" * optional, "not linear" * curved, quantity.bound))
             lines.append(f"| `{quantity.name}` | {quantity.unit} | {typical(quantity)} | {', '.join(remarks)} |")
     return "\n".join(lines) + "\n"

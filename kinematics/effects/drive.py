@@ -6,9 +6,8 @@ What acts along an axis is counted forward, the way a positive command goes, whi
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
-import msgspec
 import numpy as np
 
 from kinematics.effects.base import (
@@ -67,14 +66,14 @@ class Cyclic(Cause, frozen=True, tag="cyclic"):
     TITLE: ClassVar[str] = "cyclic error (screw lead, encoder pitch), with harmonics"
     REMEDY: ClassVar[Remedy] = "table"
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("period", BY_AXIS, 0.01, linear=False, share_of="period"),
+        Parameter("period", BY_AXIS, 0.01, linear=False, share_of="period", lower=0.0),
         Parameter("sine", BY_DIRECTION, 5.0),
         Parameter("cosine", BY_DIRECTION, 5.0),
     )
 
     component: Component
     axis: str
-    period: Annotated[float, msgspec.Meta(gt=0)]
+    period: float
     sine: tuple[float, ...]
     cosine: tuple[float, ...]
 
@@ -104,13 +103,13 @@ class QuantisedCompensation(Cause, frozen=True, tag="quantised-compensation"):
     REMEDY: ClassVar[Remedy] = "table"
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("step", BY_DIRECTION, 5.0),
-        Parameter("pitch", BY_AXIS, 0.01, linear=False, share_of="pitch"),
+        Parameter("pitch", BY_AXIS, 0.01, linear=False, share_of="pitch", lower=0.0),
         Parameter("offset", BY_AXIS, 0.25, linear=False, share_of="pitch"),
     )
 
     axis: str
     step: float
-    pitch: Annotated[float, msgspec.Meta(gt=0)]
+    pitch: float
     offset: float = 0.0
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:

@@ -45,6 +45,7 @@ class ErrorMotion(Cause, frozen=True, tag="error-motion"):
                 f"{self.name}: its basis takes {self.basis.size} parameters with as many u, "
                 f"got {len(self.parameters)} and {len(self.uncertainties)}"
             )
+        super().__post_init__()
 
     @property
     def name(self) -> str:
