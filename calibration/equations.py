@@ -19,8 +19,8 @@ from kinematics.model import Observation
 from kinematics.transforms import Array, turn
 
 
-def start(measurement: Measurement) -> Registration:
-    """A first registration, from the nominal machine."""
+def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
+    """A first registration, from the nominal machine and the rows that are trusted, a mask `(n,)`."""
     if isinstance(measurement.instrument, Interferometer):
         return Registration(zeros=dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0))
     planar = measurement.instrument.components == 2
@@ -29,7 +29,9 @@ def start(measurement: Measurement) -> Registration:
     observed = _in_space(measurement, points)
     poses, centres = {}, {}
     for group in np.unique(measurement.groups).tolist():
-        rows = measurement.groups == group
+        rows = (measurement.groups == group) & trusted
+        if rows.sum() < (2 if planar else 3):  # a station astray as a whole
+            rows = measurement.groups == group
         poses[group] = rigid(points[rows], observed[rows], planar=planar)
         centres[group] = observed[rows].mean(axis=0)
     return Registration(poses, centres, planar, {}, unknown)

@@ -1,0 +1,259 @@
+"""The fit: errors of the machine and registration of the instrument, jointly, with honest uncertainties.
+
+Whitened least squares with priors: minimise |W (observed - expected)|2 + |(parameters - start) / typical size|2, the
+expectation by the exact kinematics, the steps by the first-order transform (Gauss-Newton). What the data do not
+determine stays at the prior, with the prior's uncertainty (design decision 5; Montavon et al. (6)-(22) take the
+pseudo-inverse instead, whose finite uncertainties of such parameters mean nothing).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from calibration.measurement import Measurement
+from calibration.models import priors
+from calibration.outliers import (
+    duplicates,
+    failed_stations,
+    first_registration,
+    huber_weights,
+    outlying,
+    robust_factor,
+)
+from calibration.problem import Point, Problem, Solved
+from calibration.registration import Registration
+from kinematics.errors import UserError
+from kinematics.model import ErrorModel
+from kinematics.transforms import Array
+
+Variance = Literal["sheet", "estimate"]
+ENOUGH_ROWS = 20_000
+"""Rows that the iterations work on; all rows enter the last step."""
+STEPS = 30
+CONVERGED = 1e-3
+"""Of a step, in standard uncertainties."""
+DOUBT = 1e-3
+"""p of chi2 below which the sheet's uncertainties are widened to what the residuals show (Birge)."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What came out; parameters in the units of the model, residuals in mm and rad."""
+
+    measurement: Measurement
+    model: ErrorModel
+    """With parameters, their standard uncertainties and their covariance."""
+    registration: Registration
+    residual: Array
+    """Observed minus expected `(n, d)`, of all rows."""
+    kept: np.ndarray
+    """False `(n,)` for outliers, failed stations and copies of rows."""
+    copies: np.ndarray
+    """True `(n,)` for rows that repeat an earlier one to the last digit."""
+    failed: tuple[str, ...]
+    """Stations left out as a whole."""
+    prior: Array
+    """Prior standard deviations `(p,)`; infinite for none."""
+    solved: Solved
+    chi2: float
+    """Squares of the whitened residuals of the kept rows, by the instrument's sheet."""
+    variance_factor: float
+    """What the sheet's variances were multiplied by in the fit: 1, or estimated from the residuals."""
+
+    @property
+    def observations(self) -> int:
+        """Scalars that were fitted."""
+        return int(np.count_nonzero(self.kept) * self.residual.shape[1])
+
+    @cached_property
+    def eigenvalues(self) -> Array:
+        """Of `solved.information`, rising: how many times as much the data say as the prior does."""
+        return np.asarray(np.maximum(np.linalg.eigvalsh(self.solved.information), 0.0))
+
+    @property
+    def effective_parameters(self) -> float:
+        """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
+        return float(np.sum(self.eigenvalues / (1.0 + self.eigenvalues))) + self.solved.registered
+
+    @property
+    def freedom(self) -> float:
+        """Observations less effective parameters."""
+        return max(self.observations - self.effective_parameters, 1.0)
+
+    @property
+    def chi2_reduced(self) -> float:
+        """By the instrument's sheet; 1 when the model explains the data down to the sheet's noise."""
+        return self.chi2 / self.freedom
+
+    @property
+    def p_value(self) -> float:
+        """Of chi2, one-sided: small when the model lacks something, or the sheet promises too much."""
+        return float(stats.chi2.sf(self.chi2, self.freedom))
+
+    @property
+    def rms_um(self) -> float:
+        """Of the residuals of the kept rows, per scalar; urad on rotary axes of an interferometer."""
+        return float(np.sqrt(np.mean(self.residual[self.kept] ** 2)) * 1e3)
+
+    @property
+    def max_um(self) -> float:
+        """Largest residual of a kept row, over its components."""
+        return float(np.linalg.norm(self.residual[self.kept], axis=1).max() * 1e3)
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Rows found not to belong to the rest, one by one."""
+        lost = np.isin(self.measurement.groups, self.failed)
+        return np.flatnonzero(~self.kept & ~self.copies & ~lost)
+
+    @property
+    def log_evidence(self) -> float:
+        """Log marginal likelihood, up to a constant of the data: what fits, what priors and Occam charge for it."""
+        limited = np.isfinite(self.prior)
+        own = float(np.sum((self.model.parameters[limited] / self.prior[limited]) ** 2))
+        scale = self.observations * float(np.log(self.variance_factor))
+        return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
+
+
+def fit(
+    measurement: Measurement,
+    model: ErrorModel,
+    *,
+    prior: Array | None = None,
+    variance: Variance = "sheet",
+    progress: Progress = lambda _: None,
+) -> Fit:
+    """Fit all parameters of `model`, starting from their present values, and the registration.
+
+    prior `(p,)`: standard deviations of the parameters about their start; default: the typical sizes of the table of
+    effects. `variance="estimate"` scales the instrument's covariance to what the residuals show, for a sheet that is
+    in doubt or unknown. UserError when the data can't be fitted at all.
+    """
+    problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
+    copies = duplicates(measurement)
+    registration, trusted = first_registration(measurement)
+    point = Point(np.array(model.parameters), registration)
+    some = _some(np.flatnonzero(trusted & ~copies))
+    progress("iterating")
+    point, factor = _iterate(problem.rows(some), point, variance)
+    kept = ~copies
+    failed: list[str] = []
+    progress("solving")
+    for _ in range(10):
+        bad, failed = _judge(problem, point, copies)
+        settled, kept = np.array_equal(kept, ~bad) and len(some) == len(measurement), ~bad
+        _refuse_too_few(measurement, kept, point)
+        solved = problem.solve(point, kept.astype(float), factor)
+        point = problem.moved(point, solved.step)
+        if variance == "estimate":
+            factor = _estimated(problem, point, kept, solved)
+        some = np.arange(len(measurement))
+        if settled:
+            break
+    residual = problem.residuals(point)
+    chi2 = float(np.sum(problem.whitened(residual)[kept] ** 2))
+    return _result(problem, point, residual, kept, copies, tuple(failed), solved, chi2, factor)
+
+
+def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float]:
+    """The point where Gauss-Newton with Huber's weights comes to rest, and the variance factor there."""
+    components = problem.measurement.instrument.components
+    factor = 1.0
+    for _ in range(STEPS):
+        distances = problem.distances(point)
+        robust = robust_factor(distances, components)
+        weights = huber_weights(distances, components, robust)
+        solved = problem.solve(point, weights, factor)
+        point = problem.moved(point, solved.step)
+        if variance == "estimate":
+            factor = max(robust_factor(problem.distances(point), components), np.finfo(float).tiny)
+        if solved.length < CONVERGED:
+            break
+    return point, factor
+
+
+def _judge(problem: Problem, point: Point, copies: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Rows not to be fitted, and the stations among them that failed as a whole."""
+    components = problem.measurement.instrument.components
+    distances = problem.distances(point)
+    bad = outlying(distances, components, robust_factor(distances[~copies], components)) & ~copies
+    failed = failed_stations(problem.measurement, bad)
+    return bad | copies | np.isin(problem.measurement.groups, failed), failed
+
+
+def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:
+    """Variance factor that makes chi2 its expectation."""
+    chi2 = float(np.sum(problem.distances(point)[kept]))
+    eigenvalues = np.maximum(np.linalg.eigvalsh(solved.information), 0.0)
+    spent = float(np.sum(eigenvalues / (1.0 + eigenvalues))) + solved.registered
+    scalars = int(np.count_nonzero(kept)) * problem.measurement.instrument.components
+    return chi2 / max(scalars - spent, 1.0)
+
+
+def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:
+    if kept.sum() * measurement.instrument.components <= point.registered:
+        raise UserError(
+            f"{measurement.source}: of {len(measurement)} rows only {kept.sum()} agree with one another, too few for "
+            "the position of the instrument alone; are units, axis names and targets right?"
+        )
+
+
+def _result(
+    problem: Problem,
+    point: Point,
+    residual: Array,
+    kept: np.ndarray,
+    copies: np.ndarray,
+    failed: tuple[str, ...],
+    solved: Solved,
+    chi2: float,
+    factor: float,
+) -> Fit:
+    """The fit, its covariance widened where the residuals are larger than the sheet allows."""
+    model = problem.at(point.parameters)
+    found = Fit(
+        problem.measurement,
+        model,
+        point.registration,
+        residual,
+        kept,
+        copies,
+        failed,
+        problem.prior,
+        solved,
+        chi2,
+        factor,
+    )
+    widened = found.chi2_reduced if factor == 1.0 and found.p_value < DOUBT else 1.0
+    return _with_covariance(found, problem.covariance(solved, widened))
+
+
+def _some(rows: np.ndarray) -> np.ndarray:
+    """At most ENOUGH_ROWS of the rows, evenly spread."""
+    return rows if len(rows) <= ENOUGH_ROWS else rows[np.linspace(0, len(rows) - 1, ENOUGH_ROWS).astype(int)]
+
+
+def _with_covariance(found: Fit, covariance: Array) -> Fit:
+    from dataclasses import replace
+
+    return replace(found, model=with_covariance(found.model, covariance))
+
+
+def with_covariance(model: ErrorModel, covariance: Array) -> ErrorModel:
+    """The model with a covariance `(p, p)` of its parameters, and the standard uncertainties that it holds."""
+    import msgspec
+
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
+    effects, values = [], model.parameters.tolist()
+    for effect in model.effects:
+        size = len(effect.parameters)
+        effects.append(effect.with_parameters(values[:size], u[:size]))
+        values, u = values[size:], u[size:]
+    return msgspec.structs.replace(model, effects=tuple(effects), covariance=tuple(map(tuple, covariance.tolist())))

@@ -1,0 +1,87 @@
+"""The model that a fit starts from: the error motions of every axis that moves in the data."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from calibration.measurement import Measurement
+from kinematics.basis import Basis, BSpline, Fourier, Interval, Legendre, Polynomial
+from kinematics.effects import Component, Effect, ErrorMotion
+from kinematics.errors import UserError
+from kinematics.model import ErrorModel, no_errors
+
+STILL = 1e-6
+"""mm or degrees: an axis that moves less stands still."""
+_KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics)"
+
+
+@dataclass(frozen=True)
+class BasisChoice:
+    """How the error motions of an axis are written, apart from its interval."""
+
+    kind: str
+    """b-spline (degree 1, an interpolated table), cubic, legendre, polynomial or fourier."""
+    size: int
+    """Nodes, degree, or harmonics."""
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.size}"
+
+    def over(self, interval: Interval) -> Basis:
+        """The basis over an interval, mm or degrees."""
+        match self.kind:
+            case "b-spline" | "cubic":
+                nodes = np.linspace(*interval, self.size).tolist()
+                return BSpline(tuple(nodes), 1 if self.kind == "b-spline" else 3)
+            case "legendre":
+                return Legendre(interval, self.size)
+            case "polynomial":
+                return Polynomial(interval, self.size)
+            case _:
+                turns = (interval[1] - interval[0]) / 180.0
+                return Fourier(interval, tuple(turns * n for n in range(1, self.size + 1)))
+
+
+def parse_basis(text: str) -> BasisChoice:
+    """A choice such as `b-spline:12` or `legendre:5`; UserError says which there are."""
+    found = re.fullmatch(r"(b-spline|cubic|legendre|polynomial|fourier):(\d+)", text.strip())
+    if not found:
+        raise UserError(f"basis {text!r} is none of {_KINDS}")
+    choice = BasisChoice(found[1], int(found[2]))
+    least = 2 if choice.kind in ("b-spline", "cubic") else 0
+    if not least <= choice.size <= (1000 if least else 50):
+        raise UserError(f"basis {text!r}: the number is out of range")
+    return choice
+
+
+def moving_axes(measurement: Measurement) -> dict[str, Interval]:
+    """The axes that move in the data, with the interval that they cover, mm or degrees."""
+    positions = measurement.state.positions / measurement.machine.scale
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    # the ends come back from rad with an error that no interval should show
+    ends = np.round(np.stack([low, high], axis=1), 9).tolist()
+    names = measurement.machine.names
+    return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STILL}
+
+
+def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:
+    """Six error motions, all zero, of each axis that moves in the data; `bases` by axis."""
+    effects: list[Effect] = []
+    for axis, interval in moving_axes(measurement).items():
+        basis = bases[axis].over(interval)
+        zero = (0.0,) * basis.size
+        effects += [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+    if not effects:
+        raise UserError(f"{measurement.source}: no axis moves in these data")
+    return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+
+
+def priors(model: ErrorModel) -> np.ndarray:
+    """Standard deviations `(parameters,)` that the fit expects of the parameters, in their units."""
+    return np.array([quantity.typical for effect in model.effects for quantity in effect.parameter_table])

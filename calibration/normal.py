@@ -1,0 +1,109 @@
+"""Normal equations, gathered a block of rows at a time: memory does not grow with the number of observations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+
+from calibration import equations
+from calibration.measurement import Measurement
+from calibration.registration import Registration
+from kinematics.model import ErrorModel, Observation
+from kinematics.transforms import Array, blocks
+
+
+@dataclass
+class Normal:
+    """J' J and J' r over whitened rows; the parameters of the registration first, then those of the model."""
+
+    matrix: Array
+    right: Array
+    registered: int
+    """Number of parameters of the registration."""
+
+    @classmethod
+    def zero(cls, registered: int, parameters: int) -> Normal:
+        """No rows yet."""
+        size = registered + parameters
+        return cls(np.zeros((size, size)), np.zeros(size), registered)
+
+    def add(self, design: Array, residual: Array) -> None:
+        """Add whitened rows: design `(rows, parameters)`, residual `(rows,)`."""
+        self.matrix += design.T @ design
+        self.right += design.T @ residual
+
+
+def whiteners(measurement: Measurement) -> Array:
+    """Matrices W `(n, d, d)` that make the noise white: W C W' = 1; Montavon et al., weights by Cholesky."""
+    covariance = equations.covariance(measurement)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+def whitened(whitener: Array, residual: Array) -> Array:
+    """W r `(n, d)`."""
+    return np.asarray((whitener @ residual[:, :, None])[:, :, 0])
+
+
+def gather(
+    measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array, residual: Array
+) -> Normal:
+    """The normal equations of all rows; `residual` `(n, d)` is whitened already."""
+    normal = Normal.zero(len(registration.names), len(model.parameters))
+    for rows, design in designs(measurement, model, registration, whitener):
+        normal.add(design, residual[rows].reshape(-1))
+    return normal
+
+
+def designs(
+    measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array
+) -> Iterator[tuple[slice, Array]]:
+    """Blocks of rows with their whitened design `(rows * d, registration + parameters)`.
+
+    Effects with memory get their columns from all rows at once.
+    """
+    machine, registered = measurement.machine, len(registration.names)
+    plain, plain_columns = _only(model, [not effect.HAS_MEMORY for effect in model.effects])
+    late, late_columns = _only(model, [effect.HAS_MEMORY for effect in model.effects])
+    late_design = np.zeros((len(measurement), measurement.instrument.components, 0))
+    if late.effects:
+        transform = equations.transform(measurement, registration)
+        late_design = late.observation_design(machine, measurement.state, transform)
+    for rows in blocks(len(measurement)):
+        part, white = measurement.rows(rows), whitener[rows]
+        design = np.empty((*part.observed.shape, registered + len(model.parameters)))
+        design[:, :, :registered] = white @ equations.registration_design(part, registration)
+        transform = white @ equations.transform(part, registration)
+        design[:, :, registered + plain_columns] = plain.observation_design(machine, part.state, transform)
+        design[:, :, registered + late_columns] = white @ late_design[rows]
+        yield rows, design.reshape(-1, design.shape[2])
+
+
+def effect_columns(model: ErrorModel) -> list[slice]:
+    """The columns of each effect's parameters."""
+    ends = np.cumsum([0, *(len(effect.parameters) for effect in model.effects)]).tolist()
+    return [slice(a, b) for a, b in pairwise(ends)]
+
+
+def residuals(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
+    """Observed minus expected `(n, d)`, mm and rad, by the exact kinematics."""
+    effects = model.observation(measurement.machine, measurement.state)
+    result = np.empty_like(measurement.observed)
+    for rows in blocks(len(measurement)):
+        part = measurement.rows(rows)
+        own = Observation(effects.errors[rows], effects.shift[rows])
+        result[rows] = part.observed - equations.expected(part, registration, own)
+    return result
+
+
+def _only(model: ErrorModel, keep: list[bool]) -> tuple[ErrorModel, np.ndarray]:
+    """The model with some of its effects, and the numbers of their parameters."""
+    chosen = [i for i, wanted in enumerate(keep) if wanted]
+    columns = effect_columns(model)
+    numbers = [np.arange(columns[i].start, columns[i].stop) for i in chosen]
+    effects = tuple(model.effects[i] for i in chosen)
+    part = msgspec.structs.replace(model, effects=effects, covariance=None)
+    return part, np.concatenate([*numbers, np.zeros(0)]).astype(int)

@@ -1,0 +1,80 @@
+"""Rows that do not belong to the rest: found, named and left out, never fitted.
+
+The rule: with d2 the squared Mahalanobis distance of a row's residual by the instrument's covariance, times a robust
+variance factor of the whole (from the median of all d2, at least 1), a row is an outlier when so large a d2 would turn
+up in fewer than one of a hundred such measurements of nothing but noise (Bonferroni, chi2 with the row's components).
+While the fit is still on its way, rows count by Huber's weights instead. A station most of whose rows are outliers has
+failed as a whole and is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import stats
+
+from calibration import equations
+from calibration.measurement import Measurement
+from calibration.registration import Registration
+from kinematics.model import Observation
+from kinematics.transforms import Array
+
+SIGNIFICANCE = 0.01
+"""Chance that a measurement of n rows without outliers has a row rejected."""
+HUBER = 0.95
+"""Share of good rows that keep their full weight."""
+ASTRAY = 10.0
+"""Rows that miss the nominal machine by 1 mm and so many medians take no part in the first registration."""
+FAILED = 0.5
+"""Share of its rows found to be outliers, beyond which a station has failed."""
+
+
+def robust_factor(distances: Array, components: int) -> float:
+    """Variance factor, at least 1, that brings the median of squared distances `(n,)` to that of chi2."""
+    return max(1.0, float(np.median(distances)) / float(stats.chi2.median(components)))
+
+
+def huber_weights(distances: Array, components: int, factor: float) -> Array:
+    """Weights `(n,)` of rows with these squared distances."""
+    limit = stats.chi2.ppf(HUBER, components) * factor
+    return np.sqrt(np.minimum(1.0, limit / np.maximum(distances, np.finfo(float).tiny)))
+
+
+def outlying(distances: Array, components: int, factor: float) -> np.ndarray:
+    """True `(n,)` for outliers, by the rule."""
+    limit = stats.chi2.isf(SIGNIFICANCE / max(len(distances), 1), components)
+    return np.asarray(distances > limit * factor)
+
+
+def failed_stations(measurement: Measurement, bad: np.ndarray) -> list[str]:
+    """Groups, of several, most of whose rows are bad."""
+    groups = measurement.groups
+    names = np.unique(groups).tolist()
+    return [name for name in names if bad[groups == name].mean() > FAILED] if len(names) > 1 else []
+
+
+def duplicates(measurement: Measurement) -> np.ndarray:
+    """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats."""
+    columns = [measurement.state.positions, measurement.observed, measurement.target_number[:, None]]
+    _, group = np.unique(measurement.groups, return_inverse=True)
+    table = np.concatenate([*columns, group[:, None]], axis=1)
+    if measurement.state.time is not None:
+        table = np.concatenate([table, measurement.state.time[:, None]], axis=1)
+    _, first = np.unique(table, axis=0, return_index=True)
+    copy = np.ones(len(measurement), bool)
+    copy[first] = False
+    return copy
+
+
+def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarray]:
+    """A registration on the nominal machine that gross errors do not spoil, and the rows `(n,)` it trusts."""
+    n = len(measurement)
+    nominal = Observation(np.zeros((n, len(measurement.machine.axes) + 1, 6)), np.zeros((n, 3)))
+    trusted = np.ones(n, bool)
+    for _ in range(10):
+        registration = equations.start(measurement, trusted)
+        missed = np.linalg.norm(measurement.observed - equations.expected(measurement, registration, nominal), axis=1)
+        closer = missed <= max(1.0, ASTRAY * float(np.median(missed)))
+        if np.array_equal(closer, trusted):
+            break
+        trusted = closer
+    return registration, trusted

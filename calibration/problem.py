@@ -1,0 +1,152 @@
+"""One least squares problem: what stays the same during a fit, and one step of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.measurement import Measurement
+from calibration.normal import Normal, gather, residuals, whitened, whiteners
+from calibration.registration import Registration
+from kinematics.model import ErrorModel
+from kinematics.transforms import Array
+
+UNSEEN = 1e-10
+"""Eigenvalues below this share of what is seen best count as zero."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where the iteration stands."""
+
+    parameters: Array
+    registration: Registration
+
+    @property
+    def registered(self) -> int:
+        """Number of parameters of the registration."""
+        return len(self.registration.names)
+
+
+class Solved(NamedTuple):
+    """One solution of the normal equations."""
+
+    step: Array
+    """Of the registration, then of the parameters."""
+    length: float
+    """Of the step, RMS in standard uncertainties."""
+    information: Array
+    """Of the data on the parameters `(p, p)`, in units of their priors, with the registration eliminated."""
+    registered: int
+    """Rank of the registration."""
+    log_determinant: float
+    """Of the normal matrix with its priors."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Measurement, model and priors."""
+
+    measurement: Measurement
+    model: ErrorModel
+    """At its start."""
+    white: Array
+    prior: Array
+
+    @classmethod
+    def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
+        """The problem, its noise made white by the instrument's covariance."""
+        return cls(measurement, model, whiteners(measurement), prior)
+
+    def rows(self, index: np.ndarray) -> Problem:
+        """The problem with some of its rows."""
+        return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
+
+    def at(self, parameters: Array) -> ErrorModel:
+        """The model with these parameters."""
+        left, effects = parameters.tolist(), []
+        for effect in self.model.effects:
+            size = len(effect.parameters)
+            effects.append(effect.with_parameters(left[:size], effect.u))
+            left = left[size:]
+        return msgspec.structs.replace(self.model, effects=tuple(effects), covariance=None)
+
+    def residuals(self, point: Point) -> Array:
+        """Observed minus expected `(n, d)`, mm and rad."""
+        return residuals(self.measurement, self.at(point.parameters), point.registration)
+
+    def whitened(self, residual: Array) -> Array:
+        """The residuals `(n, d)`, in standard uncertainties."""
+        return whitened(self.white, residual)
+
+    def distances(self, point: Point) -> Array:
+        """Squared Mahalanobis distances `(n,)` of the residuals."""
+        return np.asarray(np.sum(self.whitened(self.residuals(point)) ** 2, axis=1))
+
+    def moved(self, point: Point, step: Array) -> Point:
+        """The point after a step; parameters with a bound come half-way to it at most."""
+        size = point.registered
+        return Point(self._inside(point.parameters, step[size:]), point.registration.moved(step[:size]))
+
+    def solve(self, point: Point, weights: Array, factor: float) -> Solved:
+        """The Gauss-Newton step at a point; weights `(n,)` of the rows; sheet variances times `factor`."""
+        root = np.sqrt(weights / factor)
+        residual = self.whitened(self.residuals(point)) * root[:, None]
+        white = self.white * root[:, None, None]
+        normal = gather(self.measurement, self.at(point.parameters), point.registration, white, residual)
+        return self._solved(normal, point)
+
+    def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
+        """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
+        scale, limited = self._scale()
+        inverse = np.linalg.inv(solved.information / widened + np.diag(limited))
+        return np.asarray((inverse + inverse.T) / 2 * np.outer(scale, scale))
+
+    def _solved(self, normal: Normal, point: Point) -> Solved:
+        size = point.registered
+        scale, limited = self._scale()
+        scales = np.concatenate([_registration_scale(normal, size), scale])
+        matrix = normal.matrix * np.outer(scales, scales)
+        right = normal.right * scales
+        mixed = matrix[:size, size:]
+        inverse, rank, spread = _inverse(matrix[:size, :size])
+        information = matrix[size:, size:] - mixed.T @ inverse @ mixed
+        information = (information + information.T) / 2
+        away = (point.parameters - np.array(self.model.parameters)) / scale * limited
+        inner = right[size:] - mixed.T @ inverse @ right[:size] - away
+        with_prior = information + np.diag(limited)
+        values, vectors = np.linalg.eigh(with_prior)
+        values = np.maximum(values, UNSEEN)  # what neither data nor a prior hold does not move
+        parameters = vectors @ (vectors.T @ inner / values)
+        registration = inverse @ (right[:size] - mixed @ parameters)
+        step = np.concatenate([registration, parameters]) * scales
+        length = float(np.sqrt(parameters @ with_prior @ parameters / max(len(parameters), 1)))
+        log_determinant = float(np.sum(np.log(values)) + spread - 2 * np.sum(np.log(scales[:size])))
+        return Solved(step, length, information, rank, log_determinant)
+
+    def _scale(self) -> tuple[Array, Array]:
+        """Unit of each parameter in the solution, its prior's where it has one; and 1 where it has one, else 0."""
+        limited = np.isfinite(self.prior)
+        return np.where(limited, self.prior, 1.0), limited.astype(float)
+
+    def _inside(self, parameters: Array, step: Array) -> Array:
+        bounds = np.array([q.lower for effect in self.model.effects for q in effect.parameter_table])
+        moved = parameters + step
+        return np.where(moved <= bounds, (parameters + np.where(np.isfinite(bounds), bounds, 0.0)) / 2, moved)
+
+
+def _registration_scale(normal: Normal, size: int) -> Array:
+    """Units that make the diagonal of the registration's part 1."""
+    diagonal = np.diag(normal.matrix)[:size]
+    return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
+
+
+def _inverse(matrix: Array) -> tuple[Array, int, float]:
+    """Pseudo-inverse of the registration's part, its rank and the logarithm of its determinant."""
+    values, vectors = np.linalg.eigh(matrix)
+    seen = values > UNSEEN * max(values.max(initial=0.0), 1.0)
+    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+    return inverse, int(np.count_nonzero(seen)), float(np.sum(np.log(values[seen])))
