@@ -54,7 +54,11 @@ class Measurement:
     run: np.ndarray | None = None
     """Name of the run `(n,)`."""
     actual: Array | None = None
-    """Read-back positions `(n, axes)`, mm and rad."""
+    """Read-back positions `(n, axes)`, mm and rad; NaN of an axis without read-back."""
+    feed: Array | None = None
+    """`(n,)`, mm/min; 0 is standing."""
+    part_zero: Vector = (0.0, 0.0, 0.0)
+    """Zero of a part's frame in the workpiece frame at zero pose of the machine, mm, as far as it is known."""
     lines: np.ndarray | None = None
     """Line in the file `(n,)`, for messages."""
     source: str = ""
@@ -103,6 +107,7 @@ class Measurement:
             axis=at(self.axis),
             run=at(self.run),
             actual=at(self.actual),
+            feed=at(self.feed),
             lines=at(self.lines),
         )
 
