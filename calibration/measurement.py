@@ -94,7 +94,7 @@ class Measurement:
         assert self.state.target is not None
         return np.asarray(order[np.searchsorted(names, self.state.target, sorter=order)])
 
-    def rows(self, index: slice | Array) -> Measurement:
+    def rows(self, index: slice | np.ndarray) -> Measurement:
         """The measurement at some of its rows; approach and last move stay what they were."""
 
         def at(column: np.ndarray | None) -> np.ndarray | None:

@@ -40,8 +40,12 @@ class Solved(NamedTuple):
     """Of the step, RMS in standard uncertainties."""
     information: Array
     """Of the data on the parameters `(p, p)`, in units of their priors, with the registration eliminated."""
+    machine_information: Array
+    """The same for an instrument whose position is known."""
     registered: int
     """Rank of the registration."""
+    reduction: float
+    """By which the step makes the sum of squares smaller, to first order."""
     log_determinant: float
     """Of the normal matrix with its priors."""
 
@@ -122,10 +126,11 @@ class Problem:
         values = np.maximum(values, UNSEEN)  # what neither data nor a prior hold does not move
         parameters = vectors @ (vectors.T @ inner / values)
         registration = inverse @ (right[:size] - mixed @ parameters)
-        step = np.concatenate([registration, parameters]) * scales
+        inside = np.concatenate([registration, parameters])
         length = float(np.sqrt(parameters @ with_prior @ parameters / max(len(parameters), 1)))
         log_determinant = float(np.sum(np.log(values)) + spread - 2 * np.sum(np.log(scales[:size])))
-        return Solved(step, length, information, rank, log_determinant)
+        reduction = float(right @ inside)
+        return Solved(inside * scales, length, information, matrix[size:, size:], rank, reduction, log_determinant)
 
     def _scale(self) -> tuple[Array, Array]:
         """Unit of each parameter in the solution, its prior's where it has one; and 1 where it has one, else 0."""

@@ -45,7 +45,7 @@ class State:
     def __len__(self) -> int:
         return len(self.positions)
 
-    def rows(self, index: slice | Array) -> State:
+    def rows(self, index: slice | np.ndarray) -> State:
         """The state at some of its rows."""
         columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         for name, column in columns.items():

@@ -1,0 +1,154 @@
+"""The frame that errors are told in: what no measurement can show is fixed by convention, not by the prior.
+
+A rigid motion of the whole workpiece frame, and constants that two axes can hold alike, change nothing that a tool
+does to a workpiece (once it is clamped and probed). Such directions of the parameters, the gauge, are found by fitting
+an ideal measurement in thought: any positions, four tool vectors, one unknown pose. Along them the parameters are moved
+(S-transformation of geodesy) until
+
+- the mean of every error motion of the linear axes is zero, and so is the slope of E_YX, E_ZX and E_ZY: X is x, and Y
+  lies in the x y plane; only the mean turns of the linear axis nearest to the tool stay, being the tool's orientation;
+- a rotary axis has no mean shift along, and no mean turn about, its own line
+
+as nearly as the gauge allows. Their uncertainty is then relative to this frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.instruments import LaserTracker
+from calibration.measurement import Measurement, Target
+from calibration.problem import Point, Problem, Solved
+from calibration.registration import Registration
+from kinematics.basis import Basis
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects.base import own_component
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import IDENTITY, Array
+
+DATUM_SLOPES = ("E_YX", "E_ZX", "E_ZY")
+"""Straightness slopes that are zero by convention: X is x, Y lies in the x y plane."""
+ELSE = 1e-4
+"""Weight of all other parameters, which settles what the rules above leave open."""
+NULL = 1e-9
+"""Eigenvalues below this share of the largest count as zero."""
+
+
+class Line(NamedTuple):
+    """Mean and slope of a function of position over its interval, as linear functions of its parameters."""
+
+    mean: Array
+    """`(size,)`"""
+    slope: Array
+    """`(size,)`, per mm or degree."""
+
+
+def mean_line(basis: Basis) -> Line:
+    """The least squares line through a function written in this basis."""
+    low, high = basis.interval
+    x = np.linspace(low, high, 801)
+    columns, centred = basis.columns(x), x - x.mean()
+    return Line(columns.mean(axis=0), centred @ columns / (centred @ centred))
+
+
+def error_motions(model: ErrorModel) -> Iterator[tuple[ErrorMotion, slice]]:
+    """The error motions of a model, with the columns of their parameters."""
+    start = 0
+    for effect in model.effects:
+        size = len(effect.parameters)
+        if isinstance(effect, ErrorMotion):
+            yield effect, slice(start, start + size)
+        start += size
+
+
+def null_space(information: Array) -> Array:
+    """Directions `(p, k)`, orthonormal, that an information matrix says nothing of."""
+    values, vectors = np.linalg.eigh(information)
+    return np.asarray(vectors[:, values < NULL * max(float(values[-1]), 1.0)])
+
+
+def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
+    """Directions `(p, k)` of the parameters, in prior units and orthonormal, that no measurement can show."""
+    motions = list(error_motions(model))
+    columns = np.concatenate([np.arange(part.start, part.stop) for _, part in motions] or [np.zeros(0, int)])
+    found = np.zeros((len(prior), 0))
+    if len(columns):
+        alone = msgspec.structs.replace(model, effects=tuple(effect for effect, _ in motions), covariance=None)
+        inner = null_space(_ideal(machine, alone, prior[columns]).information)
+        found = np.zeros((len(prior), inner.shape[1]))
+        found[columns] = inner
+    return found
+
+
+def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
+    """The matrix `(p, p)` that takes parameters, in their units, along the gauge into the datum."""
+    free = gauge(machine, model, prior)
+    if not free.shape[1]:
+        return np.eye(len(prior))
+    scale = np.where(np.isfinite(prior), prior, 1.0)
+    rules = np.concatenate([_rules(machine, model) * scale, ELSE * np.eye(len(prior))])
+    along = np.linalg.lstsq(rules @ free, rules, rcond=None)[0]
+    return np.asarray((np.eye(len(prior)) - free @ along) * scale[:, None] / scale)
+
+
+def _rules(machine: Machine, model: ErrorModel) -> Array:
+    """What shall be zero, as linear functions `(rules, p)` of the parameters, um and urad."""
+    rows = []
+    last = [axis.name for axis in machine.axes if not axis.rotary][-1]
+    for effect, part in error_motions(model):
+        line = mean_line(effect.basis)
+        axis = machine.axes[machine.index(effect.axis)]
+        wanted = []
+        if effect.component in _along(effect) if axis.rotary else not (effect.axis == last and effect.angular):
+            wanted.append(line.mean)
+        if effect.name in DATUM_SLOPES:
+            wanted.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))
+        for values in wanted:
+            row = np.zeros(len(model.parameters))
+            row[part] = values
+            rows.append(row)
+    return np.array(rows).reshape(-1, len(model.parameters))
+
+
+def _along(effect: ErrorMotion) -> str:
+    """Shift along and turn about the line of a rotary axis."""
+    own = own_component(effect.axis)
+    return own + "XYZ"["ABC".index(own)]
+
+
+def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
+    """What the ideal measurement says."""
+    rng = np.random.default_rng(0)
+    ends = _ends(machine, model.effects)
+    n = 4 * len(prior) + 200
+    positions = rng.uniform(ends[0], ends[1], (n, len(machine.axes)))
+    size = 0.3 * max(float(np.ptp(ends[:, ~machine.rotary], axis=0).max()), 100.0)
+    targets = {"o": (0.0, 0.0, 0.0), "x": (size, 0.0, 0.0), "y": (0.0, size, 0.0), "z": (0.0, 0.0, size)}
+    state = State(positions, target=rng.choice(list(targets), n))
+    seen = np.zeros((n, 3))
+    ideal = Measurement(
+        machine,
+        LaserTracker(u_range_um=1.0, u_angle_um=1.0),
+        state,
+        seen,
+        {name: Target(vector) for name, vector in targets.items()},
+    )
+    registration = Registration({"1": IDENTITY}, {"1": np.zeros(3)})
+    problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), prior)
+    return problem.solve(Point(np.array(model.parameters), registration), np.ones(n), 1.0)
+
+
+def _ends(machine: Machine, effects: tuple[Effect, ...]) -> Array:
+    """Ends `(2, axes)`, mm and rad, that the effects are known between; axes without effects stand still at zero."""
+    ends = np.zeros((2, len(machine.axes)))
+    for effect in effects:
+        for axis, interval in effect.intervals.items():
+            i = machine.index(axis)
+            ends[:, i] = np.array(interval) * machine.scale[i]
+    return ends

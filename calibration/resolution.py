@@ -1,0 +1,96 @@
+"""How finely the error motions of each axis are written: chosen by the evidence, the probability of the data.
+
+Too coarse a basis leaves a misfit that no number of points averages out; too fine a one is paid for in the determinant.
+Neighbouring sizes of one axis after the other are tried until none is better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from calibration.fit import Fit, fit
+from calibration.measurement import Measurement
+from calibration.models import BasisChoice, moving_axes, priors, rigid_model
+from calibration.problem import Point, Problem
+
+SIZES: Mapping[str, tuple[int, ...]] = {
+    "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64),
+    "cubic": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
+    "legendre": (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 20),
+    "polynomial": (1, 2, 3, 4, 5, 6, 7, 8),
+    "fourier": (1, 2, 3, 4, 5, 6, 8, 10, 12, 16),
+}
+PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)
+"""Of the typical sizes."""
+Size = TypeVar("Size", int, float)
+START = 4
+"""Where in SIZES the search begins."""
+ROWS = 5000
+"""At most so many rows, evenly spread, decide."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Basis of each axis, and the size of the errors as a multiple of the typical ones."""
+
+    bases: Mapping[str, BasisChoice]
+    prior_scale: float = 1.0
+
+    def neighbours(self) -> list[Choice]:
+        """Choices that differ in one axis, or in the prior, by one size up or down."""
+        found = []
+        for axis, basis in self.bases.items():
+            for size in _beside(SIZES[basis.kind], basis.size):
+                found.append(replace(self, bases={**self.bases, axis: BasisChoice(basis.kind, size)}))
+        return found + [replace(self, prior_scale=scale) for scale in _beside(PRIOR_SCALES, self.prior_scale)]
+
+    def prior(self, measurement: Measurement) -> np.ndarray:
+        """Standard deviations of the parameters of the model."""
+        return priors(rigid_model(measurement, self.bases)) * self.prior_scale
+
+
+def choose(measurement: Measurement, kind: str, progress: Callable[[str], None] = lambda _: None) -> Choice:
+    """The choice with the greatest evidence, all axes in the same kind of basis.
+
+    A first fit finds outliers, registration and, where the sheet promises too much, the size of the noise.
+    """
+    start = Choice({axis: BasisChoice(kind, SIZES[kind][START]) for axis in moving_axes(measurement)})
+    finest = Choice({axis: BasisChoice(kind, SIZES[kind][-4]) for axis in start.bases})
+    first = fit(measurement, rigid_model(measurement, finest.bases), variance="estimate")
+    factor = max(first.variance_factor, 1.0)
+    known: dict[str, float] = {}
+
+    def evidence(choice: Choice) -> float:
+        key = repr(choice)
+        if key not in known:
+            known[key] = _evidence(first, choice, factor)
+        return known[key]
+
+    best = start
+    while True:
+        progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in best.bases.items()))
+        better = max(best.neighbours(), key=evidence)
+        if evidence(better) <= evidence(best):
+            return best
+        best = better
+
+
+def _evidence(first: Fit, choice: Choice, factor: float) -> float:
+    """Log marginal likelihood, up to a constant of the data, to first order about the first registration."""
+    rows = np.flatnonzero(first.kept)
+    some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
+    model = rigid_model(first.measurement, choice.bases)
+    problem = Problem.of(first.measurement.rows(some), model, choice.prior(first.measurement))
+    point = Point(np.zeros(len(model.parameters)), first.registration)
+    solved = problem.solve(point, np.ones(len(some)), factor)
+    squares = float(np.sum(problem.distances(point))) / factor
+    return -0.5 * (squares - solved.reduction + solved.log_determinant)
+
+
+def _beside(sizes: tuple[Size, ...], size: Size) -> list[Size]:
+    i = sizes.index(size)
+    return [sizes[j] for j in (i - 1, i + 1) if 0 <= j < len(sizes)]
