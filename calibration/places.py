@@ -115,7 +115,7 @@ def axis_columns(table: Table, machine: Machine) -> np.ndarray:
     unknown = np.flatnonzero(~np.isin(names, machine.names))
     if len(unknown):
         row = int(unknown[0])
-        table.fault(row, "axis", f"machine {machine.name} ({machine.chain}) has no axis {names[row]!r}")
+        table.fault(row, "axis", f"machine {machine.name} ({machine.chain}) has no axis {str(names[row])!r}")
     return np.array([machine.index(name) for name in names.tolist()])
 
 
@@ -260,7 +260,7 @@ def _targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndar
     unknown = np.flatnonzero(~np.isin(column, list(targets)))
     if len(unknown):
         row = int(unknown[0])
-        table.fault(row, "target", f"{column[row]!r} is not in the header, which has {', '.join(targets)}")
+        table.fault(row, "target", f"{str(column[row])!r} is not in the header, which has {', '.join(targets)}")
     return targets, column
 
 
@@ -313,7 +313,7 @@ def _approach(table: Table, machine: Machine, from_order: Array | None) -> Array
         unknown = np.flatnonzero(~np.isin(words, list(DIRECTIONS)))
         if len(unknown):
             row = int(unknown[0])
-            table.fault(row, "direction", f"{words[row]!r} is none of {', '.join(DIRECTIONS)}")
+            table.fault(row, "direction", f"{str(words[row])!r} is none of {', '.join(DIRECTIONS)}")
         signs = np.array([DIRECTIONS[word] for word in words.tolist()])
         approach[np.arange(len(table)), axis_columns(table, machine)] = signs
     return approach
