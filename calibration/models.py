@@ -10,9 +10,11 @@ from typing import get_args
 import msgspec
 import numpy as np
 
+from calibration.instruments import Interferometer
 from calibration.measurement import Measurement
 from kinematics.basis import Basis, BSpline, Fourier, Interval, Legendre, Polynomial
-from kinematics.effects import Component, Effect, ErrorMotion
+from kinematics.effects import Backlash, Component, Effect, ErrorMotion
+from kinematics.effects.base import own_component
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel, no_errors
 
@@ -71,12 +73,18 @@ def moving_axes(measurement: Measurement) -> dict[str, Interval]:
 
 
 def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:
-    """Six error motions, all zero, of each axis that moves in the data; `bases` by axis."""
+    """Six error motions, all zero, of each axis that moves in the data; `bases` by axis.
+
+    An interferometer sees along the axis that it measures: of that the positioning error, and its backlash.
+    """
     effects: list[Effect] = []
     for axis, interval in moving_axes(measurement).items():
         basis = bases[axis].over(interval)
         zero = (0.0,) * basis.size
-        effects += [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+        if isinstance(measurement.instrument, Interferometer):
+            effects += [ErrorMotion(own_component(axis), axis, basis, zero, u=zero), Backlash(axis, 0.0)]
+        else:
+            effects += [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
     if not effects:
         raise UserError(f"{measurement.source}: no axis moves in these data")
     return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))

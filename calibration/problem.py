@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
+from scipy import linalg
 
 from calibration.measurement import Measurement
 from calibration.normal import Normal, gather, residuals, whitened, whiteners
@@ -121,14 +122,14 @@ class Problem:
         information = (information + information.T) / 2
         away = (point.parameters - np.array(self.model.parameters)) / scale * limited
         inner = right[size:] - mixed.T @ inverse @ right[:size] - away
-        with_prior = information + np.diag(limited)
-        values, vectors = np.linalg.eigh(with_prior)
-        values = np.maximum(values, UNSEEN)  # what neither data nor a prior hold does not move
-        parameters = vectors @ (vectors.T @ inner / values)
+        # what neither the data nor a prior hold does not move
+        with_prior = information + np.diag(limited + UNSEEN * (1.0 + np.diag(information)))
+        factor = linalg.cho_factor(with_prior, lower=True)
+        parameters = linalg.cho_solve(factor, inner)
         registration = inverse @ (right[:size] - mixed @ parameters)
         inside = np.concatenate([registration, parameters])
         length = float(np.sqrt(parameters @ with_prior @ parameters / max(len(parameters), 1)))
-        log_determinant = float(np.sum(np.log(values)) + spread - 2 * np.sum(np.log(scales[:size])))
+        log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales[:size])))
         reduction = float(right @ inside)
         return Solved(inside * scales, length, information, matrix[size:, size:], rank, reduction, log_determinant)
 

@@ -6,7 +6,7 @@ Neighbouring sizes of one axis after the other are tried until none is better.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -16,6 +16,7 @@ from calibration.fit import Fit, fit
 from calibration.measurement import Measurement
 from calibration.models import BasisChoice, moving_axes, priors, rigid_model
 from calibration.problem import Point, Problem
+from kinematics.errors import UserError
 
 SIZES: Mapping[str, tuple[int, ...]] = {
     "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64),
@@ -29,6 +30,8 @@ PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)
 Size = TypeVar("Size", int, float)
 START = 4
 """Where in SIZES the search begins."""
+FINE = 24
+"""Nodes of the first fit."""
 ROWS = 5000
 """At most so many rows, evenly spread, decide."""
 
@@ -53,34 +56,51 @@ class Choice:
         return priors(rigid_model(measurement, self.bases)) * self.prior_scale
 
 
-def choose(measurement: Measurement, kind: str, progress: Callable[[str], None] = lambda _: None) -> Choice:
-    """The choice with the greatest evidence, all axes in the same kind of basis.
+def choose(
+    measurement: Measurement,
+    kinds: Sequence[str],
+    prior_scale: float | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Choice:
+    """The choice with the greatest evidence, all axes in the same kind of basis, one of `kinds`.
 
-    A first fit finds outliers, registration and, where the sheet promises too much, the size of the noise.
+    A given prior_scale stays. A first fit finds outliers, registration and, where the sheet promises too much, the size
+    of the noise. UserError for a kind that there is not.
     """
-    start = Choice({axis: BasisChoice(kind, SIZES[kind][START]) for axis in moving_axes(measurement)})
-    finest = Choice({axis: BasisChoice(kind, SIZES[kind][-4]) for axis in start.bases})
-    first = fit(measurement, rigid_model(measurement, finest.bases), variance="estimate")
-    factor = max(first.variance_factor, 1.0)
+    unknown = [kind for kind in kinds if kind not in SIZES]
+    if unknown:
+        raise UserError(f"basis auto:{unknown[0]}: there is none of that kind ({', '.join(SIZES)})")
+    axes = moving_axes(measurement)
+    fine = {axis: BasisChoice("b-spline", FINE) for axis in axes}
+    first = fit(measurement, rigid_model(measurement, fine), variance="estimate")
     known: dict[str, float] = {}
 
     def evidence(choice: Choice) -> float:
         key = repr(choice)
         if key not in known:
-            known[key] = _evidence(first, choice, factor)
+            known[key] = _evidence(first, choice)
         return known[key]
 
-    best = start
+    starts = [
+        Choice({axis: BasisChoice(kind, SIZES[kind][START]) for axis in axes}, prior_scale or 1.0) for kind in kinds
+    ]
+    return max((_climb(start, evidence, prior_scale is None, progress) for start in starts), key=evidence)
+
+
+def _climb(best: Choice, evidence: Callable[[Choice], float], free: bool, progress: Callable[[str], None]) -> Choice:
+    """The choice from which no neighbour has more evidence; the prior is changed where it is free."""
     while True:
         progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in best.bases.items()))
-        better = max(best.neighbours(), key=evidence)
+        near = [choice for choice in best.neighbours() if free or choice.prior_scale == best.prior_scale]
+        better = max(near, key=evidence)
         if evidence(better) <= evidence(best):
             return best
         best = better
 
 
-def _evidence(first: Fit, choice: Choice, factor: float) -> float:
+def _evidence(first: Fit, choice: Choice) -> float:
     """Log marginal likelihood, up to a constant of the data, to first order about the first registration."""
+    factor = max(first.variance_factor, 1.0)
     rows = np.flatnonzero(first.kept)
     some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
     model = rigid_model(first.measurement, choice.bases)

@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from kinematics.errors import UserError
+from postproc.commands import fit
 from postproc.commands.shared import CalibrationName, JsonFile, MachineName, machine_of, model_of, result, write_json
 
 if TYPE_CHECKING:
@@ -192,6 +193,9 @@ def machines_command(
     machine = machine_of(name)
     path = shipped.default_calibration(machine)
     show_machine(machine, "none of its own" if path is None else path.name)
+
+
+app.command("fit", epilog=fit.EPILOG)(fit.fit)
 
 
 def run() -> None:

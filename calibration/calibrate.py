@@ -1,0 +1,115 @@
+"""A calibration from start to end: basis, fit, datum, location errors, visibility, held-out residuals."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import msgspec
+import numpy as np
+
+from calibration.datum import to_datum
+from calibration.fit import Fit, Variance, fit
+from calibration.heldout import HeldOut, held_out
+from calibration.locations import split_locations, transformed
+from calibration.measurement import Measurement
+from calibration.models import BasisChoice, moving_axes, parse_basis, priors, rigid_model
+from calibration.normal import residuals
+from calibration.outliers import first_registration
+from calibration.resolution import Choice, choose
+from calibration.visibility import Visibility, visibility
+from kinematics.effects import Effect
+from kinematics.errors import UserError
+from kinematics.model import ErrorModel, Provenance, no_errors
+
+AUTO = "auto"
+AUTOMATIC_KINDS = ("b-spline", "cubic")
+"""Kinds of basis that `auto` tries."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Everything that a person wants to know of it."""
+
+    fit: Fit
+    model: ErrorModel
+    """In the datum, location errors apart, with covariance: what is written."""
+    choice: Choice
+    visibility: Visibility
+    before_rms_um: float
+    """Residual of the nominal machine, registered."""
+    before_max_um: float
+    held_out: HeldOut | None
+
+
+def calibrate(
+    measurement: Measurement,
+    *,
+    basis: str = AUTO,
+    effects: Sequence[Effect] = (),
+    prior_scale: float | None = None,
+    variance: Variance = "sheet",
+    hold_out: bool = True,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Calibration:
+    """Error motions of every axis that moves, and `effects` besides, from measured points.
+
+    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. prior_scale: size of the error
+    motions as a multiple of the typical one; None leaves it to the evidence where the basis is chosen, else 1.
+    """
+    choice = _choice(measurement, basis, prior_scale, progress)
+    rigid = rigid_model(measurement, choice.bases)
+    model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
+    prior = priors(model)
+    prior[: len(rigid.parameters)] *= choice.prior_scale
+    found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
+    before = _before(found)
+    progress("what the data see")
+    seen = visibility(found)
+    progress("held-out residuals")
+    held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
+    rms = float(np.sqrt(np.mean(before[found.kept] ** 2)) * 1e3)
+    largest = float(np.linalg.norm(before[found.kept], axis=1).max() * 1e3)
+    return Calibration(found, _written(found), choice, seen, rms, largest, held)
+
+
+def _choice(measurement: Measurement, basis: str, prior_scale: float | None, progress: Callable[[str], None]) -> Choice:
+    axes = list(moving_axes(measurement))
+    if basis == AUTO or basis.startswith(f"{AUTO}:"):
+        kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
+        return choose(measurement, kinds, prior_scale, progress)
+    if "=" not in basis:
+        return Choice(dict.fromkeys(axes, parse_basis(basis)), prior_scale or 1.0)
+    bases: dict[str, BasisChoice] = {}
+    for entry in basis.split(","):
+        axis, _, text = entry.partition("=")
+        bases[axis.strip()] = parse_basis(text)
+    missing = [axis for axis in axes if axis not in bases]
+    if missing:
+        raise UserError(f"basis {basis!r} says nothing of {', '.join(missing)}, which moves in these data")
+    unknown = [axis for axis in bases if axis not in axes]
+    if unknown:
+        raise UserError(f"basis {basis!r}: {', '.join(unknown)} does not move in these data")
+    return Choice(bases, prior_scale or 1.0)
+
+
+def _before(found: Fit) -> np.ndarray:
+    """Residuals `(n, d)`, mm and rad, of the nominal machine with a registration of its own."""
+    registration, _ = first_registration(found.measurement.rows(np.flatnonzero(found.kept)))
+    return residuals(found.measurement, no_errors(found.measurement.machine), registration)
+
+
+def _written(found: Fit) -> ErrorModel:
+    """The fitted model in the datum, with its location errors and where it comes from."""
+    machine = found.measurement.machine
+    in_datum = transformed(found.model, found.model.effects, to_datum(machine, found.model, found.prior))
+    effects, matrix = split_locations(machine, in_datum)
+    provenance = Provenance(
+        made_by=f"ncomp {version('ncomp')}",
+        made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        source=f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}",
+        inputs={found.measurement.source: found.measurement.fingerprint},
+    )
+    return msgspec.structs.replace(transformed(in_datum, effects, matrix), provenance=provenance)

@@ -1,0 +1,188 @@
+"""`ncomp fit`: measured points in, a calibration out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kinematics.errors import UserError
+from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibration.calibrate import Calibration
+    from calibration.fit import Fit
+
+DOUBTFUL = 1e-3
+"""p of chi2 from which a person is told."""
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp fit tracker.csv --machine gantry -o gantry.json`\n\n"
+    "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
+    "`ncomp fit plate.txt --machine cframe --u-um 2.3 --noise estimate -o cal.json`\n\n"
+    "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
+)
+
+
+def fit(
+    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file.")],
+    machine: MachineName,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
+    basis: Annotated[
+        str,
+        typer.Option(
+            "--basis",
+            metavar="auto|KIND:SIZE|X=KIND:SIZE,...",
+            help="How error motions are written: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, "
+            "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
+        ),
+    ] = "auto",
+    noise: Annotated[
+        str,
+        typer.Option(
+            "--noise", metavar="sheet|estimate", help="Instrument's uncertainty: as stated, or from the data."
+        ),
+    ] = "sheet",
+    prior_scale: Annotated[
+        float | None,
+        typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
+    ] = None,
+    hold_out: Annotated[
+        bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
+    ] = True,
+    json: JsonFile = None,
+) -> None:
+    """Fit the machine's errors to measured points, with uncertainties, and say what the points can't show.
+
+    Error motions of all axes that move, the instrument's position and outliers are found jointly. What the data do not
+    determine is listed by name and keeps the uncertainty of what was expected beforehand.
+    """
+    from calibration.calibrate import calibrate
+    from calibration.measurement_file import read_measurement
+    from kinematics.model import encode_model
+    from postproc.terminal import console, say
+    from postproc.terminal import output as screen
+
+    if noise not in ("sheet", "estimate"):
+        raise UserError(f"--noise {noise}: sheet or estimate")
+    found_machine = machine_of(machine)
+    measurement = read_measurement(data, found_machine)
+    for note in measurement.notes:
+        say("note", note)
+    with console.status("reading") as status:
+        found = calibrate(
+            measurement,
+            basis=basis,
+            variance="sheet" if noise == "sheet" else "estimate",
+            prior_scale=prior_scale,
+            hold_out=hold_out,
+            progress=status.update,
+        )
+    with result(json) as results, result(str(output)) as file:
+        file.write(encode_model(found.model))
+        write_json(summary(found), results)
+    show(found, console if json == "-" else screen)
+
+
+def summary(found: Calibration) -> dict[str, Any]:
+    """The result for programs."""
+    from kinematics.effects import LocationError
+
+    fitted, seen, held = found.fit, found.visibility, found.held_out
+    measurement = fitted.measurement
+    return {
+        "before": {"rms_um": found.before_rms_um, "max_um": found.before_max_um},
+        "after": {
+            "rms_um": fitted.rms_um,
+            "max_um": fitted.max_um,
+            "chi2_reduced": fitted.chi2_reduced,
+            "p_value": fitted.p_value,
+            "heldout_rms_um": None if held is None else held.rms_um,
+        },
+        "noise_factor": fitted.variance_factor**0.5,
+        "n_observations": fitted.observations,
+        "n_parameters": seen.parameters,
+        "effective_parameters": fitted.effective_parameters,
+        "rank": seen.rank,
+        "rank_registered": seen.rank_registered,
+        "by_convention": seen.by_convention,
+        "not_visible": seen.not_visible,
+        "blind": [
+            {"effects": list(b.effects), "directions": b.directions, "reason": b.reason, "remedy": b.remedy}
+            for b in seen.blind
+        ],
+        "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
+        "prior_scale": found.choice.prior_scale,
+        "log_evidence": fitted.log_evidence,
+        "outliers": [measurement.where(int(row)) for row in fitted.outliers],
+        "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
+        "failed_stations": list(fitted.failed),
+        "locations": {
+            e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
+            for e in found.model.effects
+            if isinstance(e, LocationError)
+        },
+        "calibration": found.model.id,
+    }
+
+
+def show(found: Calibration, to: Console) -> None:
+    """The result for people."""
+    from rich.table import Table
+
+    from kinematics.effects import LocationError
+
+    fitted, seen, held = found.fit, found.visibility, found.held_out
+    measurement = fitted.measurement
+    bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
+    to.print(f"data         {measurement.source}: {len(measurement)} rows, {fitted.observations} observations fitted")
+    to.print(f"model        {seen.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}")
+    to.print(
+        f"rank         {seen.rank} with the instrument's position known, {seen.rank_registered} as it is; "
+        f"{seen.by_convention} directions are the frame's and fixed by convention"
+    )
+    table = Table("residual, um", "RMS", "max")
+    table.add_row("before (nominal machine)", f"{found.before_rms_um:.2f}", f"{found.before_max_um:.2f}")
+    table.add_row("after", f"{fitted.rms_um:.2f}", f"{fitted.max_um:.2f}")
+    if held is not None:
+        table.add_row(f"held out ({held.blocks} {held.what})", f"{held.rms_um:.2f}", f"{held.max_um:.2f}")
+    to.print(table)
+    to.print(f"noise        {_noise(fitted)}")
+    locations = [effect for effect in found.model.effects if isinstance(effect, LocationError)]
+    if locations:
+        lines = Table("location error", "value", "u (k=1)", "", caption="tool relative to workpiece, right-handed")
+        for effect in locations:
+            unit = "urad" if effect.angular else "um"
+            lines.add_row(effect.name, f"{effect.value:.2f}", f"{effect.uncertainties[0]:.2f}", unit)
+        to.print(lines)
+    for blind in seen.blind:
+        to.print(f"NOT VISIBLE  {blind}")
+    _show_left_out(fitted, to)
+
+
+def _noise(fitted: Fit) -> str:
+    if fitted.variance_factor != 1.0:
+        return f"estimated from the data: {fitted.variance_factor**0.5:.3g} times the instrument's sheet"
+    text = f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument's sheet"
+    if fitted.p_value < DOUBTFUL:
+        return (
+            f"{text} (p = {fitted.p_value:.1g}): the model lacks something, or the sheet promises too much; "
+            f"uncertainties are widened by {fitted.chi2_reduced**0.5:.3g}"
+        )
+    return text
+
+
+def _show_left_out(fitted: Fit, to: Console) -> None:
+    measurement, most = fitted.measurement, 12
+    for what, rows in (("outlier", fitted.outliers), ("copy of an earlier row", fitted.copies.nonzero()[0])):
+        for row in rows[:most]:
+            size = float((fitted.residual[row] ** 2).sum() ** 0.5 * 1e3)
+            to.print(f"left out     {measurement.where(int(row))}: {what}, {size:.1f} um from the rest")
+        if len(rows) > most:
+            to.print(f"left out     ... and {len(rows) - most} more ({what})")
+    for name in fitted.failed:
+        to.print(f"left out     station {name}: most of its rows disagree with all others")
