@@ -1,0 +1,148 @@
+"""The six error motions of one axis at each of its positions, from three or more points on what it moves.
+
+Thesis (3.5): at each position the displacements of P, Q and K are nine equations for six error motions. All nine are
+solved, weighted by what the instrument knows of each point, and by the exact kinematics of the axis rather than to
+first order. The places of the points on the component are estimated with them, from all positions: taken from the
+first position alone, as in the thesis, its noise would be in every other.
+
+Points that sit on the component as they like leave six directions open, the *gauge*: a displacement of all points on
+it. It is closed so that
+
+- of a linear axis, each of the six has mean zero over the positions;
+- of a rotary axis, the six hold no more than is needed of what turns along with the component: its axis average line
+  (ISO 230-1) is the one that a least squares fit of the circles and of the planes of all points has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.forward import axis_pose, error_centre, error_pose
+from kinematics.machine import Axis
+from kinematics.transforms import Array, Pose, turn
+
+ROUNDS = 20
+CONVERGED = 1e-11
+"""mm and rad."""
+UNITS = np.array([1e-3] * 3 + [1e-6] * 3)
+"""um and urad in mm and rad."""
+
+
+@dataclass(frozen=True)
+class RigidMotions:
+    """Error motions in the axis' error frame, tool relative to workpiece; um and urad throughout."""
+
+    errors: Array
+    """`(n, 6)`."""
+    estimator: Array
+    """Derivatives `(6n, 3kn)` by the points' coordinates in mm, positions first, then points."""
+    information: Array
+    """`(6n, 6n)`: what the points say of the errors; zero along the gauge."""
+    gauge: Array
+    """`(6, 6n)`: conditions that close the gauge."""
+    location: Array
+    """`(6, 6n)`: of a rotary axis the constants of the axis average line (zero along the axis); else zero."""
+    body: Array
+    """Points `(k, 3)`, mm, on the component at position zero."""
+    body_estimator: Array
+    """Its derivatives `(3k, 3kn)`."""
+
+
+def outward(axis: Axis, q: Array, errors: Array) -> Pose:
+    """Poses `(n,)` of what the axis carries, as seen from the side of the bed; errors `(n, 6)`, mm and rad."""
+    link, error = axis_pose(axis, q), error_pose(axis, q, errors)
+    return error @ link if axis.side == "tool" else inverse(link @ error)
+
+
+def inverse(pose: Pose) -> Pose:
+    """The inverse transforms."""
+    back = np.swapaxes(pose.rotation, 1, 2)
+    return Pose(back, -turn(back, pose.translation))
+
+
+def error_design(axis: Axis, q: Array, points: Array) -> Array:
+    """Derivatives `(n, k, 3, 6)` of points `(n, k, 3)` that the axis carries by its error motions, at none."""
+    arms = points - error_centre(axis, q)[:, None, :]
+    design = np.empty((*points.shape, 6))
+    design[..., :3] = axis.error_frame
+    design[..., 3:] = np.cross(axis.error_frame.T, arms[..., None, :]).swapaxes(2, 3)
+    return design if axis.side == "tool" else -design
+
+
+def solve(axis: Axis, q: Array, points: Array, weights: Array) -> RigidMotions:
+    """Error motions of an axis at positions `(n,)`, mm or rad.
+
+    points `(n, k, 3)`, mm, in the frame at the foot of the axis, on the side of the bed; weights `(n, k, 3, 3)`.
+    """
+    n, k = points.shape[:2]
+    none = np.zeros((n, 6))
+    nominal = outward(axis, q, none)
+    body = np.mean([inverse(nominal).apply(points[:, j]) for j in range(k)], axis=1)
+    carried = _carried(nominal, body)
+    design = np.zeros((n, k, 3, 6 * n + 3 * k))
+    by_error = error_design(axis, q, carried) * UNITS
+    for i in range(n):
+        design[i, :, :, 6 * i : 6 * i + 6] = by_error[i]
+        for j in range(k):
+            design[i, j, :, 6 * n + 3 * j : 6 * n + 3 * j + 3] = nominal.rotation[i if len(nominal.rotation) > 1 else 0]
+    gauge, location = _conditions(axis, _free(axis, q, carried, nominal))
+    weighted = weights @ design
+    flat, flat_weighted = design.reshape(3 * k * n, -1), weighted.reshape(3 * k * n, -1)
+    normal = flat.T @ flat_weighted
+    estimator = _constrained(normal, np.pad(gauge, ((0, 0), (0, 3 * k)))) @ flat_weighted.T
+    errors = none
+    for _ in range(ROUNDS):
+        misfit = points - _carried(outward(axis, q, errors * UNITS), body)
+        step = estimator @ misfit.reshape(-1)
+        errors, body = errors + step[: 6 * n].reshape(n, 6), body + step[6 * n :].reshape(k, 3)
+        if np.abs(step * np.append(np.tile(UNITS, n), np.ones(3 * k))).max() < CONVERGED:
+            break
+    ours, theirs = slice(0, 6 * n), slice(6 * n, None)
+    cross = normal[ours, theirs]
+    information = normal[ours, ours] - cross @ np.linalg.solve(normal[theirs, theirs], cross.T)
+    return RigidMotions(errors, estimator[ours], information, gauge, location, body, estimator[theirs])
+
+
+def _carried(pose: Pose, body: Array) -> Array:
+    """Points `(n, k, 3)`."""
+    return np.stack([pose.apply(point) for point in body], axis=1)
+
+
+def _free(axis: Axis, q: Array, carried: Array, nominal: Pose) -> Array:
+    """The gauge `(6n, 6)`: error motions, um and urad, that displace the points as a displacement on the component."""
+    n, k = carried.shape[:2]
+    centre = inverse(nominal).apply(carried.mean(axis=1))[:, None, :]
+    on_body = np.stack([inverse(nominal).apply(carried[:, j]) for j in range(k)], axis=1) - centre
+    moved = np.concatenate(
+        [np.broadcast_to(np.eye(3), (n, k, 3, 3)), np.cross(np.eye(3), on_body[..., None, :]).swapaxes(2, 3)], axis=3
+    )
+    moved = nominal.rotation[:, None] @ moved * UNITS
+    by_error = (error_design(axis, q, carried) * UNITS).reshape(n, 3 * k, 6)
+    return np.concatenate([np.linalg.lstsq(by_error[i], moved[i].reshape(-1, 6), rcond=None)[0] for i in range(n)])
+
+
+def _conditions(axis: Axis, free: Array) -> tuple[Array, Array]:
+    """Functions `(6, 6n)` of the errors: what closes the gauge, and the location errors of a rotary axis."""
+    n = len(free) // 6
+    location = np.zeros((6, 6 * n))
+    if not axis.rotary:
+        return np.tile(np.eye(6), n) / n, location
+    own = "ABC".index(axis.name[0])
+    across = [j for j in range(6) if j % 3 != own]
+    both = np.concatenate([free, np.tile(np.eye(6)[:, across].T, n).T], axis=1)
+    functions = np.linalg.pinv(both)
+    location[across] = functions[6:]
+    return functions[:6], location
+
+
+def _constrained(normal: Array, conditions: Array) -> Array:
+    """The inverse of a normal matrix that is singular but for these conditions."""
+    size, k = len(normal), len(conditions)
+    spread = 1.0 / np.sqrt(np.diag(normal))
+    scaled = normal * np.outer(spread, spread)
+    border = conditions * spread
+    border /= np.linalg.norm(border, axis=1, keepdims=True)
+    matrix = np.block([[scaled, border.T], [border, np.zeros((k, k))]])
+    return np.asarray(np.linalg.inv(matrix)[:size, :size] * np.outer(spread, spread))
