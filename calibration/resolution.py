@@ -1,33 +1,32 @@
 """How finely the error motions of each axis are written: chosen by the evidence, the probability of the data.
 
 Too coarse a basis leaves a misfit that no number of points averages out; too fine a one is paid for in the determinant.
-Neighbouring sizes of one axis after the other are tried until none is better.
+All sizes of one axis after the other are tried until none is better.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
-from calibration.fit import Fit, fit
+from calibration.fit import Fit, Progress, fit
 from calibration.measurement import Measurement
 from calibration.models import BasisChoice, moving_axes, priors, rigid_model
 from calibration.problem import Point, Problem
 from kinematics.errors import UserError
 
 SIZES: Mapping[str, tuple[int, ...]] = {
-    "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64),
+    "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
     "cubic": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
-    "legendre": (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 20),
-    "polynomial": (1, 2, 3, 4, 5, 6, 7, 8),
-    "fourier": (1, 2, 3, 4, 5, 6, 8, 10, 12, 16),
+    "legendre": (1, 2, 3, 4, 5, 6, 8, 10, 12, 16),
+    "polynomial": (1, 2, 3, 4, 5, 6, 8),
+    "fourier": (1, 2, 3, 4, 6, 8, 12, 16),
 }
-PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0)
+PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
 """Of the typical sizes."""
-Size = TypeVar("Size", int, float)
+PRIOR = "prior"
 START = 4
 """Where in SIZES the search begins."""
 FINE = 24
@@ -43,13 +42,12 @@ class Choice:
     bases: Mapping[str, BasisChoice]
     prior_scale: float = 1.0
 
-    def neighbours(self) -> list[Choice]:
-        """Choices that differ in one axis, or in the prior, by one size up or down."""
-        found = []
-        for axis, basis in self.bases.items():
-            for size in _beside(SIZES[basis.kind], basis.size):
-                found.append(replace(self, bases={**self.bases, axis: BasisChoice(basis.kind, size)}))
-        return found + [replace(self, prior_scale=scale) for scale in _beside(PRIOR_SCALES, self.prior_scale)]
+    def variants(self, part: str) -> list[Choice]:
+        """Choices that differ in one part: an axis, or the prior."""
+        if part == PRIOR:
+            return [replace(self, prior_scale=scale) for scale in PRIOR_SCALES]
+        kind = self.bases[part].kind
+        return [replace(self, bases={**self.bases, part: BasisChoice(kind, size)}) for size in SIZES[kind]]
 
     def prior(self, measurement: Measurement) -> np.ndarray:
         """Standard deviations of the parameters of the model."""
@@ -60,7 +58,7 @@ def choose(
     measurement: Measurement,
     kinds: Sequence[str],
     prior_scale: float | None = None,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> Choice:
     """The choice with the greatest evidence, all axes in the same kind of basis, one of `kinds`.
 
@@ -84,18 +82,19 @@ def choose(
     starts = [
         Choice({axis: BasisChoice(kind, SIZES[kind][START]) for axis in axes}, prior_scale or 1.0) for kind in kinds
     ]
-    return max((_climb(start, evidence, prior_scale is None, progress) for start in starts), key=evidence)
+    parts = [*axes, *([PRIOR] if prior_scale is None else [])]
+    return max((_climb(start, parts, evidence, progress) for start in starts), key=evidence)
 
 
-def _climb(best: Choice, evidence: Callable[[Choice], float], free: bool, progress: Callable[[str], None]) -> Choice:
-    """The choice from which no neighbour has more evidence; the prior is changed where it is free."""
+def _climb(best: Choice, parts: Sequence[str], evidence: Callable[[Choice], float], progress: Progress) -> Choice:
+    """The choice that no change of one part makes better."""
     while True:
-        progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in best.bases.items()))
-        near = [choice for choice in best.neighbours() if free or choice.prior_scale == best.prior_scale]
-        better = max(near, key=evidence)
-        if evidence(better) <= evidence(best):
+        before = best
+        for part in parts:
+            progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in best.bases.items()))
+            best = max((best, *best.variants(part)), key=evidence)
+        if best == before:
             return best
-        best = better
 
 
 def _evidence(first: Fit, choice: Choice) -> float:
@@ -109,8 +108,3 @@ def _evidence(first: Fit, choice: Choice) -> float:
     solved = problem.solve(point, np.ones(len(some)), factor)
     squares = float(np.sum(problem.distances(point))) / factor
     return -0.5 * (squares - solved.reduction + solved.log_determinant)
-
-
-def _beside(sizes: tuple[Size, ...], size: Size) -> list[Size]:
-    i = sizes.index(size)
-    return [sizes[j] for j in (i - 1, i + 1) if 0 <= j < len(sizes)]

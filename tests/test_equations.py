@@ -1,0 +1,126 @@
+"""The observation equations: derivatives against differences, for every place of instrument and target."""
+
+import numpy as np
+import pytest
+
+import machines
+from calibration import equations
+from calibration.instruments import Interferometer, LaserTracker, Part
+from calibration.measurement import Measurement, Target, with_moves
+from calibration.registration import Registration, rigid
+from kinematics.model import Observation
+from kinematics.state import State
+from kinematics.transforms import Pose, rotation_vector_matrix
+from tests.measured import THREE, measured, pose_of, positions, truth
+
+EVERYWHERE = {
+    "tool": Target((30.0, 20.0, -80.0)),
+    "table": Target((100.0, 20.0, 30.0), "table"),
+    "bed": Target((300.0, -200.0, 10.0), "bed"),
+}
+STEP = 1e-5
+
+
+def tracker_case(name, stands_on):
+    machine, rng = machines.load(name), np.random.default_rng(0)
+    q = positions(machine, 30, rng)
+    measurement = measured(machine, q, EVERYWHERE, truth(machine, rng), rng, stations=2, stands_on=stands_on)
+    known = {k: np.array(t.position) for k, t in EVERYWHERE.items() if not t.known}
+    return measurement, pose_of(["s1", "s2"], known)
+
+
+def part_case(components):
+    machine, rng = machines.load("cframe"), np.random.default_rng(1)
+    state = with_moves(State(positions(machine, 20, rng), target=np.full(20, "1")))
+    part = Measurement(machine, Part(u_um=2.0, components=components), state, np.ones((20, components)))
+    pose = Pose(rotation_vector_matrix([[0.0, 0.0, 0.3]]), np.array([[5.0, 6.0, 0.0]]))
+    return part, Registration({"1": pose}, {"1": np.array([100.0, 50.0, 0.0])}, components == 2)
+
+
+def laser_case():
+    machine, rng = machines.load("dmu50"), np.random.default_rng(2)
+    state = with_moves(State(positions(machine, 20, rng), target=np.full(20, "1")))
+    axis = np.array(["X", "Y", "Z", "B"])[np.arange(20) % 4]
+    laser = Measurement(
+        machine, Interferometer(u_um=0.1), state, np.zeros((20, 1)), axis=axis, run=np.full(20, "1"),
+        targets={"1": Target((0.0, 0.0, -90.0))},
+    )  # fmt: skip
+    return laser, Registration(zeros=dict.fromkeys(np.unique(laser.groups).tolist(), 0.002))
+
+
+CASES = {
+    **{f"{name} {on}": (lambda n=name, o=on: tracker_case(n, o)) for name in ("dmu50", "cframe") for on in ("workpiece", "bed")},
+    "part 2": lambda: part_case(2),
+    "part 3": lambda: part_case(3),
+    "interferometer": laser_case,
+}  # fmt: skip
+
+
+@pytest.fixture(params=CASES)
+def case(request):
+    return CASES[request.param]()
+
+
+def expected(case, errors, registration=None):
+    measurement, own = case
+    shift = np.zeros((len(measurement), 3))
+    return equations.expected(measurement, registration or own, Observation(errors, shift))
+
+
+def test_transform_is_the_derivative_by_the_error_motions(case):
+    measurement, registration = case
+    places = len(measurement.machine.axes) + 1
+    zero = np.zeros((len(measurement), places, 6))
+    transform = equations.transform(measurement, registration)
+    for place in range(places):
+        for component in range(6):
+            errors = zero.copy()
+            errors[:, place, component] = STEP
+            slope = (expected(case, errors) - expected(case, -errors)) / (2 * STEP)
+            assert transform[:, :, 6 * place + component] == pytest.approx(slope, abs=1e-6)
+
+
+def test_registration_design_is_the_derivative_by_the_registration(case):
+    measurement, registration = case
+    zero = np.zeros((len(measurement), len(measurement.machine.axes) + 1, 6))
+    design = equations.registration_design(measurement, registration)
+    assert design.shape == (*measurement.observed.shape, len(registration.names))
+    for k in range(design.shape[2]):
+        step = np.zeros(design.shape[2])
+        step[k] = STEP
+        ahead, back = (expected(case, zero, registration.moved(sign * step)) for sign in (1, -1))
+        assert design[:, :, k] == pytest.approx((ahead - back) / (2 * STEP), abs=1e-5)
+
+
+def test_a_fixed_reference_shows_no_axis():
+    measurement, registration = tracker_case("dmu50", "bed")
+    rows = measurement.state.target == "bed"
+    assert not equations.transform(measurement, registration)[rows][:, :, :-3].any()
+
+
+def test_tracker_covariance_is_range_along_and_angles_across_the_beam():
+    tracker = LaserTracker(u_range_um=0.5, u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
+    covariance = tracker.covariance(np.array([[2000.0, 0.0, 0.0], [0.0, 3.0e3, 4.0e3]]))
+    assert covariance[0] == pytest.approx(np.diag([0.001**2, 0.015**2, 0.015**2]))
+    beam = np.array([0.0, 0.6, 0.8])
+    assert beam @ covariance[1] @ beam == pytest.approx(0.00175**2)
+    assert np.linalg.eigvalsh(covariance[1])[1:] == pytest.approx(0.0225**2)
+
+
+def test_rigid_registration_is_exact_and_proper():
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(5, 3)) * 500
+    pose = Pose(rotation_vector_matrix([[0.4, -1.0, 2.0]]), np.array([[10.0, 20.0, 30.0]]))
+    found = rigid(points, pose.apply(points))
+    assert found.apply(points) == pytest.approx(pose.apply(points), abs=1e-9)
+    flat = rigid(points[:3], points[:3] * [1, 1, -1])
+    assert np.linalg.det(flat.rotation[0]) == pytest.approx(1.0)
+
+
+def test_targets_come_in_any_order_of_names():
+    rng = np.random.default_rng(4)
+    machine = machines.load("gantry")
+    targets = {"z": THREE["1"], "a": THREE["2"]}
+    measurement = measured(machine, positions(machine, 10, rng), targets, truth(machine, rng), rng)
+    for row in range(10):
+        assert tuple(measurement.tool[row]) == targets[str(measurement.state.target[row])].position
