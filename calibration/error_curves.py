@@ -1,8 +1,9 @@
 """Curves through the six error motions of an axis, and its location errors taken out of them.
 
-The curves are fitted to all six at once, weighted by what the points say of them together; along the gauge of the
-points (`rigid_motions`) they are free, so a polynomial of a table's radial motion does not suffer from a shift of the
-points on the table. Degrees are given, or chosen by the Bayesian information criterion (BIC).
+The curves are fitted to all six at once, weighted by what the points say of them together. Degrees of polynomials are
+given, or chosen by the Bayesian information criterion (BIC). The gauge of the points (`rigid_motions`) takes from a
+rotary axis what turns along with the component; what it takes from a polynomial is none, so polynomials of a rotary
+axis have a wobble of that kind beside them.
 """
 
 from __future__ import annotations
@@ -10,39 +11,82 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 
 from calibration.rigid_motions import RigidMotions
 from kinematics.basis import Basis, BSpline, Legendre
-from kinematics.effects import COMPONENTS, Component, Effect, ErrorMotion, LocationError
+from kinematics.effects import COMPONENTS, Component, Effect, ErrorMotion, LocationError, Wobble
 from kinematics.errors import UserError
 from kinematics.machine import Axis
 from kinematics.transforms import Array
 
 HIGHEST_DEGREE = 8
 """That is tried."""
-GAUGE_WEIGHT = 1e-9
-"""Of the conditions that close the gauge, relative to the points' information: settles what is open, moves nothing."""
+LARGEST_WOBBLE = 1e3
+"""um and urad: keeps a wobble that the polynomials nearly hold from growing against them."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What is fitted to one axis."""
+
+    axis: Axis
+    bases: tuple[Basis, ...]
+    """By component X Y Z A B C."""
+
+    @property
+    def parts(self) -> list[slice]:
+        """Parameters of each curve."""
+        ends = np.cumsum([0, *(basis.size for basis in self.bases)]).tolist()
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    @property
+    def wobbles(self) -> tuple[Wobble, ...]:
+        """Radial and tilt, turning along with what the axis carries; none beside tables, which hold it."""
+        if not self.axis.rotary or isinstance(self.bases[0], BSpline):
+            return ()
+        letter = self.axis.error_frame[:, "ABC".index(self.axis.name[0])]
+        along = (letter @ self.axis.unit_direction > 0) == (self.axis.side == "tool")
+        sense: Literal[1, -1] = 1 if along else -1
+        return (
+            Wobble(self.axis.name, "radial", 1, sense, 0.0, 0.0),
+            Wobble(self.axis.name, "tilt", 1, sense, 0.0, 0.0),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return sum(basis.size for basis in self.bases) + 2 * len(self.wobbles)
+
+    def design(self, positions: Array) -> Array:
+        """Matrix `(6n, p)` from the parameters to the error motions at positions `(n,)`, position by position."""
+        rows = np.zeros((len(positions), 6, self.size))
+        for component, (basis, columns) in enumerate(zip(self.bases, self.parts, strict=True)):
+            rows[:, component, columns] = basis.columns(positions)
+        start = self.parts[-1].stop
+        cos, sin = np.cos(np.deg2rad(positions)), np.sin(np.deg2rad(positions))
+        for k, wobble in enumerate(self.wobbles):
+            own, columns = "ABC".index(self.axis.name[0]), slice(start + 2 * k, start + 2 * k + 2)
+            rows[:, 3 * k + (own + 1) % 3, columns] = np.stack([cos, sin], axis=1)
+            rows[:, 3 * k + (own + 2) % 3, columns] = wobble.sense * np.stack([sin, -cos], axis=1)
+        return rows.reshape(6 * len(positions), -1)
 
 
 @dataclass(frozen=True)
 class Curves:
     """Six curves over one axis' position, mm or degrees; values in um and urad."""
 
-    bases: tuple[Basis, ...]
-    """By component X Y Z A B C."""
+    shape: Shape
     parameters: Array
-    """`(p,)`, one curve after the other."""
+    """`(p,)`, one curve after the other, then the wobble."""
     estimator: Array
     """`(p, 6n)`: from the error motions at the positions, um and urad, to the parameters."""
-    chi2: float
-    freedom: int
 
     def design(self, positions: Array) -> Array:
         """Matrix `(6n, p)` from parameters to the error motions at positions `(n,)`."""
-        return design(self.bases, positions)
+        return self.shape.design(positions)
 
 
 @dataclass(frozen=True)
@@ -54,22 +98,12 @@ class AxisModel:
     """`(parameters of the effects, p)`."""
 
 
-def design(bases: tuple[Basis, ...], positions: Array) -> Array:
-    """Matrix `(6n, p)` from the parameters of six curves to their values at positions `(n,)`, position by position."""
-    rows = np.zeros((len(positions), 6, sum(basis.size for basis in bases)))
-    for component, (basis, columns) in enumerate(zip(bases, _parts(bases), strict=True)):
-        rows[:, component, columns] = basis.columns(positions)
-    return rows.reshape(6 * len(positions), -1)
-
-
-def table_bases(positions: Array) -> tuple[Basis, ...]:
+def tables(axis: Axis, positions: Array) -> Shape:
     """Interpolated tables with the measured positions as nodes."""
-    return (BSpline(tuple(np.sort(positions).tolist()), 1),) * 6
+    return Shape(axis, (BSpline(tuple(np.sort(positions).tolist()), 1),) * 6)
 
 
-def polynomial_bases(
-    axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int]
-) -> tuple[Basis, ...]:
+def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int]) -> Shape:
     """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others by BIC.
 
     A straightness is a line at least, for its slope is the orientation of the axis.
@@ -87,9 +121,13 @@ def polynomial_bases(
         else:
             degrees[j] = degree
 
+    observed = np.append(_weights(motions) @ motions.errors.reshape(-1), np.zeros(4 * axis.rotary))
+
     def bic(of: Array) -> float:
-        found = fit(_legendre(interval, of), positions, motions)
-        return found.chi2 + len(found.parameters) * float(np.log(6 * n))
+        shape = _legendre(axis, interval, of)
+        rows = _rows(shape, positions, motions)
+        left = observed - rows @ np.linalg.lstsq(rows, observed, rcond=1e-14)[0]
+        return float(left @ left) + shape.size * float(np.log(6 * n))
 
     best, changed = bic(degrees), True
     while changed:
@@ -101,21 +139,28 @@ def polynomial_bases(
                 value = bic(trial) if other != degrees[j] else best
                 if value < best - 1e-9:
                     best, degrees, changed = value, trial, True
-    return _legendre(interval, degrees)
+    return _legendre(axis, interval, degrees)
 
 
-def fit(bases: tuple[Basis, ...], positions: Array, motions: RigidMotions) -> Curves:
-    """The curves of least squares through the error motions at positions `(n,)`, mm or degrees."""
-    columns = design(bases, positions)
-    errors = motions.errors.reshape(-1)
+def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
+    """The curves of least squares through the error motions at positions `(n,)`, mm or degrees; gauge closed."""
+    weights, rows = _weights(motions), _rows(shape, positions, motions)
+    estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
+    return Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator)
+
+
+def _rows(shape: Shape, positions: Array, motions: RigidMotions) -> Array:
+    """Whitened design, and below it what holds the wobble."""
+    held = np.eye(shape.size)[shape.parts[-1].stop :] / LARGEST_WOBBLE
+    return np.concatenate([_weights(motions) @ shape.design(positions), held])
+
+
+def _weights(motions: RigidMotions) -> Array:
+    """Matrix `(6n + 6, 6n)` that whitens the error motions, and below it the conditions that close the gauge."""
     values, vectors = np.linalg.eigh(motions.information)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
     conditions = motions.gauge / np.linalg.norm(motions.gauge, axis=1, keepdims=True)
-    rows = np.concatenate([root, np.sqrt(GAUGE_WEIGHT * values[-1]) * conditions])
-    estimator = np.linalg.lstsq(rows @ columns, rows, rcond=1e-13)[0]
-    parameters = estimator @ errors
-    misfit = root @ (errors - columns @ parameters)
-    return Curves(bases, parameters, estimator, float(misfit @ misfit), len(errors) - 6 - columns.shape[1])
+    return np.concatenate([root, np.sqrt(values[-1]) * conditions])
 
 
 def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotions) -> AxisModel:
@@ -128,20 +173,21 @@ def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotio
     rows, names, left = _linear(axis, positions, values) if not axis.rotary else _rotary(axis, values, motions)
     taken = np.zeros((6, len(curves.parameters), len(curves.parameters)))
     for component, (function, amount) in left.items():
-        basis, part = curves.bases[component], _parts(curves.bases)[component]
+        basis, part = curves.shape.bases[component], curves.shape.parts[component]
         held = np.linalg.lstsq(basis.columns(positions), function, rcond=None)[0]
         taken[component, part] = np.outer(held, amount)
     matrix = np.concatenate([rows, np.eye(len(curves.parameters)) - taken.sum(axis=0)])
     effects: list[Effect] = [LocationError(name, axis.name, 0.0) for name in names]
-    for name, basis in zip(COMPONENTS, curves.bases, strict=True):
+    for name, basis in zip(COMPONENTS, curves.shape.bases, strict=True):
         effects.append(ErrorMotion(cast(Component, name), axis.name, basis, (0.0,) * basis.size))
+    effects += curves.shape.wobbles
     return AxisModel(tuple(effects), matrix)
 
 
 def constants_design(curves: Curves) -> Array:
     """The matrix `(p, 6)` from constants added to the six curves, um and urad, to their parameters."""
     matrix = np.zeros((len(curves.parameters), 6))
-    for component, (basis, part) in enumerate(zip(curves.bases, _parts(curves.bases), strict=True)):
+    for component, (basis, part) in enumerate(zip(curves.shape.bases, curves.shape.parts, strict=True)):
         x = np.linspace(*basis.interval, 101)
         matrix[part, component] = np.linalg.lstsq(basis.columns(x), np.ones(101), rcond=None)[0]
     return matrix
@@ -178,11 +224,5 @@ def _sideways(axis: Axis) -> str:
     return "".join(letter for letter, share in zip("XYZ", along, strict=True) if abs(share) < 0.5)
 
 
-def _legendre(interval: tuple[float, float], degrees: Array) -> tuple[Basis, ...]:
-    return tuple(Legendre(interval, int(degree)) for degree in degrees)
-
-
-def _parts(bases: tuple[Basis, ...]) -> list[slice]:
-    """Columns of each curve."""
-    ends = np.cumsum([0, *(basis.size for basis in bases)]).tolist()
-    return [slice(a, b) for a, b in pairwise(ends)]
+def _legendre(axis: Axis, interval: tuple[float, float], degrees: Array) -> Shape:
+    return Shape(axis, tuple(Legendre(interval, int(degree)) for degree in degrees))

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from calibration import stations
-from calibration.error_curves import Curves, axis_model, constants_design, fit, polynomial_bases, table_bases
+from calibration.error_curves import Curves, Shape, axis_model, constants_design, fit, polynomials, tables
 from calibration.fit import with_covariance
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
@@ -292,19 +292,22 @@ def _identify(
     feet, foot = _feet(machine, series, before)
     back = inverse(foot)
     weights = back.rotation @ points.information[series.numbers.reshape(-1)] @ foot.rotation
-    shape = series.numbers.shape
-    motions = solve(axis, series.positions, back.apply(at_bed).reshape(*shape, 3), weights.reshape(*shape, 3, 3))
+    n, k = series.numbers.shape
+    motions = solve(axis, series.positions, back.apply(at_bed).reshape(n, k, 3), weights.reshape(n, k, 3, 3))
     by_points = np.zeros((at_bed.size, points.positions.size))
     for i, number in enumerate(series.numbers.reshape(-1).tolist()):
         by_points[3 * i : 3 * i + 3, 3 * number : 3 * number + 3] = back.rotation[0]
     for name, pose in feet.items():
         by_points -= _by_foot(machine, before[name], series, pose, at_bed, back)
     positions = series.positions / machine.scale[series.column]
+    curves = fit(_shape(axis, positions, motions, choice), positions, motions)
+    return _Found(series, motions, curves, by_points)
+
+
+def _shape(axis: Axis, positions: Array, motions: RigidMotions, choice: Choice) -> Shape:
     if choice.kind == "table":
-        bases = table_bases(positions)
-    else:
-        bases = polynomial_bases(axis, positions, motions, choice.degrees)
-    return _Found(series, motions, fit(bases, positions, motions), by_points)
+        return tables(axis, positions)
+    return polynomials(axis, positions, motions, choice.degrees)
 
 
 def _feet(machine: Machine, series: _Series, before: Mapping[str, _Found]) -> tuple[dict[str, Pose], Pose]:
