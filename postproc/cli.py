@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from kinematics.errors import UserError
-from postproc.commands import fit
+from postproc.commands import fit, plan, simulate
 from postproc.commands.shared import CalibrationName, JsonFile, MachineName, machine_of, model_of, result, write_json
 
 if TYPE_CHECKING:
@@ -196,6 +196,8 @@ def machines_command(
 
 
 app.command("fit", epilog=fit.EPILOG)(fit.fit)
+app.command("plan", epilog=plan.EPILOG)(plan.plan)
+app.command("simulate", epilog=simulate.EPILOG)(simulate.simulate)
 
 
 def run() -> None:

@@ -1,0 +1,127 @@
+"""`ncomp plan`: where and in which order to measure; as a table, and as an NC program that goes there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinematics.errors import UserError
+from postproc.commands import strategy as options
+from postproc.commands.shared import MachineName, machine_of, result
+
+if TYPE_CHECKING:
+    from calibration.plan import Plan
+    from kinematics.machine import Machine
+    from postproc.measuring_program import Manner
+
+PROGRAM = "NC program"
+EPILOG = (
+    "Strategies: planes, hexahedron (edges), diagonals, face-diagonals, space-diagonals, grid, random, space-filling, "
+    "axes (each on its own, both ways: ISO 230-2).\n\n"
+    "Examples:\n\n"
+    "`ncomp plan --machine bzt_pfu --strategy hexahedron+random --points 170+150 -o plan.csv --nc plan.nc`\n\n"
+    "`ncomp plan --machine dmu50 --strategy space-filling --rotary simultaneous --order shuffled "
+    "--target t1=0,0,-120 --target t2=90,40,-180 --target-order alternating -o plan.csv`\n\n"
+    "`ncomp plan --machine gantry --strategy axes --spacing 200 --runs 5 -o plan.csv --nc plan.nc --feed 3000`"
+)
+
+
+def plan(
+    machine: MachineName,
+    strategy: Annotated[str, typer.Option(metavar="NAME[+NAME...]", help="How positions are laid; see below.")],
+    output: Annotated[str, typer.Option("--output", "-o", metavar="PLAN.csv", help="Plan; - for standard output.")],
+    points: options.Points = None,
+    spacing: options.Spacing = None,
+    ranges: options.Ranges = None,
+    margin: options.Margin = 0.0,
+    planes_at: options.PlanesAt = 1.0,
+    rotary: options.RotaryMode = "fixed",
+    rotary_points: options.RotaryPoints = 13,
+    order: options.OrderName = "given",
+    approach: options.ApproachName = "any",
+    overrun: options.Overrun = 1.0,
+    runs: options.Runs = 1,
+    references: options.References = 0,
+    target: options.TargetVectors = None,
+    target_order: options.TargetOrderName = "in-turn",
+    dwell: options.DwellTime = None,
+    feed: options.Feed = None,
+    seed: options.Seed = 0,
+    nc: Annotated[
+        str | None,
+        typer.Option("--nc", metavar="PLAN.nc", rich_help_panel=PROGRAM, help="Write the program that goes there."),
+    ] = None,
+    dialect: Annotated[
+        str, typer.Option(rich_help_panel=PROGRAM, help="iso (LinuxCNC: G53, G4 P in s), fanuc or heidenhain.")
+    ] = "iso",
+    work_offset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="G54=x,y,z",
+            rich_help_panel=PROGRAM,
+            help="Write positions in this work offset, so that ncomp can correct the program; "
+            "default: machine coordinates, which it leaves alone.",
+        ),
+    ] = None,
+    rapid: Annotated[
+        bool, typer.Option("--rapid", rich_help_panel=PROGRAM, help="Move in rapid, not at the feed.")
+    ] = False,
+) -> None:
+    """Plan a measurement: positions inside the travel, their order, the time it takes, and the program for it."""
+    from calibration.plan_file import write_plan
+    from postproc.terminal import console
+
+    if nc is not None and (nc == output or (nc == "-" and output == "-")):
+        raise UserError(f"--nc and --output both name {nc}")
+    found = machine_of(machine)
+    choices = options.choices_of(
+        found,
+        ranges=ranges,
+        margin=margin,
+        rotary=rotary,
+        order=order,
+        runs=runs,
+        targets=target,
+        target_order=target_order,
+        seed=seed,
+        planes_at=planes_at,
+        rotary_points=rotary_points,
+        approach=approach,
+        overrun=overrun,
+        references=references,
+        dwell=dwell,
+        feed=feed,
+    )
+    manner = _manner(found, dwell, feed, rapid, target_order, work_offset)
+    made = options.plan_of(found, strategy, points, spacing, choices)
+    with result(nc) as program, result(output) as table:
+        write_plan(made, table)
+        if nc is not None:
+            program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect))
+    console.print(f"{made.summary}")
+
+
+def _manner(
+    machine: Machine, dwell: float | None, feed: float | None, rapid: bool, target_order: str, work_offset: str | None
+) -> Manner:
+    from postproc.measuring_program import Manner
+    from postproc.setup import parse_work_offset
+
+    return Manner(
+        feed or options.FEED,
+        options.DWELL_S if dwell is None else dwell,
+        rapid,
+        "M1" if target_order == "alternating" else "M0",
+        None if work_offset is None else parse_work_offset(work_offset, machine),
+    )
+
+
+def _lines(made: Plan, manner: Manner, dialect: str) -> list[str]:
+    from postproc.measuring_program import Visits, measuring_program
+
+    scale = made.machine.scale
+    before = None if made.before is None else made.before / scale
+    assert made.state.target is not None
+    visits = Visits(made.machine, made.positions / scale, before, made.names.tolist(), made.state.target.tolist())
+    return list(measuring_program(visits, manner, dialect, f"ncomp measuring plan {made.strategy}"))
