@@ -133,7 +133,7 @@ def _instrument(table: Table, kind: str) -> Instrument:
         if not any(values.get(key) for key in group):
             raise UserError(
                 f"{table.source}: the standard uncertainty (k=1) of the {kind} is missing: "
-                f"give {' or '.join(f'# {key}: ...' for key in group)} above zero"
+                f"state {' or '.join(group)} above zero (header line '# {group[0]}: ...')"
             )
     components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
     instrument: Instrument = msgspec.convert({"kind": kind, **values, **components}, Instrument)

@@ -245,7 +245,7 @@ def _targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndar
     if not targets:
         if named:
             raise UserError(
-                f"{table.source}:{table.names_line} column target: the header says of no target where it sits "
+                f"{table.head} column target: the header says of no target where it sits "
                 "(# target.<name>: x y z)"
             )
         notes.append("no target in the header: taken to sit in the tool reference point (spindle nose)")
@@ -253,7 +253,7 @@ def _targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndar
     if not named:
         if len(targets) > 1:
             raise UserError(
-                f"{table.source}:{table.names_line}: several targets ({', '.join(targets)}) and no column target"
+                f"{table.head}: several targets ({', '.join(targets)}) and no column target"
             )
         return targets, np.full(len(table), next(iter(targets)))
     column = table.texts(["target"])["target"]
@@ -350,6 +350,6 @@ def _note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
 
 def _refuse_on_the_fly(table: Table, machine: Machine) -> NoReturn:
     raise UserError(
-        f"{table.source}:{table.names_line}: no column with commanded positions of an axis "
+        f"{table.head}: no column with commanded positions of an axis "
         f"({', '.join(machine.names)}); data taken on the fly need the program that was run, --path PATH.nc"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,10 +19,10 @@ from kinematics.transforms import Array
 
 
 class Entry(NamedTuple):
-    """The value of a header key, and its line."""
+    """The value of a header key, and its line; 0 of what was not in the file but given along with it."""
 
     value: str
-    line: int
+    line: int = 0
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Table:
     lines: np.ndarray
     """Line in the file `(n,)` of each row."""
     delimiter: str = ","
+    above: Sequence[str] = ()
+    """The lines of the file down to the names of columns."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -70,13 +73,19 @@ class Table:
         """Columns `(n,)` of texts, empty ones among them."""
         return {name: np.char.strip(column) for name, column in zip(names, self._load(names, str).T, strict=True)}
 
+    @property
+    def head(self) -> str:
+        """Place of the column names, for messages."""
+        return f"{self.source}:{self.names_line}" if self.names_line else self.source
+
     def fault(self, row: int, name: str, reason: str) -> NoReturn:
         """UserError for a cell."""
         raise UserError(f"{self.source}:{self.lines[row]} column {name}: {reason}")
 
     def header_fault(self, key: str, reason: str) -> NoReturn:
         """UserError for a header line."""
-        raise UserError(f"{self.source}:{self.entries[key].line} {key}: {reason}")
+        line = self.entries[key].line
+        raise UserError(f"{self.source}{f':{line}' if line else ''} {key}: {reason}")
 
     def header_numbers(self, key: str, count: int) -> tuple[float, ...]:
         """So many finite numbers, with blanks or commas between them, of a header line."""
@@ -93,16 +102,14 @@ class Table:
             if not known(name):
                 near = difflib.get_close_matches(name, listed, n=1)
                 meant = f" (did you mean {near[0]}?)" if near else ""
-                raise UserError(
-                    f"{self.source}:{self.names_line} column {name}: not known{meant}; known are {', '.join(listed)}"
-                )
+                raise UserError(f"{self.head} column {name}: not known{meant}; known are {', '.join(listed)}")
 
     def need_columns(self, names: Sequence[str], what: str) -> None:
         """UserError when one of the columns is not there."""
         missing = [name for name in names if name not in self.names]
         if missing:
             columns = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)}"
-            raise UserError(f"{self.source}:{self.names_line} {what}: {columns} missing, found {', '.join(self.names)}")
+            raise UserError(f"{self.head} {what}: {columns} missing, found {', '.join(self.names)}")
 
     def _load(self, names: Sequence[str], kind: type) -> np.ndarray:
         """Cells `(n, names)`."""
@@ -144,7 +151,24 @@ def parse_table(data: bytes, source: str) -> Table:
     for name in names:
         if not name or names.count(name) > 1:
             raise UserError(f"{source}:{number} column {name}: {'twice' if name else 'without a name'}")
-    return body(Table(source, fingerprint(data), entries, tuple(remarks), names, number, (), np.empty(0, int)), lines)
+    table = Table(source, fingerprint(data), entries, tuple(remarks), names, number, (), np.empty(0, int))
+    return body(replace(table, above=lines[:number]), lines)
+
+
+def table_of(
+    source: str,
+    digest: str,
+    entries: Mapping[str, Entry],
+    columns: Mapping[str, Sequence[str]],
+    lines: Sequence[int],
+) -> Table:
+    """A table from columns `(n,)` of texts without line ends, whatever file they come from."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(zip(*columns.values(), strict=True))
+    rows = text.getvalue().split("\n")[:-1]
+    if not rows:
+        raise UserError(f"{source}: no observations")
+    return Table(source, digest, entries, (), tuple(columns), 0, rows, np.array(lines))
 
 
 def body(table: Table, lines: Sequence[str]) -> Table:

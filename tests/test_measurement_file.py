@@ -246,8 +246,8 @@ BROKEN = [
     (TRACKER, [("machine: gantry", "machine: dmu50")], "m.csv:1 machine: the file is of 'dmu50', not of gantry"),
     (TRACKER, [("# instrument: laser-tracker\n", "")], "'# instrument: laser-tracker | interferometer | part' is missing"),
     (TRACKER, [("laser-tracker", "lasertracker")], "m.csv:2 instrument: 'lasertracker' is none of laser-tracker, interferometer, part"),
-    (TRACKER, [("# u_range_um_per_m: 0.25\n", "")], "uncertainty (k=1) of the laser-tracker is missing: give # u_range_um: ... or # u_range_um_per_m: ... above zero"),
-    (TRACKER, [("0.25", "0")], "u_range_um: ... or # u_range_um_per_m"),
+    (TRACKER, [("# u_range_um_per_m: 0.25\n", "")], "uncertainty (k=1) of the laser-tracker is missing: state u_range_um or u_range_um_per_m above zero (header line '# u_range_um: ...')"),
+    (TRACKER, [("0.25", "0")], "state u_range_um or u_range_um_per_m"),
     (TRACKER, [("0.25", "-1")], "m.csv:3 u_range_um_per_m: -1 is negative"),
     (TRACKER, [("0.25", "0.25 um")], "m.csv:3 u_range_um_per_m: expected a number, got '0.25 um'"),
     (TRACKER, [("0.25", "nan")], "m.csv:3 u_range_um_per_m: expected a number, got 'nan'"),
@@ -281,7 +281,7 @@ BROKEN = [
     (TRACKER, [("8.0,500.0", "# pause\n8.0,500.0")], "m.csv:10: header lines stand above the names of columns"),
     (TRACKER, [("8.0,500.0", "\n8.0,x")], "m.csv:11 column X: 'x' is no number"),
     (TRACKER, [("machine: gantry", "machine: gantry\n# machine: gantry")], "m.csv:2 machine: given before, in line 1"),
-    (INTERFEROMETER, [("u_um: 0.3", "u_um: 0")], "the interferometer is missing: give # u_um: ... above zero"),
+    (INTERFEROMETER, [("u_um: 0.3", "u_um: 0")], "the interferometer is missing: state u_um above zero (header line '# u_um: ...')"),
     (INTERFEROMETER, [(",1,+1", ",1,up")], "m.csv:7 column direction: 'up' is none of +1, 1, +, forward, -1, -, backward"),
     (INTERFEROMETER, [("C,1,+", "A,1,+")], "m.csv:11 column axis: machine dmu50 (w C B b X Y Z t) has no axis 'A'"),
     (INTERFEROMETER, [("target_mm", "target_um")], "m.csv:6 column target_um: not known (did you mean target_mm?)"),
@@ -294,7 +294,7 @@ BROKEN = [
     (PART, [("nominal_y", "feed")], "m.csv:6 a part: column nominal_y missing"),
     (PART, [("nominal_x,nominal_y,x,y", "nominal_x,nominal_y,x,z")], "m.csv:6 part: column y missing"),
     (PART, [("500 600 300", "500 600")], "m.csv:4 part_offset: expected 3 numbers"),
-    (PART, [("# u_um: 2.5\n", "")], "uncertainty (k=1) of the part is missing: give # u_um: ... above zero"),
+    (PART, [("# u_um: 2.5\n", "")], "uncertainty (k=1) of the part is missing: state u_um above zero (header line '# u_um: ...')"),
     (PART, [("10.003", "10.003mm")], "m.csv:8 column x: '10.003mm' is no number"),
 ]  # fmt: skip
 
