@@ -143,19 +143,17 @@ def fit(
     some = _some(np.flatnonzero(trusted & ~copies))
     progress("iterating")
     point, factor = _iterate(problem.rows(some), point, variance)
-    kept = ~copies
-    failed: list[str] = []
     progress("solving")
+    bad, failed = _judge(problem, point, copies)
     for _ in range(10):
-        bad, failed = _judge(problem, point, copies)
-        settled, kept = np.array_equal(kept, ~bad) and len(some) == len(measurement), ~bad
+        kept = ~bad
         _refuse_too_few(measurement, kept, point)
         solved = problem.solve(point, kept.astype(float), factor)
         point = problem.moved(point, solved.step)
         if variance == "estimate":
             factor = _estimated(problem, point, kept, solved)
-        some = np.arange(len(measurement))
-        if settled:
+        bad, failed = _judge(problem, point, copies)
+        if np.array_equal(bad, ~kept):
             break
     residual = problem.residuals(point)
     chi2 = float(np.sum(problem.whitened(residual)[kept] ** 2))

@@ -68,18 +68,22 @@ def designs(
     machine, registered = measurement.machine, len(registration.names)
     plain, plain_columns = _only(model, [not effect.HAS_MEMORY for effect in model.effects])
     late, late_columns = _only(model, [effect.HAS_MEMORY for effect in model.effects])
+    order = np.argsort(np.concatenate([plain_columns, late_columns]))
     late_design = np.zeros((len(measurement), measurement.instrument.components, 0))
     if late.effects:
         transform = equations.transform(measurement, registration)
         late_design = late.observation_design(machine, measurement.state, transform)
     for rows in blocks(len(measurement)):
         part, white = measurement.rows(rows), whitener[rows]
-        design = np.empty((*part.observed.shape, registered + len(model.parameters)))
-        design[:, :, :registered] = white @ equations.registration_design(part, registration)
-        transform = white @ equations.transform(part, registration)
-        design[:, :, registered + plain_columns] = plain.observation_design(machine, part.state, transform)
-        design[:, :, registered + late_columns] = white @ late_design[rows]
-        yield rows, design.reshape(-1, design.shape[2])
+        parts = [
+            white @ equations.registration_design(part, registration),
+            plain.observation_design(machine, part.state, white @ equations.transform(part, registration)),
+        ]
+        if late.effects:
+            parts.append(white @ late_design[rows])
+            parts[1:] = [np.concatenate(parts[1:], axis=2)[:, :, order]]
+        design = np.concatenate(parts, axis=2)
+        yield rows, design.reshape(-1, registered + len(order))
 
 
 def effect_columns(model: ErrorModel) -> list[slice]:
