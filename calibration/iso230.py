@@ -327,8 +327,10 @@ def _remarks(name: str, unit: str, positions: Array, count: np.ndarray) -> list[
     if count.max() == 1:
         remarks.append(f"{name}: one run: nothing is known of repeatability (no s, R and A)")
     elif count[ways].min() < RUNS or len(positions) < TARGETS:
+        least, most = int(count[ways].min()), int(count.max())
+        readings = f"{least} to {most}" if least < most else str(most)
         remarks.append(
-            f"{name}: {len(positions)} targets, {count[ways].min()} to {count.max()} readings each: "
+            f"{name}: {len(positions)} targets, {readings} readings each: "
             f"ISO 230-2 asks for at least {TARGETS} targets and {RUNS} runs in each direction"
         )
     return remarks

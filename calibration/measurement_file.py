@@ -62,7 +62,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     kind = _kind(table)
     check_machine(table, machine, notes)
     instrument = _instrument(table, kind)
-    keys = ["machine", "instrument", *_uncertainties(KINDS[kind]), *KEYS[kind]]
+    keys = ["machine", "instrument", *uncertainty_keys(KINDS[kind]), *KEYS[kind]]
     note_unknown_keys(table, lambda key: key in keys, notes)
     allow_columns(table, [*OBSERVED[kind], *state_columns(machine)])
     if kind == "interferometer":
@@ -117,14 +117,15 @@ def _kind(table: Table) -> str:
     return kind
 
 
-def _uncertainties(kind: type[Instrument]) -> list[str]:
+def uncertainty_keys(kind: type[Instrument]) -> list[str]:
+    """Header keys of an instrument's standard uncertainties."""
     return [field.name for field in msgspec.structs.fields(kind) if field.name.startswith("u_")]
 
 
 def _instrument(table: Table, kind: str) -> Instrument:
     """The instrument with its uncertainties; UserError when the file does not say them."""
     values: dict[str, float] = {}
-    for key in _uncertainties(KINDS[kind]):
+    for key in uncertainty_keys(KINDS[kind]):
         if key in table.entries:
             (values[key],) = table.header_numbers(key, 1)
             if values[key] < 0:
@@ -162,7 +163,7 @@ def _header(measurement: Measurement) -> Iterator[str]:
     kind = next(name for name, kind in KINDS.items() if isinstance(instrument, kind))
     yield f"machine: {measurement.machine.name}"
     yield f"instrument: {kind}"
-    for name in _uncertainties(type(instrument)):
+    for name in uncertainty_keys(type(instrument)):
         yield f"{name}: {getattr(instrument, name)!r}"
     if kind == "laser-tracker":
         yield f"stands_on: {measurement.stands_on}"

@@ -44,6 +44,11 @@ class Places:
     feed: Array | None
     part_zero: Vector
 
+    @property
+    def tool(self) -> Array:
+        """Positions `(n, 3)`, mm, of the targets on what carries them."""
+        return _tool(self.targets, self.state.target)
+
 
 def state_columns(machine: Machine) -> list[str]:
     """Names of the columns that any file may have; `temp_` stands for all that begin so."""
@@ -76,7 +81,7 @@ def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[st
 def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
     """The states and targets of a table; what had to be taken for granted is added to the notes."""
     targets, target = _targets(table, notes)
-    tool = np.array([targets[name].position for name in targets])[_number(target, list(targets))]
+    tool = _tool(targets, target)
     part_zero: Vector = (0.0, 0.0, 0.0)
     given = [name for name in machine.names if name in table.names]
     if "axis" in table.names:
@@ -245,16 +250,13 @@ def _targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndar
     if not targets:
         if named:
             raise UserError(
-                f"{table.head} column target: the header says of no target where it sits "
-                "(# target.<name>: x y z)"
+                f"{table.head} column target: the header says of no target where it sits (# target.<name>: x y z)"
             )
         notes.append("no target in the header: taken to sit in the tool reference point (spindle nose)")
         targets = {"1": SPINDLE_NOSE}
     if not named:
         if len(targets) > 1:
-            raise UserError(
-                f"{table.head}: several targets ({', '.join(targets)}) and no column target"
-            )
+            raise UserError(f"{table.head}: several targets ({', '.join(targets)}) and no column target")
         return targets, np.full(len(table), next(iter(targets)))
     column = table.texts(["target"])["target"]
     unknown = np.flatnonzero(~np.isin(column, list(targets)))
@@ -264,10 +266,13 @@ def _targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndar
     return targets, column
 
 
-def _number(names: np.ndarray, among: list[str]) -> np.ndarray:
-    """Place `(n,)` of each name in a list that has it."""
+def _tool(targets: Mapping[str, Target], names: np.ndarray | None) -> Array:
+    """Positions `(n, 3)`, mm, of targets by their names `(n,)`."""
+    assert names is not None
+    among = list(targets)
     order = np.argsort(among)
-    return np.asarray(order[np.searchsorted(among, names, sorter=order)])
+    number = order[np.searchsorted(among, names, sorter=order)]
+    return np.asarray(np.array([target.position for target in targets.values()])[number])
 
 
 def _stands_on(table: Table) -> Literal["workpiece", "bed"]:

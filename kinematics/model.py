@@ -123,7 +123,10 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
         """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
-        design = self.design(machine, state, transform)
+        return self.propagated(self.design(machine, state, transform))
+
+    def propagated(self, design: Array) -> Array:
+        """Standard uncertainties `(n, rows)` by first order from derivatives `(n, rows, parameters)`."""
         if self.covariance is not None:
             variance = np.sum(design @ np.array(self.covariance) * design, axis=2)
             return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # below zero by rounding only

@@ -1,0 +1,106 @@
+"""Predictions: the deviation of the tool point, or the target, that an error model makes of a table of states.
+
+Actual minus nominal, tool relative to workpiece, in the workpiece frame, by the exact matrix product; its standard
+uncertainty by first order from the covariance of the parameters. Effects of the instrument have no part in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from calibration.measurement_file import KEYS, KINDS, OBSERVED, uncertainty_keys
+from calibration.places import Places, allow_columns, check_machine, note_unknown_keys, read_places, state_columns
+from calibration.table import Table, read_table
+from kinematics.deviation import exact_deviation
+from kinematics.error_transform import place_transform
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array, blocks
+
+ADDED = ("dx_um", "dy_um", "dz_um", "u_dx_um", "u_dy_um", "u_dz_um")
+"""Columns of a prediction."""
+MM = 1e3
+"""In um."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """The states of a file, whatever else stands in it."""
+
+    machine: Machine
+    table: Table
+    places: Places
+    notes: tuple[str, ...]
+
+
+class Predicted(NamedTuple):
+    """A block of rows; `(n, 3)`, um."""
+
+    rows: slice
+    deviation: Array
+    u: Array
+    """Standard uncertainties, k = 1."""
+
+
+def read_points(path: Path, machine: Machine) -> Points:
+    """The states in a file with columns of the measurement file, of any instrument or of none."""
+    table = read_table(path, "file of points")
+    notes: list[str] = []
+    check_machine(table, machine, notes)
+    uncertainties = [key for kind in KINDS.values() for key in uncertainty_keys(kind)]
+    keys = ["machine", "instrument", *uncertainties, *(key for keys in KEYS.values() for key in keys)]
+    note_unknown_keys(table, lambda key: key in keys, notes)
+    again = [name for name in ADDED if name in table.names]
+    if again:
+        raise UserError(f"{table.head} column {again[0]}: these points bear a prediction already")
+    observed = dict.fromkeys(name for names in OBSERVED.values() for name in names)
+    allow_columns(table, [*state_columns(machine), *observed])
+    places = read_places(table, machine, notes)
+    for name, target in places.targets.items():
+        if target.carrier != "tool":
+            raise UserError(f"{table.source}: target {name} sits on the {target.carrier}: predicted is the tool")
+    return Points(machine, table, places, tuple(notes))
+
+
+def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Iterator[Predicted]:
+    """Predictions for all rows, a block at a time; tool `(n, 3)`, mm.
+
+    Of all rows at once only the error motions are held, and the columns of effects with memory.
+    """
+    errors = model.errors(machine, state)
+    remembered = _Remembered(model, machine, state)
+    for rows in blocks(len(state)):
+        q = state.positions[rows]
+        deviation = exact_deviation(machine, q, errors[rows], tool[rows]).position
+        transform = place_transform(machine, q, tool[rows])[:, :3]
+        yield Predicted(rows, deviation * MM, remembered.uncertainty(rows, state.rows(rows), transform) * MM)
+
+
+class _Remembered:
+    """Standard uncertainties of a block of rows, of effects too whose columns depend on the rows before it."""
+
+    def __init__(self, model: ErrorModel, machine: Machine, state: State) -> None:
+        self._model, self._machine = model, machine
+        own = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
+        self._columns = {id(effect): list(effect.columns(machine, state)) for effect in own if effect.HAS_MEMORY}
+
+    def uncertainty(self, rows: slice, part: State, transform: Array) -> Array:
+        """`(n, 3)`, mm."""
+        if not self._columns:
+            return self._model.standard_uncertainty(self._machine, part, transform)
+        design = self._model.design(self._machine, part, transform)
+        places, start = len(self._machine.axes) + 2, 0  # axes, tool, instrument
+        for effect in self._model.effects:
+            stop = start + len(effect.parameters)
+            if id(effect) in self._columns:
+                design[:, :, start:stop] = sum(
+                    transform[:, :, 6 * (place % places) + component, None] * values[rows, None, :]
+                    for place, component, values in self._columns[id(effect)]
+                )
+            start = stop
+        return self._model.propagated(design)
