@@ -121,11 +121,12 @@ def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapp
         else:
             degrees[j] = degree
 
-    observed = np.append(_weights(motions) @ motions.errors.reshape(-1), np.zeros(4 * axis.rotary))
+    weights = _weights(motions)
+    observed = np.append(weights @ motions.errors.reshape(-1), np.zeros(4 * axis.rotary))
 
     def bic(of: Array) -> float:
         shape = _legendre(axis, interval, of)
-        rows = _rows(shape, positions, motions)
+        rows = _rows(shape, positions, weights)
         left = observed - rows @ np.linalg.lstsq(rows, observed, rcond=1e-14)[0]
         return float(left @ left) + shape.size * float(np.log(6 * n))
 
@@ -144,15 +145,16 @@ def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapp
 
 def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
     """The curves of least squares through the error motions at positions `(n,)`, mm or degrees; gauge closed."""
-    weights, rows = _weights(motions), _rows(shape, positions, motions)
+    weights = _weights(motions)
+    rows = _rows(shape, positions, weights)
     estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
     return Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator)
 
 
-def _rows(shape: Shape, positions: Array, motions: RigidMotions) -> Array:
+def _rows(shape: Shape, positions: Array, weights: Array) -> Array:
     """Whitened design, and below it what holds the wobble."""
     held = np.eye(shape.size)[shape.parts[-1].stop :] / LARGEST_WOBBLE
-    return np.concatenate([_weights(motions) @ shape.design(positions), held])
+    return np.concatenate([weights @ shape.design(positions), held])
 
 
 def _weights(motions: RigidMotions) -> Array:

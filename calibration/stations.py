@@ -58,25 +58,16 @@ class Points:
 def locate(measurement: Measurement, point: np.ndarray, anchors: Mapping[int, Array]) -> Points:
     """All points of a measurement; `point` `(rows,)` is the number of the point that a row sees.
 
-    anchors: nominal positions `(3,)`, mm, by point. The frame is the one in which the anchors lie nearest to them.
+    anchors: given positions `(3,)`, mm, by point. The frame is the one in which the anchors lie nearest to them.
     """
-    numbers, nominal = _anchors(anchors)
+    numbers, nominal = _anchors(measurement, anchors)
     poses = _first_poses(measurement, point, numbers, nominal)
-    return _solve(_Bundle(measurement, point, numbers, nominal), poses, free=True)
-
-
-def locate_from(measurement: Measurement, point: np.ndarray, datums: Registration) -> Points:
-    """All points of a measurement whose stations' poses are known, from the measurement that set the datums."""
-    missing = sorted(set(measurement.groups.tolist()) - set(datums.poses))
-    if missing:
-        raise UserError(f"{measurement.source}: the datums know nothing of station {', '.join(missing)}")
-    none = np.zeros(0, int)
-    return _solve(_Bundle(measurement, point, none, np.zeros((0, 3))), datums, free=False)
+    return _solve(_Bundle(measurement, point, numbers, nominal), poses)
 
 
 @dataclass(frozen=True)
 class _Bundle:
-    """The readings; and the anchors, if the frame is theirs."""
+    """The readings and the anchors of the frame."""
 
     measurement: Measurement
     point: np.ndarray
@@ -91,13 +82,14 @@ class _Bundle:
         return int(self.point.max()) + 1
 
 
-def _anchors(anchors: Mapping[int, Array]) -> tuple[np.ndarray, Array]:
+def _anchors(measurement: Measurement, anchors: Mapping[int, Array]) -> tuple[np.ndarray, Array]:
     numbers = np.array(sorted(anchors))
     nominal = np.array([anchors[number] for number in numbers.tolist()]).reshape(-1, 3)
     spread = np.linalg.svd(nominal - nominal.mean(axis=0), compute_uv=False) if len(numbers) else np.zeros(3)
     if len(numbers) < 3 or spread[1] < 1e-3 * max(spread[0], 1.0):
         raise UserError(
-            "no frame: it needs points on the tool, not all in one line, measured at positions of the linear axes"
+            f"{measurement.source}: nothing holds the frame; it takes three points that are not in one line, "
+            "on the tool (datums: on the bed)"
         )
     return numbers, nominal
 
@@ -112,31 +104,31 @@ def _first_poses(measurement: Measurement, point: np.ndarray, numbers: np.ndarra
         rows = mine & anchored
         if len(np.unique(point[rows])) < 3:
             raise UserError(
-                f"{measurement.source}: station {group} sees fewer than three points on the tool, "
-                "so nothing ties it to the others"
+                f"{measurement.source}: station {group} sees fewer than three of the points that hold the frame "
+                "(on the tool; datums: on the bed)"
             )
         poses[group] = rigid(nominal[place[rows]], measurement.observed[rows])
         centres[group] = measurement.observed[mine].mean(axis=0)
     return Registration(poses, centres)
 
 
-def _solve(bundle: _Bundle, poses: Registration, *, free: bool) -> Points:
+def _solve(bundle: _Bundle, poses: Registration) -> Points:
     """Gauss-Newton, then the repeatability, then once more with it."""
     sheet = covariance(bundle.measurement)
     weights = _inverses(sheet)
-    positions, registration = _adjust(bundle, weights, _seen_from(bundle, poses), poses, free=free)
-    freedom = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1) * free
+    positions, registration = _adjust(bundle, weights, _seen_from(bundle, poses), poses)
+    freedom = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1)
     scatter = _chi2(bundle, weights, positions, registration)
     variance = 0.0
     if freedom > 0 and scatter > chi2.ppf(SIGNIFICANT, freedom):
         variance = _repeatability(bundle, sheet, positions, registration, freedom)
         weights = _inverses(sheet + variance * np.eye(3))
-        positions, registration = _adjust(bundle, weights, positions, registration, free=free)
+        positions, registration = _adjust(bundle, weights, positions, registration)
     rotation = registration.rotations(bundle.measurement)
-    normal = _normal(bundle, weights, positions, registration, free=free)
+    normal = _normal(bundle, weights, positions, registration)
     inverse = _bordered_inverse(normal, _frame(bundle, positions, len(normal)))
     size = 3 * bundle.size
-    doubled = _normal(bundle, weights @ weights, positions, registration, free=free)
+    doubled = _normal(bundle, weights @ weights, positions, registration)
     repeated = variance * (inverse @ doubled @ inverse)[:size, :size]
     information = np.zeros((bundle.size, 3, 3))
     np.add.at(information, bundle.point, rotation.swapaxes(1, 2) @ weights @ rotation)
@@ -156,24 +148,22 @@ def _seen_from(bundle: _Bundle, poses: Registration) -> Array:
     return np.asarray(total / np.bincount(bundle.point, minlength=bundle.size)[:, None])
 
 
-def _adjust(
-    bundle: _Bundle, weights: Array, positions: Array, poses: Registration, *, free: bool
-) -> tuple[Array, Registration]:
+def _adjust(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> tuple[Array, Registration]:
     """Positions `(n, 3)` and poses of the least squares, the anchors nearest to their nominal places."""
     size = 3 * bundle.size
     for _ in range(ROUNDS):
         misfit = _misfit(bundle, positions, poses)
         designs = _designs(bundle, positions, poses)
-        right = np.zeros(size + 6 * len(poses.poses) * free)
-        for columns, design in designs if free else designs[:1]:
+        right = np.zeros(size + 6 * len(poses.poses))
+        for columns, design in designs:
             np.add.at(right, columns, np.einsum("nij,ni->nj", design, np.einsum("nij,nj->ni", weights, misfit)))
-        normal = _normal(bundle, weights, positions, poses, free=free)
+        normal = _normal(bundle, weights, positions, poses)
         frame = _frame(bundle, positions, len(normal))
         away = (positions[bundle.anchors] - bundle.nominal).reshape(-1)
         target = -frame[:, (3 * bundle.anchors[:, None] + np.arange(3)).reshape(-1)] @ away
         step = _bordered_solve(normal, frame, right, target)
         positions = positions + step[:size].reshape(-1, 3)
-        poses = poses.moved(step[size:]) if free else poses
+        poses = poses.moved(step[size:])
         if np.abs(step).max() < CONVERGED:
             break
     return positions, poses
@@ -218,10 +208,10 @@ def _designs(bundle: _Bundle, positions: Array, poses: Registration) -> list[tup
     return [(own, poses.rotations(measurement)), (pose, by_pose)]
 
 
-def _normal(bundle: _Bundle, weights: Array, positions: Array, poses: Registration, *, free: bool) -> Array:
+def _normal(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> Array:
     """Normal matrix of points, and of poses where these are free."""
-    designs = _designs(bundle, positions, poses)[: 1 + free]
-    normal = np.zeros((3 * bundle.size + 6 * len(poses.poses) * free,) * 2)
+    designs = _designs(bundle, positions, poses)
+    normal = np.zeros((3 * bundle.size + 6 * len(poses.poses),) * 2)
     for left, first in designs:
         for right, second in designs:
             block = first.swapaxes(1, 2) @ weights @ second
@@ -230,10 +220,8 @@ def _normal(bundle: _Bundle, weights: Array, positions: Array, poses: Registrati
 
 
 def _frame(bundle: _Bundle, positions: Array, width: int) -> Array:
-    """Conditions `(6, width)` that hold the frame: no mean shift of the anchors, no mean turn; none without anchors."""
+    """Conditions `(6, width)` that hold the frame: no mean shift of the anchors, no mean turn."""
     count = len(bundle.anchors)
-    if not count:
-        return np.zeros((0, width))
     arms = positions[bundle.anchors] - positions[bundle.anchors].mean(axis=0)
     arms = arms / np.sqrt(np.mean(arms**2))
     rows = np.zeros((6, width))

@@ -25,7 +25,6 @@ from calibration.error_curves import Curves, Shape, axis_model, constants_design
 from calibration.fit import with_covariance
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
-from calibration.registration import Registration
 from calibration.rigid_motions import UNITS, RigidMotions, error_design, inverse, outward, solve
 from calibration.sight import seen_points
 from kinematics.effects import Effect
@@ -100,11 +99,8 @@ class ThreePoints:
     model: ErrorModel
     points: stations.Points
     notes: tuple[str, ...]
-
-    @property
-    def datums(self) -> Registration:
-        """Poses of the stations in the machine's frame, for a later measurement from the same places."""
-        return self.points.registration
+    datums: Mapping[str, Array]
+    """Targets on the bed by name `(3,)`, mm, machine frame: they hold the frame for a later measurement."""
 
 
 @dataclass(frozen=True)
@@ -137,21 +133,24 @@ class _Found:
         return np.asarray(self.curves.estimator @ self.motions.estimator @ self.by_points)
 
 
-def identify(measurement: Measurement, choice: Choice | None = None, datums: Registration | None = None) -> ThreePoints:
+def identify(
+    measurement: Measurement, choice: Choice | None = None, datums: Mapping[str, Array] | None = None
+) -> ThreePoints:
     """Identify every axis that moves alone through three or more positions with three targets on it.
 
     The frame is the one in which the targets on the tool lie nearest to where the machine without errors would have
-    them; with `datums`, those of an earlier measurement from the same stations.
+    them; with `datums`, of an earlier measurement, the one in which the targets on the bed lie nearest to theirs.
     """
     _check(measurement)
     choice = choice or Choice()
     places, number = _physical_points(measurement)
     series = _all_series(measurement, places, number)
-    points = (
-        stations.locate(measurement, number, _anchors(measurement, number))
-        if datums is None
-        else stations.locate_from(measurement, number, datums)
-    )
+    on_bed = {name: number for (name, _), number in places.items() if measurement.targets[name].carrier == "bed"}
+    if datums is None:
+        anchors = _on_tool(measurement, number)
+    else:
+        anchors = {number: datums[name] for name, number in on_bed.items() if name in datums}
+    points = stations.locate(measurement, number, anchors)
     found: dict[str, _Found] = {}
     for one in series:
         _refuse_line(measurement, one, points)
@@ -163,6 +162,7 @@ def identify(measurement: Measurement, choice: Choice | None = None, datums: Reg
         _model(measurement, found, points),
         points,
         tuple(notes),
+        {name: points.positions[number] for name, number in on_bed.items()},
     )
 
 
@@ -276,7 +276,7 @@ def _refuse_unknown(choice: Choice, found: Mapping[str, _Found]) -> None:
         raise UserError(f"degree of E_{unknown[0]}: no such error motion was measured ({', '.join(found)} were)")
 
 
-def _anchors(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
+def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
     """Nominal positions of the points on the tool."""
     nominal = seen_points(measurement, None, measurement.tool)
     carrier = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
