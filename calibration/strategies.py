@@ -61,8 +61,7 @@ def plan(
     else:
         laid = _volume(machine, parts, points, spacing_mm, choices)
     asked = None if points is None else int(np.sum(points))
-    low, high = _limits(machine, choices)
-    reference = _rounded(_stand(machine, low, high), low, high)
+    reference = _rounded(_stand(machine, choices), machine, choices)
     return visit(laid, machine, strategy, choices, asked, reference)
 
 
@@ -108,16 +107,16 @@ def _volume(
             chosen = _spaced(part, box, number, spacing)
             laid, share_turning = chosen.positions, _waves(len(chosen.positions), len(together))
             names = _numbered(LETTERS[part], chosen.line)
-        positions = np.tile(_stand(machine, low, high), (len(laid), 1))
+        positions = np.tile(_stand(machine, choices), (len(laid), 1))
         positions[:, moving] = laid
         if choices.rotary == "random":
             together, share_turning = turning, rng.uniform(size=(len(laid), len(turning)))
         positions[:, together] = low[together] + share_turning * (high - low)[together]
         ways.append(Way(positions, np.array(names)))
     if choices.rotary == "swept":
-        ways += [_sweep(machine, i, low, high, choices.rotary_points) for i in turning]
+        ways += [_sweep(machine, i, low, high, choices) for i in turning]
     positions = np.concatenate([way.positions for way in ways])
-    return Way(_rounded(positions, low, high), np.concatenate([way.names for way in ways]))
+    return Way(_rounded(positions, machine, choices), np.concatenate([way.names for way in ways]))
 
 
 def _spaced(name: str, box: patterns.Box, points: int | None, spacing: float | None) -> patterns.Points:
@@ -148,7 +147,7 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
         else:
             count = ON_AN_AXIS if points is None else max(round(int(np.sum(points)) / linear / 2), 2)
         forward = np.linspace(low[i], high[i], count)
-        positions = np.tile(_stand(machine, low, high), (2 * count, 1))
+        positions = np.tile(_stand(machine, choices), (2 * count, 1))
         positions[:, i] = np.append(forward, forward[::-1])
         side = np.zeros_like(positions)
         side[[0, count], i] = 1.0, -1.0
@@ -156,11 +155,12 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
         names = np.array([f"{machine.names[i]}.{k}" for k in number])
         ways.append(Way(positions, names, np.full(2 * count, machine.names[i]), side))
     positions, names, axis, side = (np.concatenate(column) for column in zip(*ways, strict=True))
-    return Way(_rounded(positions, low, high), names, axis, side)
+    return Way(_rounded(positions, machine, choices), names, axis, side)
 
 
-def _sweep(machine: Machine, i: int, low: Array, high: Array, count: int) -> Way:
-    positions = np.tile(_stand(machine, low, high), (count, 1))
+def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) -> Way:
+    count = choices.rotary_points
+    positions = np.tile(_stand(machine, choices), (count, 1))
     positions[:, i] = np.linspace(low[i], high[i], count)
     return Way(positions, np.array([f"{machine.names[i]}.{k}" for k in range(1, count + 1)]))
 
@@ -183,7 +183,7 @@ def _limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
             low[i] = max(first, axis.travel[0] + run_in[0])
             high[i] = min(last, axis.travel[1] - run_in[1])
     size = 10.0**DECIMALS
-    return np.ceil(low * size - 1e-6) / size, np.floor(high * size + 1e-6) / size
+    return np.ceil(low * size - 1e-6) / size + 0.0, np.floor(high * size + 1e-6) / size + 0.0
 
 
 def _need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
@@ -194,14 +194,20 @@ def _need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
         )
 
 
-def _stand(machine: Machine, low: Array, high: Array) -> Array:
+def _stand(machine: Machine, choices: Choices) -> Array:
     """Where axes stand `(axes,)` that are not moved: linear in the middle, rotary at home or in their range."""
+    # axes that move need room for their approach also where they wait
+    moved = choices if choices.rotary != "fixed" else replace(choices, approach="any")
+    low, high = _limits(machine, moved)
     home = np.clip([axis.home for axis in machine.axes], low, high)
-    return np.where(machine.rotary | ~np.isfinite(low + high), home, (low + high) / 2)
+    endless = ~np.isfinite(high - low)
+    middle = np.where(endless, home, (np.where(endless, 0.0, low) + np.where(endless, 0.0, high)) / 2)
+    return np.where(machine.rotary, home, middle)
 
 
-def _rounded(positions: Array, low: Array, high: Array) -> Array:
-    return np.clip(np.round(positions, DECIMALS), low, high)
+def _rounded(positions: Array, machine: Machine, choices: Choices) -> Array:
+    """Whole um and thousandths of a degree, inside the ends."""
+    return np.clip(np.round(positions, DECIMALS) + 0.0, *_limits(machine, replace(choices, approach="any")))
 
 
 def _waves(n: int, axes: int) -> Array:
@@ -217,15 +223,18 @@ def _numbered(letter: str, line: np.ndarray) -> list[str]:
     return [f"{letter}{a}.{b}" for a, b in zip(line.tolist(), place.tolist(), strict=True)]
 
 
-def _shared(points: int | Sequence[int] | None, parts: list[str]) -> list[int | None]:
+def _shared(points: int | Sequence[int] | None, parts: list[str]) -> Sequence[int | None]:
     """The number of points for each part of a strategy."""
     if points is None:
         return [None] * len(parts)
-    if isinstance(points, int):
-        return [points // len(parts) + (k < points % len(parts)) for k in range(len(parts))]
-    if len(points) != len(parts):
-        raise UserError(f"{len(points)} numbers of points for {len(parts)} strategies")
-    return list(points)
+    counts = (
+        [points // len(parts) + (k < points % len(parts)) for k in range(len(parts))]
+        if isinstance(points, int)
+        else list(points)
+    )
+    if len(counts) != len(parts) or min(counts) < 1:
+        raise UserError(f"{'+'.join(map(str, counts))} points for {len(parts)} strategies: at least one point for each")
+    return counts
 
 
 # ---- what can't be
