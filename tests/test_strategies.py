@@ -96,8 +96,6 @@ def test_grids_are_walked_without_jumps():
 
 def test_spacing_is_the_largest_distance():
     made = plan(GANTRY, "hexahedron", spacing_mm=333.0)
-    along = {tuple(sorted(pair)) for pair in ((5000, 16), (3000, 10), (1500, 5))}
-    assert along
     assert made.places == 4 * (17 + 11 + 6) - 16
     assert made.asked is None
 
