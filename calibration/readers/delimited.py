@@ -192,19 +192,20 @@ def _joined(
     planned.need_columns([key], "a plan")
     twice = (set(planned.names) & set(texts)) - {key}
     if twice:
-        raise UserError(f"{planned.head}: column {', '.join(sorted(twice))} stands in the export too")
+        raise UserError(f"{planned.head} column {', '.join(sorted(twice))} stands in the export too")
     names = planned.texts([key])[key].tolist()
     rows = {name: i for i, name in enumerate(names)}
     if len(rows) < len(names):
-        again = next(i for i, name in enumerate(names) if rows[name] != i)
+        again = next(i for i, name in enumerate(names) if name in names[:i])
         planned.fault(again, key, f"{names[again]!r} stands there twice")
     for name, line in zip(texts[key], lines, strict=True):
         if name not in rows:
             raise UserError(f"{source}:{line} column {key}: {name!r} is not in the plan {plan}")
-    missing = [name for name in names if name not in set(texts[key])]
+    measured = set(texts[key])
+    missing = [name for name in names if name not in measured]
     if missing:
         more = ", ..." if len(missing) > 5 else ""
-        notes.append(f"{len(missing)} points of the plan were not measured: {', '.join(missing[:5])}{more}")
+        notes.append(f"points of the plan that were not measured, {len(missing)}: {', '.join(missing[:5])}{more}")
     order = [rows[name] for name in texts[key]]
     wanted = [name for name in planned.names if name != key]
     found = {name: column[order].tolist() for name, column in planned.cells(wanted).items()}

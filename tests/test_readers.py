@@ -1,0 +1,542 @@
+"""Foreign formats: what they mean is what comes out; what is not certain is refused."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import machines
+from calibration.instruments import Interferometer, LaserTracker, Part
+from calibration.readers import FORMATS, read_any
+from calibration.readers.delimited import map_names, read_map
+from calibration.readers.etalon import Convention, read_etalon
+from kinematics.effects import ErrorMotion, LocationError
+from kinematics.errors import UserError
+from kinematics.state import State
+
+GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
+LASER = {"u_um": "0.3", "u_um_per_m": "0.5", "target.r": "0 0 -60"}
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Writes a file into a folder of the test's own."""
+    monkeypatch.chdir(tmp_path)
+
+    def write_text(text: str | bytes, name: str = "data.txt") -> Path:
+        Path(name).write_bytes(text if isinstance(text, bytes) else text.encode())
+        return Path(name)
+
+    return write_text
+
+
+# ---- Renishaw
+
+RTL = """\
+HEADER::
+File type: LASER
+Owner: Renishaw plc
+
+TARGET DATA::
+Filetype  : ISO
+Target-count: 6
+Targets :
+ 0.000  100.000  200.000  300.000  400.000
+ 500.000
+Flags: 0 0 2 0
+
+USER-TEXT::
+Machine:   mill
+Date:12:30 2001-02-03
+Axis:X
+
+RUNS::
+Run-count: 4
+
+DEVIATIONS::
+Run Target Data:
+""" + "".join(
+    f" {run}   {target}      {run + target / 10:.1f}\n"
+    for run in (1, 2, 3, 4)
+    for target in (range(1, 7) if run % 2 else range(6, 0, -1))
+) + "\nENVIRONMENT::\nAir temp   : 20.1\n\nEOF::\n"  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "change", [lambda t: t, lambda t: t.replace("\n", "\r\n"), lambda t: t.replace("mill", "铣床")]
+)
+def test_renishaw(write, change):
+    m = read_any(write(change(RTL).encode("gbk"), "x.rtl"), GANTRY, header=LASER)
+    assert m.instrument == Interferometer(0.3, 0.5)
+    assert m.axis.tolist() == ["X"] * 24
+    assert m.run.tolist() == ["1"] * 12 + ["2"] * 12
+    assert m.state.approach[:, 0].tolist() == ([1.0] * 6 + [-1.0] * 6) * 2
+    assert m.state.positions[:, 0].tolist() == [*range(0, 600, 100), *range(500, -100, -100)] * 2
+    expected = [run + target / 10 for run in (1, 2, 3, 4) for target in (range(1, 7) if run % 2 else range(6, 0, -1))]
+    np.testing.assert_allclose(m.observed[:, 0], np.array(expected) * 1e-3)
+    assert m.notes[0] == "taken as a linear measurement of X: targets in mm, deviations in um, measured minus target"
+    assert m.where(0) == "x.rtl:23"
+    assert m.tool[0].tolist() == [0, 0, -60]
+
+
+def test_renishaw_one_direction_filled_with_zeros(write):
+    text = re.sub(r"^ ([24])   (\d)      .*$", r" \1   \2      0", RTL, flags=re.M).replace("Flags: 0 0", "Flags: 0 1")
+    m = read_any(write(text), GANTRY, header=LASER)
+    assert m.run.tolist() == ["1"] * 6 + ["2"] * 6
+    assert (m.state.approach[:, 0] == 1).all()
+    assert "run 2 has no deviation but 0: taken as not measured, and left out" in m.notes
+
+
+def test_renishaw_axis_that_falls(write):
+    """Targets listed downwards: the first run goes backward."""
+    text = RTL.replace("0.000  100.000  200.000  300.000  400.000", "500 400 300 200 100").replace(" 500.000\n", " 0\n")
+    m = read_any(write(text), GANTRY, header=LASER)
+    assert m.state.approach[:, 0].tolist() == ([-1.0] * 6 + [1.0] * 6) * 2
+    assert m.run.tolist() == ["1"] * 12 + ["2"] * 12
+
+
+ASCENDING = re.sub(r"^ ([24])   (\d) ", lambda f: f" {f[1]}   {7 - int(f[2])} ", RTL, flags=re.M)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (RTL.replace("Axis:X", "Axis:"), "Axis: '' is no axis of machine gantry (w b X Y Z t); state axis"),
+        (RTL.replace("Axis:X", "Axis:X-Achse"), "Axis: 'X-Achse' is no axis"),
+        (RTL.replace("count: 6", "count: 7"), "Target-count: 7, but 6 targets are listed"),
+        (RTL.replace("Target-count: 6\n", ""), "Target-count: missing"),
+        (RTL.replace("1   2      1.2", "1   9      1.2"), "x.rtl:24: target 9 is none of 6"),
+        (RTL.replace("1   2      1.2", "1   2      1,2"), "x.rtl:24: '1,2' is no number"),
+        (RTL.replace("1   2      1.2", "1   2"), "x.rtl:24: '1 2' is not 'run target deviation'"),
+        (RTL.replace("1   2      1.2", "1   4      1.2"), "run 1 goes neither forward nor backward through its targets"),
+        (RTL.split("DEVIATIONS")[0] + "EOF::\n", "no readings below 'Run Target Data:'"),
+        (ASCENDING, "Flags: 0 0 2 0 says both directions, but all runs list their targets in one order"),
+        (RTL.replace("ISO", "Angular"), "axis X, 'Angular LASER': .rtl is read only of linear measurements"),
+    ],
+)  # fmt: skip
+def test_renishaw_refused(write, text, words):
+    with pytest.raises(UserError) as fault:
+        read_any(write(text, "x.rtl"), GANTRY, header=LASER)
+    assert words in str(fault.value)
+
+
+def test_renishaw_needs_what_it_does_not_say(write):
+    with pytest.raises(UserError, match=r"uncertainty .* of the interferometer is missing: state u_um"):
+        read_any(write(RTL), GANTRY)
+    with pytest.raises(UserError, match=r"axis C, .* read only of linear measurements"):
+        read_any(write(RTL), DMU50, header={**LASER, "axis": "C"})
+    assert read_any(write(RTL), GANTRY, header={**LASER, "axis": "Y"}).axis[0] == "Y"
+
+
+# ---- tables of ISO 230-2
+
+WIDE = """\
+# axis: X
+# unit: um
+# u_um: 0.3
+# target.r: 0 0 -60
+target_mm;1 up;1 down;2 up;2 down
+0;0,5;-2,25;0,4;-2
+100;1;;1,5;-1,5
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        WIDE,
+        WIDE.replace(",", ".").replace(";", ","),
+        WIDE.replace(";", "\t"),
+        WIDE.replace("1 up", "1+").replace("2 up", "forward 2").replace("1 down", "run 1 -").replace("2 down", "↓ 2"),
+        WIDE.replace("um\n# u_", "mm\n# u_").replace("0,5;-2,25;0,4;-2", "0,0005;-0,00225;0,0004;-0,002").replace(
+            "100;1;;1,5;-1,5", "100;0,001;;0,0015;-0,0015"
+        ),
+    ],
+)  # fmt: skip
+def test_wide_table(write, text):
+    m = read_any(write(text), GANTRY)
+    assert m.instrument == Interferometer(0.3)
+    assert m.run.tolist() == ["1", "1", "1", "2", "2", "2", "2"]
+    assert m.state.approach[:, 0].tolist() == [1, 1, -1, 1, 1, -1, -1]
+    assert m.state.positions[:, 0].tolist() == [0, 100, 0, 0, 100, 100, 0]
+    np.testing.assert_allclose(m.observed[:, 0] * 1e3, [0.5, 1, -2.25, 0.4, 1.5, -1.5, -2], rtol=1e-12)
+    assert m.lines.tolist() == [6, 7, 6, 6, 7, 7, 6]
+
+
+def test_wide_table_of_a_rotary_axis(write):
+    text = WIDE.replace("axis: X", "axis: C").replace("unit: um", "unit: arcsec").replace("target_mm", "target_deg")
+    m = read_any(write(text), DMU50)
+    np.testing.assert_allclose(m.observed[:2, 0], np.radians(np.array([0.5, 1]) / 3600))
+    np.testing.assert_allclose(m.state.positions[1, 0], math.radians(100))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("# unit: um\n", ""), "state the unit of the deviations (# unit: um | mm | inch)"),
+        (("unit: um", "unit: urad"), "unit 'urad' is none of um, mm, inch"),
+        (("# axis: X\n", ""), "state the axis (# axis: X | Y | Z), got ''"),
+        (("target_mm", "target_deg"), "w.txt:5: target_deg is not for X, a linear axis"),
+        (("0,4;", "x;"), "w.txt:6 column 2 up: 'x' is no number"),
+        (("\n0;", "\n;"), "w.txt:6 column target_mm: empty"),
+        (("1,5;-1,5", "1,5"), "w.txt:7: 4 cells, 5 columns have names"),
+        (("# u_um: 0.3\n", ""), "state u_um above zero"),
+    ],
+)
+def test_wide_table_refused(write, change, words):
+    assert change[0] in WIDE
+    with pytest.raises(UserError) as fault:
+        read_any(write(WIDE.replace(*change), "w.txt"), GANTRY)
+    assert words in str(fault.value)
+
+
+# ---- coordinate measuring machines
+
+CMM = """\
+Plug Plate: 1597A
+Date: 2003-10-17
+
+    Meas X    Meas Y     Nom X     Nom Y     Err X     Err Y  Meas D   Nom D   Round
+   -73.126   121.717   -73.140   121.705     0.014     0.012   2.174   2.167   0.007
+   231.288   204.188   231.279   204.187     0.009     0.001   2.171   2.167   0.018
+"""
+
+
+def test_cmm(write):
+    m = read_any(
+        write(CMM.replace("\n", "\r\n")),
+        GANTRY,
+        header={"u_um": "2.3", "part_offset": "2500 1500 10", "target.t": "0 0 -5"},
+    )
+    assert m.instrument == Part(2.3, 0.0, 2)
+    assert m.observed.tolist() == [[-73.126, 121.717], [231.288, 204.188]]
+    np.testing.assert_allclose(m.state.positions, [[2426.86, 1621.705, 15], [2731.279, 1704.187, 15]])
+    assert m.lines.tolist() == [5, 6]
+    assert m.notes[0] == "lengths are taken to be mm, which the file does not say"
+    three = (
+        CMM.replace("Nom D   Round", "Meas Z Nom Z").replace("2.167   0.007", "1.1 1").replace("2.167   0.018", "1.2 1")
+    )
+    m = read_any(write(three), GANTRY, header={"u_um": "2.3"})
+    assert (m.instrument.components, m.observed[:, 2].tolist()) == (3, [1.1, 1.2])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (CMM.replace("0.014 ", "0.024 "), "c.txt:5: Err X is 0.024, Meas - Nom is 0.014"),
+        (CMM.replace("2.174   2.167   0.007", "2.174   2.167"), "c.txt:5: 8 numbers, 9 columns have names"),
+        (CMM.replace("231.279", "231,279"), "c.txt:6 column nom x: '231,279' is no number"),
+        ("\n".join(CMM.splitlines()[:4]), "no observations"),
+    ],
+)
+def test_cmm_refused(write, text, words):
+    with pytest.raises(UserError) as fault:
+        read_any(write(text, "c.txt"), GANTRY, header={"u_um": "2.3"})
+    assert words in str(fault.value)
+
+
+@pytest.fixture
+def plates():
+    """Folder of the plug plates of the Sloan survey."""
+    folder = Path(__file__).parents[2] / "shared" / "data" / "plug_plates"
+    if not folder.is_dir():
+        pytest.skip("the measured plug plates (../shared/data/plug_plates) are not beside this repository")
+    return folder
+
+
+@pytest.mark.parametrize(("name", "holes"), [("D1396A1", 637), ("D1597A_2003", 650), ("D8131_1", 82)])
+def test_plug_plates(plates, name, holes):
+    header = {"u_um": "2.3", "part_offset": "2500 1500 100"}
+    m = read_any(plates / name, GANTRY, header=header)
+    assert len(m) == holes
+    rows = [line.split() for line in (plates / name).read_text().splitlines() if re.match(r"\s*-?\d+\.\d+\s", line)]
+    errors = np.array([[float(row[4]), float(row[5])] for row in rows])
+    np.testing.assert_allclose(m.observed - (m.state.positions[:, :2] - [2500, 1500]), errors, atol=1.1e-3)
+    with pytest.raises(UserError, match="state u_um"):
+        read_any(plates / name, GANTRY)
+
+
+# ---- tracker exports
+
+PLAN = "point,X,Y,Z,target\np1,0,0,1500,t1\np2,1000,0,1500,t1\np3,2000,0,1500,t1\n"
+TARGET = {"target.t1": "0 0 -120"}
+
+
+def test_spatialanalyzer(write):
+    text = "// exported\ncol,S1,p2,1.5,2,3\ncol,S1,p1,0.5,2,3\ncol,S2,p2,1.25,2,3\n"
+    m = read_any(write(text), GANTRY, columns="spatialanalyzer", plan=write(PLAN, "plan.csv"), header=TARGET)
+    assert m.instrument == LaserTracker(0.5, 0.25, 5.0, 2.5)
+    assert m.observed.tolist() == [[1.5, 2, 3], [0.5, 2, 3], [1.25, 2, 3]]
+    assert m.state.positions[:, 0].tolist() == [1000, 0, 1000]
+    assert m.state.station.tolist() == ["S1", "S1", "S2"]
+    assert m.lines.tolist() == [2, 3, 4]
+    assert m.notes == (
+        "points of the plan that were not measured, 1: p3",
+        "the file names no machine: taken to be gantry",
+    )
+
+
+def test_polyworks(write):
+    text = "Name;Type;X;Y;Z\np2;point;1,5;2;-3,25\np1;point;0,5;2;3\n"
+    m = read_any(
+        write(text), GANTRY, columns="polyworks", plan=write(PLAN.replace("point", "Name"), "plan.csv"), header=TARGET
+    )
+    assert m.observed.tolist() == [[1.5, 2, -3.25], [0.5, 2, 3]]
+    assert m.lines.tolist() == [2, 3]
+
+
+def test_leica(write):
+    text = "# nr X Y Z t x y z\n1 10 20 30 0.5   1.0001 -2 3\n2\t11 20 30 1.5   1.001 -2 3\n"
+    m = read_any(write(text), GANTRY, columns="leica", header=TARGET)
+    np.testing.assert_allclose(m.observed, [[1000.1, -2000, 3000], [1001, -2000, 3000]])
+    assert m.state.positions.tolist() == [[10, 20, 30], [11, 20, 30]]
+    assert m.state.time.tolist() == [0.5, 1.5]
+
+
+MAP = """\
+delimiter = ","
+decimal = "."
+[columns]
+X = 1
+C = 2
+temp_air = 3
+time_s = 4
+actual_C = 5
+x = 6
+y = 7
+z = 8
+dir_X = 9
+[units]
+linear = "inch"
+rotary = "rad"
+temperature = "K"
+time = "ms"
+xyz = "um"
+[header]
+instrument = "laser-tracker"
+u_range_um = 0.5
+u_angle_um = 5
+stands_on = "bed"
+target.t1 = "0 0 -120"
+"""
+
+
+def test_units_of_a_map(write):
+    header = {"target.t1": "1 2 3"}
+    m = read_any(
+        write("2,0.5,294.65,1500,0.25,1000,2000,3000,-1\n"), DMU50, columns=str(write(MAP, "m.toml")), header=header
+    )
+    np.testing.assert_allclose(m.state.positions[0], [0.5, 0, 50.8, 0, 400])
+    np.testing.assert_allclose(m.observed[0], [1, 2, 3])
+    np.testing.assert_allclose(m.state.temperatures["air"], [1.5])
+    assert m.state.time.tolist() == [1.5]
+    np.testing.assert_allclose(m.actual[0, 0], 0.25)
+    assert m.state.approach[0, 2] == -1
+    assert m.stands_on == "bed"
+    assert m.targets["t1"].position == (1, 2, 3)  # what is given along overrules the map
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('xyz = "um"\n', ""), "column map does not say the unit of x: [units] xyz = mm|m|inch|um"),
+        (('linear = "inch"\n', ""), "does not say the unit of X"),
+        (('xyz = "um"', 'xyz = "cm"'), "units.xyz: unit 'cm' is none of mm, m, inch, um"),
+        (('decimal = "."', 'decimal = ","'), "a comma can't stand both between cells and in numbers"),
+        (('delimiter = ","\n', ""), "missing required field `delimiter`"),
+        (('delimiter = ","', 'delimiter = "|"'), "Invalid enum value '|'"),
+        (("x = 6", 'x = "PosX"'), "no column 'PosX', or two; names of columns are none: the map has names = false"),
+        (("x = 6", "x = 60"), "data.txt:1: no column 60, the line has 9"),
+        (("x = 6", "x = 0"), "data.txt:1: no column 0"),
+        (("[columns]", 'join = "point"\n[columns]'), "join 'point' is none of its columns"),
+        (("[columns]", "colour = 1\n[columns]"), "Object contains unknown field `colour`"),
+        (("x = 6", "x = 6\nspeed = 3"), "data.txt column speed: not known"),
+        (("z = 8\n", ""), "data.txt laser-tracker: column z missing"),
+        (("u_angle_um = 5\n", ""), "state u_angle_um or u_angle_um_per_m above zero"),
+        (("[columns]", "[columns"), "column map m.toml: "),
+    ],
+)
+def test_maps_refused(write, change, words):
+    assert change[0] in MAP
+    with pytest.raises(UserError) as fault:
+        read_any(
+            write("2,0.5,294.65,1500,0.25,1000,2000,3000,-1\n"),
+            DMU50,
+            columns=str(write(MAP.replace(*change), "m.toml")),
+        )
+    assert words in str(fault.value)
+
+
+@pytest.mark.parametrize(
+    ("export", "plan", "words"),
+    [
+        ("c,S,p9,1,2,3\n", PLAN, "data.txt:1 column point: 'p9' is not in the plan plan.csv"),
+        ("c,S,p1,1,2,3\n", PLAN + "p1,0,0,0,t1\n", "plan.csv:5 column point: 'p1' stands there twice"),
+        ("c,S,p1,1,2,3\n", PLAN.replace("target", "x"), "plan.csv:1 column x stands in the export too"),
+        ("c,S,p1,1,2,3\n", PLAN.replace("point", "name"), "plan.csv:1 a plan: column point missing"),
+        ("c,S,p1,1,2,3\n", PLAN.replace("p1,0,", "p1,left,"), "data.txt:1 column X: 'left' is no number"),
+        ("c,S,p1,1,2,3\nc,S,p1,1,2\n", PLAN, "data.txt:2: no column 6, the line has 5"),
+        ("c,S,p1,1,2,3mm\n", PLAN, "data.txt:1 column 6: '3mm' is no number"),
+        ("// nothing\n\n", PLAN, "data.txt: no data"),
+    ],
+)
+def test_exports_refused(write, export, plan, words):
+    with pytest.raises(UserError) as fault:
+        read_any(write(export), GANTRY, columns="spatialanalyzer", plan=write(plan, "plan.csv"), header=TARGET)
+    assert words in str(fault.value)
+
+
+def test_shipped_maps():
+    assert map_names() == ["leica", "polyworks", "spatialanalyzer"]
+    for name in map_names():
+        assert read_map(name).keys["instrument"] == "laser-tracker"
+
+
+def test_map_and_plan_where_they_have_no_use(write):
+    with pytest.raises(UserError, match="column map and plan are for delimited exports, not for format cmm"):
+        read_any(write(CMM), GANTRY, "cmm", columns="leica")
+    with pytest.raises(UserError, match="says no 'join'"):
+        read_any(write("1 2 3 4 5 6 7 8\n"), GANTRY, columns="leica", plan=write(PLAN, "plan.csv"))
+    with pytest.raises(UserError, match="looks up 'point' in a plan: state the plan"):
+        read_any(write("c,S,p1,1,2,3\n"), GANTRY, columns="spatialanalyzer")
+    with pytest.raises(UserError, match=r"takes a column map: leica, polyworks, spatialanalyzer, or a \.toml file"):
+        read_any(write("1 2"), GANTRY, "delimited")
+
+
+# ---- whichever it is
+
+
+def test_formats_are_recognised(write):
+    own = "# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 1\nX,x,y,z\n0,1,2,3\n"
+    for text, header in ((own, {}), (RTL, LASER), (WIDE, {}), (CMM, {"u_um": "2.3"})):
+        auto = read_any(write(text), GANTRY, header=header)
+        assert len(auto) > 0
+        with pytest.raises(UserError):
+            read_any(write(text[: len(text) // 9]), GANTRY, header=header)
+    assert FORMATS == ("auto", "ncomp", "rtl", "iso230-table", "cmm", "delimited")
+
+
+@pytest.mark.parametrize("text", ["", "1 2 3\n4 5 6\n", "a,b\n1,2\n", b"\x89PNG\r\n\x1a\n\0\0", "G0 X1\n"])
+def test_other_files(write, text):
+    with pytest.raises(UserError, match=r"not a format that is known: ncomp \(measurement file.*delimited"):
+        read_any(write(text), GANTRY)
+
+
+def test_format_that_is_none(write):
+    with pytest.raises(UserError, match="format 'xls' is none of auto, ncomp"):
+        read_any(write(""), GANTRY, "xls")
+
+
+def test_header_overrules_the_file(write):
+    own = "# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 1\nX,x,y,z\n0,1,2,3\n"
+    assert read_any(write(own), GANTRY, header={"u_range_um": "7"}).instrument == LaserTracker(7.0, 0.0, 1.0)
+    with pytest.raises(UserError, match=r"^data.txt u_range_um: expected a number, got 'x'"):
+        read_any(write(own), GANTRY, header={"u_range_um": "x"})
+
+
+# ---- Etalon
+
+ETALON = """\
+// made up
+[C0Y]
+VALUE = 0.000022
+[X0C]   // position of the axis line
+VALUE = -0.01
+[EXX]
+Gridpoints = {
+    -250.0 -0.001
+       0.0  0.0005   // in the middle
+     250.0  0.002
+}  // end of EXX
+[ECC]
+Gridpoints = {
+    0 0.00001
+    360 0.00002
+}
+"""
+MM_RAD = Convention("error", "mm", "rad")
+
+
+def test_etalon(write):
+    model = read_etalon(write(ETALON, "t.txt"), DMU50, MM_RAD)
+    square, shift, motion, turn = model.effects
+    assert isinstance(square, LocationError)
+    assert (square.name, square.value) == ("E_C0Y", pytest.approx(22.0))
+    assert (shift.name, shift.value) == ("E_X0C", pytest.approx(-10.0))
+    assert isinstance(motion, ErrorMotion)
+    assert (motion.name, motion.basis.nodes, motion.basis.degree) == ("E_XX", (-250.0, 0.0, 250.0), 1)
+    assert motion.parameters == pytest.approx((-1.0, 0.5, 2.0))
+    assert (turn.name, turn.parameters) == ("E_CC", pytest.approx((10.0, 20.0)))
+    assert model.provenance.inputs.keys() == {"t.txt"}
+    errors = model.errors(DMU50, State(np.array([[0, 0, 125.0, 0, 0]])))
+    assert errors[0, 2, 0] == pytest.approx(0.00125)
+    opposite = read_etalon(write(ETALON), DMU50, Convention("correction", "um", "deg", "rad"))
+    assert opposite.effects[2].parameters == pytest.approx((0.001, -0.0005, -0.002))
+    assert opposite.effects[0].value == pytest.approx(-math.radians(0.000022) * 1e6)
+    assert opposite.effects[3].basis.nodes[1] == pytest.approx(math.degrees(360))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("EXX", "EXA"), "t.txt:6 [EXA]: machine dmu50 (w C B b X Y Z t) has no axis A"),
+        (("EXX", "FOO"), "t.txt:6 [FOO]: no error motion (EXY) and no location error (C0B)"),
+        (("EXX", "X0B"), "t.txt:6 [X0B]: a location error has one number, VALUE = ..."),
+        (("C0Y", "ECY"), "t.txt:2 [ECY]: an error motion has at least two grid points"),
+        (("0.0  0.0005", "0.0"), "t.txt:9: '0.0' is not 'position value'"),
+        (("0.0  0.0005", "0.0  abc"), "t.txt:9: 'abc' is no number"),
+        (("250.0  0.002", "-50.0  0.002"), "positions of the grid points do not ascend"),
+        (("[ECC]", "[EXX]"), "E_XX is given twice"),
+        (("}  // end of EXX\n", ""), "is not 'position value'"),
+        (("360 0.00002\n}", "360 0.00002"), "the grid points of [ECC] have no end '}'"),
+        (("// made up", "VALUE = 1"), "t.txt:1: 'VALUE = 1' stands before the first block"),
+        (("VALUE = 0.000022", "WERT = 3"), "t.txt:3: 'WERT = 3' is neither VALUE ="),
+    ],
+)
+def test_etalon_refused(write, change, words):
+    assert change[0] in ETALON
+    with pytest.raises(UserError) as fault:
+        read_etalon(write(ETALON.replace(*change, 1), "t.txt"), DMU50, MM_RAD)
+    assert words in str(fault.value)
+
+
+def test_etalon_elsewhere(write):
+    with pytest.raises(UserError, match="an Etalon exchange file holds errors of the machine, not measurements of it"):
+        read_any(write(ETALON), DMU50)
+    with pytest.raises(UserError, match="unit 'inch' is none of mm, um, m"):
+        read_etalon(write(ETALON), DMU50, Convention("error", "inch", "rad"))
+    with pytest.raises(UserError, match="no blocks"):
+        read_etalon(write("// empty\n"), DMU50, MM_RAD)
+
+
+# ---- any numbers
+
+value = st.decimals(-999, 999, places=3, allow_nan=False).map(float)
+
+
+@given(
+    st.dictionaries(st.integers(0, 4000), st.lists(st.one_of(st.none(), value), min_size=4, max_size=4), min_size=1),
+    st.booleans(),
+)
+def test_any_wide_table(tmp_path_factory, cells, comma):
+    """Every reading that is there comes out once, in the run, direction and target of its cell."""
+    rows = [";".join([str(p), *("" if v is None else str(v) for v in row)]) for p, row in cells.items()]
+    text = "# axis: X\n# unit: um\n# u_um: 1\ntarget_mm;1 up;1 down;2 up;2 down\n" + "\n".join(rows)
+    path = tmp_path_factory.mktemp("w") / "w.txt"
+    path.write_text(text.replace(".", ",") if comma else text)
+    there = {
+        (p, str(k // 2 + 1), 1 - 2 * (k % 2)): v for p, row in cells.items() for k, v in enumerate(row) if v is not None
+    }
+    if not there:
+        with pytest.raises(UserError, match="no observations"):
+            read_any(path, GANTRY)
+        return
+    m = read_any(path, GANTRY)
+    keys = zip(m.state.positions[:, 0].tolist(), m.run.tolist(), m.state.approach[:, 0].tolist(), strict=True)
+    found = dict(zip(keys, (m.observed[:, 0] * 1e3).tolist(), strict=True))
+    assert len(m) == len(there)
+    assert found == pytest.approx(there)
