@@ -100,12 +100,13 @@ def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
 def _rules(machine: Machine, model: ErrorModel) -> Array:
     """What shall be zero, as linear functions `(rules, p)` of the parameters, um and urad."""
     rows = []
-    last = [axis.name for axis in machine.axes if not axis.rotary][-1]
+    known = {effect.axis for effect, _ in error_motions(model)}
+    last = [axis.name for axis in machine.axes if not axis.rotary and axis.name in known][-1:]
     for effect, part in error_motions(model):
         line = mean_line(effect.basis)
         axis = machine.axes[machine.index(effect.axis)]
         wanted = []
-        if effect.component in _along(effect) if axis.rotary else not (effect.axis == last and effect.angular):
+        if effect.component in _along(effect) if axis.rotary else not (effect.axis in last and effect.angular):
             wanted.append(line.mean)
         if effect.name in DATUM_SLOPES:
             wanted.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))

@@ -1,20 +1,26 @@
 """Fixtures shared by all tests, and what needs a program or data that may be absent."""
 
+import io
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 import hypothesis
 import pytest
 from clients import linuxcnc_sim as simulator
 from clients import rs274
 
+from postproc import cli
+
 hypothesis.settings.register_profile("default", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
 
-NC_DATA = Path(__file__).parents[2] / "shared" / "data" / "nc"
+REAL_DATA = Path(__file__).parents[2] / "shared" / "data"
+NC_DATA = REAL_DATA / "nc"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -53,3 +59,43 @@ def nc_data() -> Path:
     if not NC_DATA.is_dir():
         pytest.skip("the collection of real NC programs (../shared/data/nc) is not beside this repository")
     return NC_DATA.resolve()
+
+
+@pytest.fixture(scope="session")
+def plates() -> Path:
+    """Folder of real plug plates, machined and then measured on a coordinate measuring machine."""
+    folder = REAL_DATA / "plug_plates"
+    if not folder.is_dir():
+        pytest.skip("the real plug plates (../shared/data/plug_plates) are not beside this repository")
+    return folder.resolve()
+
+
+class Done(NamedTuple):
+    """How a command ended."""
+
+    status: int
+    out: bytes
+    err: str
+
+
+@pytest.fixture
+def command(
+    monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes], tmp_path: Path
+) -> Callable[..., Done]:
+    """Runs the command line in this process, in a folder of its own; `stdin=` is its standard input."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def run(*arguments: object, stdin: bytes = b"") -> Done:
+        monkeypatch.setattr(sys, "argv", ["ncomp", *map(str, arguments)])
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin)))
+        status = 0
+        try:
+            cli.run()
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        sys.stdout.flush()
+        captured = capfdbinary.readouterr()
+        return Done(status, captured.out, captured.err.decode())
+
+    return run

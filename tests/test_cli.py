@@ -1,13 +1,11 @@
 """The command line: what goes wrong ends with one line and no file, what goes right with status 0."""
 
-import io
 import json
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from programs import load, shifted
@@ -19,33 +17,12 @@ GOOD = "%\nO1 (A)\nG21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nG2 X200
 OLD = b"what was there before"
 
 
-class Result(NamedTuple):
-    status: int
-    out: bytes
-    err: str
-
-
 @pytest.fixture
-def ncomp(monkeypatch, capfdbinary, tmp_path):
-    """Runs the command line in this process, in a folder of its own that holds a program and a calibration."""
-    monkeypatch.chdir(tmp_path)
+def ncomp(command, tmp_path):
+    """The command line, in a folder of its own that holds a program and a calibration."""
     (tmp_path / "in.nc").write_text(GOOD)
     write_model(shifted(load("gantry"), X=-10.0), tmp_path / "cal.json")
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def run(*arguments: str, stdin: bytes = b"") -> Result:
-        monkeypatch.setattr(sys, "argv", ["ncomp", *map(str, arguments)])
-        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin)))
-        status = 0
-        try:
-            cli.run()
-        except SystemExit as end:
-            status = end.code if isinstance(end.code, int) else int(end.code is not None)
-        sys.stdout.flush()
-        captured = capfdbinary.readouterr()
-        return Result(status, captured.out, captured.err.decode())
-
-    return run
+    return command
 
 
 GANTRY = ("--machine", "gantry", "--calibration", "cal.json")

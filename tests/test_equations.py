@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from measured import THREE, measured, pose_of, positions, truth
 
 import machines
 from calibration import equations
@@ -11,7 +12,6 @@ from calibration.registration import Registration, rigid
 from kinematics.model import Observation
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix
-from tests.measured import THREE, measured, pose_of, positions, truth
 
 EVERYWHERE = {
     "tool": Target((30.0, 20.0, -80.0)),

@@ -5,8 +5,10 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from measured import COLLINEAR, EXACT, MONTAVON, ONE, THREE, measured, pose_of, positions, truth
 
 import machines
+from calibration import equations
 from calibration.calibrate import calibrate
 from calibration.datum import gauge, null_space, to_datum
 from calibration.fit import fit
@@ -15,14 +17,18 @@ from calibration.instruments import Interferometer, Part
 from calibration.locations import split_locations, transformed
 from calibration.measurement import Measurement, Target, with_moves
 from calibration.models import BasisChoice, moving_axes, parse_basis, priors, rigid_model
+from calibration.registration import Registration
 from calibration.resolution import choose
 from calibration.visibility import visibility
+from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
-from kinematics.effects import Backlash, GrowthWithSensor, LocationError, ThermalDrift
+from kinematics.effects import Backlash, ErrorMotion, GrowthWithSensor, LocationError, ThermalDrift
+from kinematics.error_transform import place_transform
 from kinematics.errors import UserError
+from kinematics.forward import tool_point
 from kinematics.model import no_errors
 from kinematics.state import State
-from tests.measured import COLLINEAR, EXACT, MONTAVON, ONE, THREE, measured, positions, truth
+from kinematics.transforms import Pose, rotation_vector_matrix
 
 HATS = {"X": BasisChoice("b-spline", 21), "Y": BasisChoice("b-spline", 16), "Z": BasisChoice("b-spline", 9)}
 """Nodes every 100, 100 and 50 mm: 276 parameters, as Montavon et al."""
@@ -40,9 +46,6 @@ def deviations(machine, model, q, tool=(0.0, 0.0, -120.0)):
 
 def aligned(machine, difference, q):
     """Difference of deviations `(n, 3)` with its rigid part taken out."""
-    points = exact_deviation(machine, q, np.zeros((1, len(machine.axes) + 1, 6))).position * 0
-    from kinematics.forward import tool_point
-
     points = tool_point(machine, q, (0.0, 0.0, -120.0))
     centred = points - points.mean(axis=0)
     design = np.zeros((len(q), 3, 6))
@@ -122,15 +125,13 @@ def test_chi2_and_coverage_of_predictions():
 
 def predicted_u(machine, model, q):
     """Standard uncertainties `(n, 3)` of the aligned deviations, from the covariance of the parameters."""
-    from kinematics.error_transform import place_transform
-
     design = model.design(machine, State(q), place_transform(machine, q, (0.0, 0.0, -120.0))[:, :3])
     columns = np.stack([aligned(machine, design[:, :, p], q) for p in range(design.shape[2])], axis=2)
     return np.sqrt(np.einsum("nkp,pq,nkq->nk", columns, np.array(model.covariance), columns))
 
 
 def test_outliers_and_copies_are_named_and_not_fitted():
-    model, clean = montavon(THREE)
+    _, clean = montavon(THREE)
     observed = clean.observed.copy()
     observed[17] += [0.0, 0.3, 0.0]
     observed[100] += [50.0, 0.0, 0.0]
@@ -163,14 +164,12 @@ def test_a_failed_station_is_left_out_by_name():
 
 def test_nonsense_is_refused():
     _, measurement = montavon(THREE)
-    rng = np.random.default_rng(0)
     few = measurement.rows(np.arange(1))
     with pytest.raises(UserError, match="too few"):
         fit(few, rigid_model(measurement, HATS))
     still = replace(measurement, state=replace(measurement.state, positions=np.zeros((320, 3))))
     with pytest.raises(UserError, match="no axis moves"):
         rigid_model(still, HATS)
-    assert rng is not None
 
 
 def test_effects_with_time_temperature_and_direction_are_fitted_with_the_rest():
@@ -186,8 +185,6 @@ def test_effects_with_time_temperature_and_direction_are_fitted_with_the_rest():
     warm = {"scale": 4.0 * np.sin(np.arange(700) / 60.0)}
     base = measured(machine, q, THREE, no_errors(machine), rng, tracker=EXACT, noise=False)
     state = replace(base.state, temperatures=warm, time=15.0 * np.arange(700))
-    from calibration import equations
-    from tests.measured import pose_of
 
     observed = equations.expected(base, pose_of(["s1"]), model.observation(machine, state))
     measurement = replace(base, observed=observed, state=replace(state, observed=observed))
@@ -276,8 +273,6 @@ def test_evidence_finds_the_resolution_that_the_errors_need():
     coarse = truth(machine, rng, 15.0)
     found = choose(measured(machine, q, THREE, coarse, rng), ["b-spline"])
     assert all(4 <= basis.size <= 12 for basis in found.bases.values())
-    from kinematics.basis import Fourier
-    from kinematics.effects import ErrorMotion
 
     wavy = ErrorMotion("X", "X", Fourier((0.0, 600.0), (9.0,)), (0.0, 0.0, 25.0, 0.0), u=(0.0,) * 4)
     fine = msgspec.structs.replace(coarse, effects=(*coarse.effects, wavy))
@@ -323,9 +318,6 @@ def test_a_part_shows_what_its_plane_shows():
     q[:, 2] = 100.0
     state = with_moves(State(q, target=np.full(400, "1")))
     empty = Measurement(machine, Part(u_um=2.0, components=2), state, np.zeros((400, 2)))
-    from calibration import equations
-    from calibration.registration import Registration
-    from kinematics.transforms import Pose, rotation_vector_matrix
 
     pose = Pose(rotation_vector_matrix([[0, 0, 0.3]]), np.array([[5.0, 6.0, 0.0]]))
     seen = equations.expected(

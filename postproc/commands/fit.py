@@ -8,13 +8,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kinematics.errors import UserError
-from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
+from postproc.commands.shared import (
+    ColumnMap,
+    FileFormat,
+    Headers,
+    JsonFile,
+    MachineName,
+    PlanFile,
+    machine_of,
+    pairs,
+    result,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from calibration.calibrate import Calibration
     from calibration.fit import Fit
+    from calibration.visibility import Visibility
 
 DOUBTFUL = 1e-3
 """p of chi2 from which a person is told."""
@@ -23,7 +35,7 @@ EPILOG = (
     "Examples:\n\n"
     "`ncomp fit tracker.csv --machine gantry -o gantry.json`\n\n"
     "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
-    "`ncomp fit plate.txt --machine cframe --u-um 2.3 --noise estimate -o cal.json`\n\n"
+    "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
 )
 
@@ -51,6 +63,10 @@ def fit(
         float | None,
         typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
     ] = None,
+    file_format: FileFormat = "auto",
+    header: Headers = None,
+    columns: ColumnMap = None,
+    plan: PlanFile = None,
     hold_out: Annotated[
         bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
     ] = True,
@@ -62,7 +78,7 @@ def fit(
     determine is listed by name and keeps the uncertainty of what was expected beforehand.
     """
     from calibration.calibrate import calibrate
-    from calibration.measurement_file import read_measurement
+    from calibration.readers import read_any
     from kinematics.model import encode_model
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
@@ -70,7 +86,8 @@ def fit(
     if noise not in ("sheet", "estimate"):
         raise UserError(f"--noise {noise}: sheet or estimate")
     found_machine = machine_of(machine)
-    measurement = read_measurement(data, found_machine)
+    keys = pairs(header, "--header")
+    measurement = read_any(data, found_machine, file_format, header=keys, columns=columns, plan=plan)
     for note in measurement.notes:
         say("note", note)
     with console.status("reading") as status:
@@ -159,9 +176,17 @@ def show(found: Calibration, to: Console) -> None:
             unit = "urad" if effect.angular else "um"
             lines.add_row(effect.name, f"{effect.value:.2f}", f"{effect.uncertainties[0]:.2f}", unit)
         to.print(lines)
-    for blind in seen.blind:
-        to.print(f"NOT VISIBLE  {blind}")
+    for (reason, remedy), names in _alike(seen).items():
+        to.print(f"NOT VISIBLE  {', '.join(names)}: {reason}; {remedy}")
     _show_left_out(fitted, to)
+
+
+def _alike(seen: Visibility) -> dict[tuple[str, str], list[str]]:
+    """Names of what is not visible, by reason and remedy."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for blind in seen.blind:
+        found.setdefault((blind.reason, blind.remedy), []).append(" + ".join(blind.effects))
+    return found
 
 
 def _noise(fitted: Fit) -> str:

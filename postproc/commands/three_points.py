@@ -1,0 +1,151 @@
+"""`ncomp three-points`: three targets on each moving part in, six error motions of each axis and a calibration out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kinematics.errors import UserError
+from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from calibration.three_points import AxisResult, Kind, ThreePoints
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp three-points tracker.csv --machine dmu50 -o cal.json`\n\n"
+    "`ncomp three-points tracker.csv --machine dmu50 --degree XX=4 --degree YY=6 -o cal.json --json three_points.json`"
+)
+
+
+def three_points(
+    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file of a tracker on the bed.")],
+    machine: MachineName,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
+    basis: Annotated[
+        str, typer.Option("--basis", metavar="polynomial|table", help="How error motions are written.")
+    ] = "polynomial",
+    degree: Annotated[
+        list[str] | None,
+        typer.Option("--degree", metavar="XX=4", help="Degree of a polynomial (E_XX); others by BIC. Repeatable."),
+    ] = None,
+    json: JsonFile = None,
+) -> None:
+    """Identify the six error motions of each axis from three or more targets on what it moves, one axis at a time."""
+    from calibration.measurement_file import read_measurement
+    from calibration.three_points import Choice, identify
+    from kinematics.model import encode_model
+    from postproc.terminal import console, say
+    from postproc.terminal import output as screen
+
+    measurement = read_measurement(data, machine_of(machine))
+    found = identify(measurement, Choice(_kind(basis), _degrees(degree or [])))
+    for note in (*measurement.notes, *found.notes):
+        say("note", note)
+    with result(json) as results, result(str(output)) as file:
+        file.write(encode_model(found.model))
+        write_json(summary(found), results)
+    show(found, console if json == "-" else screen)
+
+
+def _kind(basis: str) -> Kind:
+    if basis == "polynomial":
+        return "polynomial"
+    if basis == "table":
+        return "table"
+    raise UserError(f"--basis {basis}: polynomial or table")
+
+
+def _degrees(texts: list[str]) -> dict[str, int]:
+    degrees = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        if not number.strip().isdigit():
+            raise UserError(f"--degree {text}: write NAME=DEGREE, XX=4")
+        degrees[name.strip().removeprefix("E_")] = int(number)
+    return degrees
+
+
+def summary(found: ThreePoints) -> dict[str, Any]:
+    """The result for programs; um and urad, positions in mm and degrees, u with k = 1."""
+    from calibration.three_points_figures import locations, ranges, squarenesses
+
+    points = found.points
+    return {
+        "chi2_reduced": points.chi2 / points.freedom if points.freedom else None,
+        "repeatability_um": points.repeatability_um if points.freedom else None,
+        "locations": {f.name: {"value": f.value, "u": f.u, "unit": f.unit} for f in locations(found)},
+        "squareness": {f.name: {"value_urad": f.value, "u": f.u, "is": f.what} for f in squarenesses(found)},
+        "axes": {
+            name: {
+                "targets": list(axis.targets),
+                "standing": dict(axis.standing),
+                "positions": axis.positions.tolist(),
+                "errors": _columns(axis, axis.errors),
+                "u": _columns(axis, axis.u),
+                "u_type_a": _columns(axis, axis.u_a),
+                "ranges": {f.name: {"is": f.what, "value": f.value, "u": f.u, "unit": f.unit} for f in ranges(axis)},
+                "straightness": _straightness(axis),
+            }
+            for name, axis in found.axes.items()
+        },
+        "calibration": found.model.id,
+    }
+
+
+def _columns(axis: AxisResult, values: Any) -> dict[str, list[float]]:
+    return {f"E_{letter}{axis.axis.name}": values[:, j].tolist() for j, letter in enumerate("XYZABC")}
+
+
+def _straightness(axis: AxisResult) -> dict[str, Any]:
+    from calibration.three_points_figures import straightnesses
+
+    return {
+        name: {
+            one.line.kind: {
+                "value_um": one.value, "u_um": one.u_value, "slope_urad": 1e3 * one.slope, "u_slope": 1e3 * one.u_slope
+            }
+            for one in lines
+        }
+        for name, lines in straightnesses(axis).items()
+    }  # fmt: skip
+
+
+def show(found: ThreePoints, to: Console) -> None:
+    """The result for people."""
+    from rich.table import Table
+
+    from calibration.three_points_figures import locations, squarenesses, straightnesses
+
+    points = found.points
+    if points.freedom:
+        to.print(
+            f"rounds       chi2/dof {points.chi2 / points.freedom:.3g} by the tracker's sheet; the machine's "
+            f"repeatability beyond it {points.repeatability_um:.2g} um"
+        )
+    for axis in found.axes.values():
+        to.print(_axis_table(axis))
+        for name, lines in straightnesses(axis).items():
+            values = ", ".join(f"{one.value:.2f} ± {one.u_value:.2f} ({one.line.kind})" for one in lines)
+            to.print(f"straightness {name}: {values} um")
+    table = Table("", "value", "u (k=1)", "", "", caption="tool relative to workpiece, right-handed")
+    for figure in (*locations(found), *squarenesses(found)):
+        table.add_row(figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, figure.what)
+    to.print(table)
+
+
+def _axis_table(axis: AxisResult) -> Any:
+    from rich.table import Table
+
+    heads = [f"E_{letter}{axis.axis.name}" for letter in "XYZABC"]
+    standing = ", ".join(f"{name} {at:g}" for name, at in axis.standing.items())
+    table = Table(
+        f"{axis.axis.name}, {axis.axis.unit}", *heads, title=f"{axis.axis.name} ({standing}); um, urad, ± u (k=1)"
+    )
+    for at, errors, u in zip(axis.positions, axis.errors, axis.u, strict=True):
+        table.add_row(f"{at:g}", *(f"{e:.1f} ± {s:.1f}" for e, s in zip(errors, u, strict=True)))
+    return table

@@ -1,0 +1,100 @@
+"""`ncomp fit` as a user calls it: on virtual trackers, on real plates, on what it can't use."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured import THREE, measured, positions, truth
+
+import machines
+from calibration.measurement_file import write_measurement
+from kinematics.model import read_model
+
+MACHINE = machines.load("cframe")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """A virtual measurement with one outlier, as a file, and its truth."""
+    rng = np.random.default_rng(0)
+    model = truth(MACHINE, rng, 20.0)
+    measurement = measured(MACHINE, positions(MACHINE, 240, rng, edges=100), THREE, model, rng)
+    observed = measurement.observed.copy()
+    observed[7, 1] += 0.4
+    path = tmp_path_factory.mktemp("fit") / "data.csv"
+    file = io.BytesIO()
+    write_measurement(replace(measurement, observed=observed), file)
+    path.write_bytes(file.getvalue())
+    return path
+
+
+def test_a_calibration_and_its_report(command, data, tmp_path):
+    done = command("fit", data, "--machine", "cframe", "--basis", "auto", "-o", tmp_path / "cal.json", "--json", "-")
+    assert done.status == 0, done.err
+    report = json.loads(done.out)
+    assert report["after"]["rms_um"] < 0.7 * report["before"]["rms_um"]
+    assert report["after"]["chi2_reduced"] == pytest.approx(1.0, abs=0.15)
+    assert report["after"]["heldout_rms_um"] > report["after"]["rms_um"]
+    assert (report["n_observations"], report["n_parameters"]) == (239 * 3, report["n_parameters"])
+    assert report["rank_registered"] == report["rank"] - 6
+    assert report["outliers"] == [f"{data}:{_line_of_row(data, 7)}"]
+    assert set(report["locations"]) == {"E_C0Y", "E_B0Z", "E_A0Z"}
+    model = read_model(tmp_path / "cal.json", MACHINE)
+    assert model.id == report["calibration"]
+    assert model.covariance is not None
+    assert model.provenance.inputs.keys() == {str(data)}
+
+
+def test_the_calibration_corrects_a_program(command, data, tmp_path):
+    calibration = tmp_path / "cal.json"
+    assert command("fit", data, "-m", "cframe", "--basis", "b-spline:4", "-o", calibration, "--no-hold-out").status == 0
+    program = tmp_path / "part.nc"
+    program.write_text("G21 G90 G17\nG0 X100 Y100 Z200\nG1 X300 Y250 Z150 F500\nM30\n")
+    done = command(
+        program, "--machine", "cframe", "--calibration", calibration, "-o", tmp_path / "out.nc", "--json", "-"
+    )
+    assert done.status == 0, done.err
+    error = json.loads(done.out)["predicted_error_um"]
+    assert error["after"]["max"] < 0.1 < error["before"]["max"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--basis", "spline"], "none of b-spline:N"),
+        (["--basis", "auto:wavelet"], "none of that kind"),
+        (["--basis", "X=b-spline:5"], "says nothing of Y, Z"),
+        (["--basis", "X=b-spline:5,Y=legendre:3,Z=cubic:3,C=cubic:4"], "C does not move"),
+        (["--noise", "white"], "sheet or estimate"),
+        (["--header", "u_um"], "KEY=VALUE"),
+        (["--machine", "gantry"], "gantry"),
+    ],
+)
+def test_what_can_t_be_used_is_refused_without_output(command, data, tmp_path, options, said):
+    machine = [] if "--machine" in options else ["--machine", "cframe"]
+    done = command("fit", data, *machine, *options, "-o", tmp_path / "cal.json", "--json", tmp_path / "fit.json")
+    assert done.status == 2
+    assert said in done.err
+    assert "Traceback" not in done.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("plate", "rows"), [("D1396A1", 637), ("D1597A_2003", 650), ("D8131_1", 82)])
+def test_real_plates(command, plates, plate, rows, tmp_path):
+    done = command(
+        "fit", plates / plate, "-m", "gantry", "--header", "u_um=2.3", "-o", tmp_path / "cal.json", "--json", "-"
+    )
+    assert done.status == 0, done.err
+    report = json.loads(done.out)
+    assert report["n_observations"] <= 2 * rows
+    assert report["after"]["rms_um"] < report["after"]["heldout_rms_um"] < report["before"]["rms_um"]
+    assert {"E_ZX", "E_AX", "E_BX", "E_ZY", "E_AY", "E_BY"} <= set(report["not_visible"])
+    assert report["after"]["chi2_reduced"] > 2.0  # the drill scatters more than the measuring machine
+
+
+def _line_of_row(path: Path, row: int) -> int:
+    lines = path.read_text().splitlines()
+    return sum(line.startswith("#") for line in lines) + 2 + row
