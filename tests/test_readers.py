@@ -2,6 +2,7 @@
 
 import math
 import re
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -540,3 +541,27 @@ def test_any_wide_table(tmp_path_factory, cells, comma):
     found = dict(zip(keys, (m.observed[:, 0] * 1e3).tolist(), strict=True))
     assert len(m) == len(there)
     assert found == pytest.approx(there)
+
+
+# ---- the documentation
+
+EXAMPLES = [
+    textwrap.dedent(block)
+    for block in re.findall(
+        r"(?:^    .*\n)+", (Path(__file__).parents[1] / "docs" / "measurements.md").read_text(), re.M
+    )
+]
+
+
+@pytest.mark.parametrize("text", [text for text in EXAMPLES if text.startswith("#")])
+def test_examples_of_the_documentation(write, text):
+    named = re.search(r"machine: (\w+)", text)
+    measurement = read_any(write(text), machines.load(named[1] if named else "gantry"))
+    assert len(measurement) == text.count("\n") - text.count("#") - 1 or "1 up" in text
+
+
+def test_column_map_of_the_documentation(write):
+    (text,) = (text for text in EXAMPLES if text.startswith("delimiter"))
+    plan = write("point,X,Y,Z\np1,1,2,3\n", "plan.csv")
+    m = read_any(write("c,S,p1,1,2,3\n"), GANTRY, columns=str(write(text, "m.toml")), plan=plan)
+    assert m.state.positions.tolist() == [[1, 2, 3]]
