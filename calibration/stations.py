@@ -29,6 +29,8 @@ from kinematics.transforms import Array
 ROUNDS = 20
 CONVERGED = 1e-9
 """mm and rad."""
+SETTLED = 1e-3
+"""Relative change of the repeatability's variance that ends its search."""
 SIGNIFICANT = 0.95
 """Share of honest measurements whose scatter stays below the limit."""
 
@@ -121,9 +123,12 @@ def _solve(bundle: _Bundle, poses: Registration) -> Points:
     scatter = _chi2(bundle, weights, positions, registration)
     variance = 0.0
     if freedom > 0 and scatter > chi2.ppf(SIGNIFICANT, freedom):
-        variance = _repeatability(bundle, sheet, positions, registration, freedom)
-        weights = _inverses(sheet + variance * np.eye(3))
-        positions, registration = _adjust(bundle, weights, positions, registration)
+        for _ in range(ROUNDS):
+            before, variance = variance, _repeatability(bundle, sheet, positions, registration, freedom)
+            weights = _inverses(sheet + variance * np.eye(3))
+            positions, registration = _adjust(bundle, weights, positions, registration)
+            if abs(variance - before) < SETTLED * variance:
+                break
     rotation = registration.rotations(bundle.measurement)
     normal = _normal(bundle, weights, positions, registration)
     inverse = _bordered_inverse(normal, _frame(bundle, positions, len(normal)))
@@ -180,11 +185,7 @@ def _chi2(bundle: _Bundle, weights: Array, positions: Array, poses: Registration
 
 
 def _repeatability(bundle: _Bundle, sheet: Array, positions: Array, poses: Registration, freedom: int) -> float:
-    """Variance, mm2, of each coordinate beyond the sheet, at the points of the sheet's own solution.
-
-    chi2 about the points that the sheet's weights found is a little too large for other weights; so the variance
-    errs to the safe side.
-    """
+    """Variance, mm2, of each coordinate beyond the sheet with which chi2 is its degrees of freedom at these points."""
 
     def excess(variance: float) -> float:
         return _chi2(bundle, _inverses(sheet + variance * np.eye(3)), positions, poses) - freedom

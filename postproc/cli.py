@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from kinematics.errors import UserError
-from postproc.commands import fit, iso230, plan, predict, simulate
+from postproc.commands import fit, iso230, plan, predict, simulate, three_points
 from postproc.commands.shared import CalibrationName, JsonFile, MachineName, machine_of, model_of, result, write_json
 
 if TYPE_CHECKING:
@@ -200,6 +200,7 @@ app.command("iso230", epilog=iso230.EPILOG)(iso230.iso230)
 app.command("plan", epilog=plan.EPILOG)(plan.plan)
 app.command("predict", epilog=predict.EPILOG)(predict.predict)
 app.command("simulate", epilog=simulate.EPILOG)(simulate.simulate)
+app.command("three-points", epilog=three_points.EPILOG)(three_points.three_points)
 
 
 def run() -> None:

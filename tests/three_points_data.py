@@ -65,13 +65,20 @@ def locations(values: Mapping[str, float]) -> list[Effect]:
     return [LocationError(name[0], name[2:], value) for name, value in values.items()]  # type: ignore[arg-type]
 
 
-def rows(machine: Machine, axes: Sequence[str], rounds: Sequence[str]) -> tuple[Array, np.ndarray, np.ndarray]:
+def rows(
+    machine: Machine, axes: Sequence[str], rounds: Sequence[str], fixed: Mapping[str, Target]
+) -> tuple[Array, np.ndarray, np.ndarray]:
     """Positions `(n, axes)`, file units, targets and runs: one axis, round and target after the other."""
     positions, targets, runs = [], [], []
+    for run in rounds:
+        for name in [n for n, target in fixed.items() if target.carrier == "bed"]:
+            positions.append([STANDING[each] for each in machine.names])
+            targets.append(name)
+            runs.append(run)
     for axis in axes:
         on_tool = machine.axes[machine.index(axis)].side == "tool"
         for run in rounds:
-            for name in [n for n, target in TARGETS.items() if (target.carrier == "tool") == on_tool]:
+            for name in [n for n, t in fixed.items() if t.carrier == ("tool" if on_tool else "table")]:
                 for value in SERIES[axis]:
                     positions.append([value if each == axis else STANDING[each] for each in machine.names])
                     targets.append(name)
@@ -88,18 +95,20 @@ def measured(
     instrument: LaserTracker = QUIET,
     rng: np.random.Generator | None = None,
     stray: float = 0.0,
+    targets: Mapping[str, Target] = TARGETS,
 ) -> Measurement:
     """One round from each station; `rng` adds the instrument's noise and positions that stray by `stray` mm."""
-    positions, targets, runs = rows(machine, axes, list(stations))
-    state = State(positions * machine.scale, station=runs, target=targets)
+    positions, names, runs = rows(machine, axes, list(stations), targets)
+    # stations at one place are one
+    same = {name: next(k for k, pose in stations.items() if pose is own) for name, own in stations.items()}
+    state = State(positions * machine.scale, station=np.array([same[run] for run in runs]), target=names)
     empty = np.zeros((len(runs), 3))
-    blank = Measurement(machine, instrument, state, empty, TARGETS, "bed", run=runs, source="virtual.csv")
+    blank = Measurement(machine, instrument, state, empty, targets, "bed", run=runs, source="virtual.csv")
     registration = Registration(dict(stations), {name: np.zeros(3) for name in stations})
-    registration = Registration(registration.poses, registration.centres, False, {}, {})
     shift = np.zeros((len(runs), 3))
     seen = expected(blank, registration, Observation(truth.errors(machine, state), shift))
     if rng is not None:
         root = np.linalg.cholesky(instrument.covariance(seen))
         seen = seen + (root @ rng.standard_normal((len(runs), 3, 1)))[:, :, 0]
         seen = seen + stray * rng.standard_normal((len(runs), 3))
-    return Measurement(machine, instrument, state, seen, TARGETS, "bed", run=runs, source="virtual.csv")
+    return Measurement(machine, instrument, state, seen, targets, "bed", run=runs, source="virtual.csv")

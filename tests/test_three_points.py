@@ -1,0 +1,315 @@
+"""Three-point identification: recovery through the exact kinematics, covariance, reference lines, refusals."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+from three_points_data import SERIES, TARGETS, locations, measured, model, random_effects, station
+from typer.testing import CliRunner
+
+import machines
+from calibration.instruments import Part
+from calibration.measurement import Measurement, Target
+from calibration.measurement_file import write_measurement
+from calibration.reference_lines import reference_line, straightness
+from calibration.three_points import Choice, ThreePoints, identify
+from calibration.three_points_figures import kind_of, ranges, squarenesses, straightnesses
+from kinematics.deviation import exact_deviation
+from kinematics.errors import UserError
+from kinematics.forward import forward
+from kinematics.model import ErrorModel, read_model
+from kinematics.state import State
+from kinematics.transforms import Array
+from postproc.cli import app
+
+DMU50 = machines.load("dmu50")
+FRONT = {"1": station((200.0, -1500.0, -300.0), 0.4)}
+AROUND = {
+    "1": station((800.0, -850.0, -650.0), 0.4),
+    "2": station((-800.0, 850.0, -650.0), 2.0),
+    "3": station((850.0, 800.0, 950.0), -1.0),
+    "4": station((-850.0, -800.0, 950.0), -2.0),
+}
+CUBIC = Choice("polynomial", {f"{c}{a}": 3 for a in SERIES for c in "XYZABC"})
+LINEAR = Choice("polynomial", {f"{c}{a}": 3 for a in "XYZ" for c in "XYZABC"})
+
+
+def parameters(found: ThreePoints) -> dict[str, float]:
+    return {e.name: e.parameters[0] for e in found.model.effects if e.kind == "location"}
+
+
+def clamped(truth: ErrorModel, found: ErrorModel, n: int = 300) -> Array:
+    """What one machine's tool does on the table unlike the other's, `(n, 3)` um, with the workpiece clamped at best."""
+    rng = np.random.default_rng(0)
+    ends = np.array([[SERIES[name].min(), SERIES[name].max()] for name in DMU50.names]).T * DMU50.scale
+    q = rng.uniform(*ends, (n, len(DMU50.axes)))
+    tool = (0.0, 0.0, -100.0)
+    two = [exact_deviation(DMU50, q, one.errors(DMU50, State(q)), tool).position for one in (truth, found)]
+    points = forward(DMU50, q).apply(tool)
+    clamp = np.concatenate(
+        [np.broadcast_to(np.eye(3), (n, 3, 3)), np.cross(np.eye(3), points[:, None, :]).swapaxes(1, 2)], axis=2
+    ).reshape(-1, 6)
+    away = (two[0] - two[1]).reshape(-1)
+    return (1e3 * (away - clamp @ np.linalg.lstsq(clamp, away, rcond=None)[0])).reshape(-1, 3)
+
+
+def open_to(axis: str, component: int, x: Array) -> Array:
+    """Functions `(n, k)` of an error motion that a datum, or the place of the targets, takes with it."""
+    ones = np.ones_like(x)
+    own = component % 3 == "XYZABC".index(axis) % 3
+    if axis in "XYZ":
+        return np.stack([ones, x], axis=1) if component < 3 and not own else ones[:, None]
+    return ones[:, None] if own else np.stack([ones, np.cos(np.deg2rad(x)), np.sin(np.deg2rad(x))], axis=1)
+
+
+@pytest.mark.parametrize("stations", [FRONT, AROUND], ids=["one station", "four stations"])
+def test_all_error_motions_are_recovered_without_noise(stations):
+    truth = model(DMU50, random_effects(3, size=3.0))
+    found = identify(measured(DMU50, truth, stations), CUBIC)
+    for axis, x in SERIES.items():
+        q = np.zeros((len(x), len(DMU50.axes)))
+        q[:, DMU50.index(axis)] = x
+        given_errors = truth.errors(DMU50, State(q * DMU50.scale))[:, DMU50.index(axis)] / ([1e-3] * 3 + [1e-6] * 3)
+        for component in range(6):
+            away = found.axes[axis].errors[:, component] - given_errors[:, component]
+            free = open_to(axis, component, x)
+            left = away - free @ np.linalg.lstsq(free, away, rcond=None)[0]
+            assert np.abs(left).max() < 1e-3, (axis, component)  # 1e-6 mm, 1e-9 rad
+
+
+@pytest.mark.parametrize("axis", "XYZBC")
+def test_model_of_one_faulty_axis_moves_the_tool_as_the_machine_does(axis):
+    truth = model(DMU50, random_effects(5, axes=axis, size=5.0))
+    found = identify(measured(DMU50, truth, FRONT), CUBIC)
+    assert np.abs(clamped(truth, found.model)).max() < 1e-3
+
+
+def test_model_of_five_faulty_axes_moves_the_tool_as_the_machine_does():
+    truth = model(DMU50, random_effects(6, size=6.0) + locations({"C0Y": 8.0, "X0C": 20.0, "A0B": 12.0, "Z0B": 7.0}))
+    found = identify(measured(DMU50, truth, AROUND), CUBIC)
+    left = clamped(truth, found.model)
+    assert np.abs(left).max() < 1.5e-3  # products of three errors
+    assert np.abs(clamped(truth, model(DMU50, []))).max() > 10.0
+
+
+def test_tables_hold_at_their_nodes():
+    truth = model(DMU50, random_effects(3, axes="XYZ", size=5.0))
+    found = identify(measured(DMU50, truth, FRONT, axes="XYZ"), Choice("table"))
+    polynomial = identify(measured(DMU50, truth, FRONT, axes="XYZ"), LINEAR)
+    q = np.zeros((11, len(DMU50.axes)))
+    q[:, DMU50.index("X")] = SERIES["X"]
+    two = [one.model.errors(DMU50, State(q))[:, DMU50.index("X")] for one in (found, polynomial)]
+    np.testing.assert_allclose(two[0], two[1], atol=1e-9)
+
+
+def test_degrees_are_chosen_by_the_data():
+    truth = model(DMU50, random_effects(8, degree=2, axes="XYZ"))
+    found = identify(measured(DMU50, truth, AROUND, axes="XYZ", rng=np.random.default_rng(2)))
+    sizes = [effect.basis.size for effect in found.model.effects if effect.kind == "error-motion"]
+    assert max(sizes) <= 5
+    assert np.mean(sizes) < 3.5
+
+
+def test_location_errors_of_rotary_axes_are_recovered():
+    given_values = {
+        "X0C": 30.0, "Y0C": -12.0, "A0C": 15.0, "B0C": -8.0,
+        "X0B": 11.0, "Z0B": -9.0, "A0B": 20.0, "C0B": -6.0,
+    }  # fmt: skip
+    found = identify(measured(DMU50, model(DMU50, locations(given_values)), FRONT), CUBIC)
+    values = parameters(found)
+    for name, value in given_values.items():
+        assert values[f"E_{name}"] == pytest.approx(value, abs=1e-3)
+    assert max(figure.value for figure in ranges(found.axes["C"])) < 1e-3
+
+
+def test_squareness_has_the_sign_of_the_conventions():
+    truth = model(DMU50, locations({"C0Y": 25.0, "C0X": 10.0, "B0Z": -7.0, "A0Z": 4.0, "A0Y": 9.0}))
+    found = identify(measured(DMU50, truth, FRONT, axes="XYZ"), LINEAR)
+    values = {figure.name: figure.value for figure in squarenesses(found)}
+    assert values["E_C(0X)Y"] == pytest.approx(15.0, abs=1e-3)
+    assert values["E_B(0X)Z"] == pytest.approx(-7.0, abs=1e-3)
+    assert values["E_A(0Y)Z"] == pytest.approx(-5.0, abs=1e-3)
+
+
+def test_angular_errors_of_one_axis_do_not_become_squareness_of_the_next():
+    truth = model(DMU50, random_effects(4, axes="X", size=20.0))
+    found = identify(measured(DMU50, truth, FRONT, axes="XYZ"), LINEAR)
+    y, z = (found.axes[axis] for axis in "YZ")
+    assert max(np.ptp(y.errors[:, [1, 3, 4, 5]], axis=0)) < 1e-3
+    assert max(np.ptp(z.errors[:, [2, 3, 4, 5]], axis=0)) < 1e-3
+
+
+@pytest.mark.parametrize("stations", [dict.fromkeys("1234", FRONT["1"]), AROUND], ids=["one station", "four stations"])
+def test_covariance_agrees_with_monte_carlo(stations):
+    truth, rng = model(DMU50, random_effects(3, axes="XYZ")), np.random.default_rng(11)
+    errors, values = [], []
+    for _ in range(60):
+        measurement = measured(DMU50, truth, stations, axes="XYZ", rng=rng)
+        found = identify(measurement, LINEAR)
+        errors.append(np.concatenate([axis.errors.reshape(-1) for axis in found.axes.values()]))
+        values.append(found.model.parameters)
+        assert found.points.chi2 / found.points.freedom == pytest.approx(1.0, abs=0.25)
+    u = np.concatenate([axis.u.reshape(-1) for axis in found.axes.values()])
+    ratios = np.std(errors, axis=0, ddof=1) / u
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.06)
+    assert ratios.min() > 0.65
+    assert ratios.max() < 1.4
+    assert found.model.covariance is not None
+    of_parameters = np.std(values, axis=0, ddof=1) / np.sqrt(np.diag(found.model.covariance))
+    assert np.mean(of_parameters) == pytest.approx(1.0, abs=0.1)
+
+
+def test_repeatability_is_found_beyond_the_sheet():
+    truth = model(DMU50, [])
+    quiet = identify(measured(DMU50, truth, AROUND, rng=np.random.default_rng(1)), CUBIC)
+    assert quiet.points.repeatability_um == 0.0
+    assert quiet.axes["X"].u_a.max() == 0.0
+    restless = identify(measured(DMU50, truth, AROUND, rng=np.random.default_rng(1), stray=0.004), CUBIC)
+    assert restless.points.repeatability_um == pytest.approx(4.0, rel=0.15)
+    x = restless.axes["X"]
+    assert np.all(x.u > quiet.axes["X"].u)
+    assert np.all(x.u_a < x.u)
+    assert np.all(x.u_a[:, 0] > 0.5 * x.u[:, 0])
+
+
+def test_datums_keep_the_frame():
+    targets = TARGETS | {
+        "D1": Target((500.0, -450.0, -100.0), "bed"),
+        "D2": Target((-500.0, -450.0, 500.0), "bed"),
+        "D3": Target((-500.0, 450.0, -100.0), "bed"),
+    }
+    bent = model(DMU50, locations({"C0X": 20.0, "C0Y": 20.0, "B0X": -30.0, "B0Z": -30.0}))
+    straight = measured(DMU50, model(DMU50, []), FRONT, axes="XYZ", targets=targets)
+    turned = measured(DMU50, bent, FRONT, axes="XYZ", targets=targets)
+    first = identify(straight, LINEAR)
+    np.testing.assert_allclose(first.datums["D1"], targets["D1"].position, atol=1e-6)
+    # a frame of its own follows the axes, and in part the targets, which do not turn; the datums do neither
+    assert parameters(identify(turned, LINEAR))["E_C0X"] < 10.0
+    assert parameters(identify(turned, LINEAR, first.datums))["E_C0X"] == pytest.approx(20.0, abs=1e-2)
+
+
+def test_names_of_iso_230():
+    found = identify(measured(DMU50, model(DMU50, []), FRONT), CUBIC)
+    assert [kind_of(found.axes["Y"], j) for j in range(6)] == ["straightness", "positioning", "straightness"] + [
+        "angular"
+    ] * 3
+    assert [kind_of(found.axes["C"], j) for j in range(6)] == [
+        "radial", "radial", "axial", "tilt", "tilt", "angular positioning",
+    ]  # fmt: skip
+    assert list(straightnesses(found.axes["Y"])) == ["E_XY", "E_ZY"]
+    assert straightnesses(found.axes["C"]) == {}
+
+
+# reference straight lines
+
+READINGS = st.lists(st.floats(-50, 50, allow_subnormal=False).map(lambda v: round(v, 3)), min_size=3, max_size=15)
+
+
+@given(READINGS, st.integers(0, 1000))
+def test_minimum_zone_is_the_narrowest(readings, seed):
+    y = np.array(readings)
+    x = np.cumsum(np.random.default_rng(seed).uniform(5.0, 60.0, len(y))) - 200.0
+    found = straightness("minimum-zone", x, y, np.eye(len(y)))
+    ones = np.ones_like(x)
+    rows = np.concatenate([np.stack([x, ones, -ones], axis=1), np.stack([-x, -ones, -ones], axis=1)])
+    best = linprog([0, 0, 1], A_ub=rows, b_ub=np.concatenate([y, -y]), bounds=[(None, None)] * 3)
+    assert found.value == pytest.approx(2.0 * best.x[2], abs=1e-6)
+    assert found.deviations.max() == pytest.approx(-found.deviations.min(), abs=1e-9)
+
+
+@given(READINGS)
+def test_no_line_is_narrower_than_the_minimum_zone(readings):
+    y = np.array(readings)
+    x = np.arange(len(y)) * 50.0
+    values = [straightness(kind, x, y, np.eye(len(y))).value for kind in ("minimum-zone", "least-squares", "end-point")]
+    assert values[0] <= min(values[1:]) + 1e-9
+
+
+def test_least_squares_and_end_point_lines():
+    x, y = np.array([300.0, 200.0, 100.0, 0.0]), np.array([3.0, 5.0, 2.0, 0.0])
+    slope, offset = np.polyfit(x, y, 1)
+    line = reference_line("least-squares", x, y)
+    assert line.slope_of @ y == pytest.approx(slope)
+    assert line.offset_of @ y == pytest.approx(offset)
+    found = straightness("end-point", x, y, np.diag([1.0, 4.0, 9.0, 16.0]))
+    np.testing.assert_allclose(found.deviations, [0.0, 3.0, 1.0, 0.0], atol=1e-12)
+    assert found.u_slope == pytest.approx(17.0**0.5 / 300.0)
+    with pytest.raises(UserError, match="two positions"):
+        reference_line("least-squares", x[:1], y[:1])
+
+
+# refusals
+
+
+def without(measurement: Measurement, drop: np.ndarray) -> Measurement:
+    return measurement.rows(np.flatnonzero(~drop))
+
+
+def test_refusals():
+    good = measured(DMU50, model(DMU50, []), FRONT, axes="XY")
+    q, names = good.state.positions, good.state.target
+    x = DMU50.index("X")
+    with pytest.raises(UserError, match="tracker on the bed"):
+        identify(replace(good, stands_on="workpiece"))
+    with pytest.raises(UserError, match="laser tracker"):
+        identify(replace(good, instrument=Part(u_um=1.0)))
+    with pytest.raises(UserError, match=r"X at 100\.0000 mm lacks target Q"):
+        identify(without(good, (q[:, x] == 100.0) & (names == "Q")))
+    with pytest.raises(UserError, match=r"2 target\(s\) \(K, P\)"):
+        identify(without(good, names == "Q"))
+    with pytest.raises(UserError, match="no axis moves alone"):
+        identify(good.rows(np.flatnonzero(q[:, x] == 100.0)))
+    with pytest.raises(UserError, match="no such error motion was measured"):
+        identify(good, Choice(degrees={"XC": 3}))
+    with pytest.raises(UserError, match="degree 0 of E_XY: 11 positions take 1 to 10"):
+        identify(good, Choice(degrees={"XY": 0}))
+    with pytest.raises(UserError, match="nothing holds the frame"):
+        identify(good, datums={})
+    two = np.concatenate([q, q + np.eye(5)[DMU50.index("Z")]])
+    twice = good.rows(np.tile(np.arange(len(good)), 2))
+    with pytest.raises(UserError, match="X moves along 2 lines"):
+        identify(replace(twice, state=replace(twice.state, positions=two)))
+
+
+def test_targets_in_one_line_are_refused():
+    line = {"P": Target((0.0, 0.0, 0.0)), "Q": Target((50.0, 0.0, 0.0)), "K": Target((100.0, 0.0, 0.5))}
+    with pytest.raises(UserError, match="lie in one line"):
+        identify(measured(DMU50, model(DMU50, []), FRONT, axes="XY", targets=line))
+
+
+def test_a_station_that_nothing_ties_to_the_others_is_refused():
+    good = measured(DMU50, model(DMU50, []), AROUND)
+    alone = (good.state.station == "3") & np.isin(good.state.target, ["P", "Q", "K"])
+    with pytest.raises(UserError, match="station 3 sees fewer than three"):
+        identify(without(good, alone))
+
+
+# the command
+
+
+def test_the_command(tmp_path: Path):
+    truth = model(DMU50, random_effects(3, degree=2))
+    measurement = measured(DMU50, truth, AROUND, rng=np.random.default_rng(5))
+    file = io.BytesIO()
+    write_measurement(measurement, file)
+    data, cal, results = (tmp_path / name for name in ("data.csv", "cal.json", "out.json"))
+    data.write_bytes(file.getvalue())
+    call = ["three-points", str(data), "--machine", "dmu50", "--degree", "XX=2", "-o", str(cal), "--json", str(results)]
+    outcome = CliRunner().invoke(app, call)
+    assert outcome.exit_code == 0, outcome.output
+    content = json.loads(results.read_text())
+    assert set(content["axes"]) == set("XYZBC")
+    assert content["axes"]["X"]["positions"][0] == -250.0
+    assert set(content["squareness"]) == {"E_C(0X)Y", "E_B(0X)Z", "E_A(0Y)Z"}
+    assert np.abs(clamped(truth, read_model(cal, DMU50))).max() < 8.0
+    assert "E_X0C" in outcome.output
+    with pytest.raises(UserError, match="--basis spline"):
+        CliRunner().invoke(app, [*call, "--basis", "spline"], catch_exceptions=False)
