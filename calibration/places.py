@@ -51,10 +51,10 @@ class Places:
 
 
 def state_columns(machine: Machine) -> list[str]:
-    """Names of the columns that any file may have; `temp_` stands for all that begin so."""
+    """Names of the columns that any file may have; `temp_` stands for all that begin so, `point` is for people."""
     axes = machine.names
     directions, actual = (f"dir_{name}" for name in axes), (f"actual_{name}" for name in axes)
-    return [*axes, "time_s", "feed", "target", "station", "run", *directions, *actual, "temp_<name>"]
+    return [*axes, "time_s", "feed", "target", "station", "run", "point", *directions, *actual, "temp_<name>"]
 
 
 def allow_columns(table: Table, known: list[str]) -> None:

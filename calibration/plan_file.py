@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from calibration.measurement import with_moves
-from calibration.places import CARRIERS, PLAIN_NAME, check_machine, read_places, state_columns
+from calibration.places import CARRIERS, PLAIN_NAME, allow_columns, check_machine, read_places, state_columns
 from calibration.plan import Plan
 from calibration.table import read_table
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 
-POINT, MEASURED = "point", "measured"
-"""Columns that only a plan has: the name of the point, and the axis that is measured on its own."""
+POINT = "point"
+"""Column with the names of points, which only a plan has."""
 
 
 def write_plan(plan: Plan, file: BinaryIO) -> None:
@@ -35,9 +36,11 @@ def write_plan(plan: Plan, file: BinaryIO) -> None:
     if state.approach is not None and not np.array_equal(state.approach, with_moves(state).approach):  # type: ignore[arg-type]
         for name, approach in zip(axes, state.approach.T, strict=True):
             columns[f"dir_{name}"] = [str(sign) for sign in approach.astype(int).tolist()]
-    for header, names in (("target", state.target), ("run", plan.run), (POINT, plan.names), (MEASURED, plan.axis)):
-        if names is not None:
-            columns[header] = names.tolist()
+    if state.target is not None:
+        columns["target"] = state.target.tolist()
+    columns |= {"run": plan.run.tolist(), POINT: plan.names.tolist()}
+    if plan.axis is not None:
+        columns |= _measured(plan, plan.axis, columns)
     lines = [*(f"# {line}" for line in head), ",".join(columns)]
     lines += [",".join(cells) for cells in zip(*columns.values(), strict=True)]
     file.write(("\n".join(lines) + "\n").encode())
@@ -47,19 +50,26 @@ def read_plan(path: Path, machine: Machine) -> Plan:
     """The plan in a file with the state columns of a measurement file; UserError for what can't be used."""
     table, notes = read_table(path, "plan"), list[str]()
     check_machine(table, machine, notes)
-    known = [*state_columns(machine), POINT, MEASURED]
-    table.allow_columns(lambda name: name in known or name.startswith("temp_"), known)
+    allow_columns(table, [*state_columns(machine), "axis", "target_mm", "target_deg"])
     places = read_places(table, machine, notes)
-    texts = table.texts([name for name in (POINT, MEASURED) if name in table.names])
+    names = table.texts([name for name in (POINT,) if name in table.names])
     count = np.arange(1, len(table) + 1).astype(str)
     strategy = table.entries["strategy"].value if "strategy" in table.entries else path.name
-    for row, name in enumerate(texts.get(MEASURED, ())):
-        if name not in machine.names:
-            table.fault(row, MEASURED, f"machine {machine.name} has no axis {name!r}")
     return Plan(
-        machine, strategy, places.state, texts.get(POINT, count), count if places.run is None else places.run,
-        places.targets, texts.get(MEASURED), minutes=_minutes(places.state.time), places=len(table), notes=tuple(notes),
+        machine, strategy, places.state, names.get(POINT, count), count if places.run is None else places.run,
+        places.targets, places.axis, minutes=_minutes(places.state.time), places=len(table), notes=tuple(notes),
     )  # fmt: skip
+
+
+def _measured(plan: Plan, axis: np.ndarray, columns: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """The axis of each row and its position, as a measurement with an interferometer has them."""
+    turning = [each.name for each in plan.machine.axes if each.rotary]
+    found = {"axis": axis.tolist()}
+    for header, rows in (("target_mm", ~np.isin(axis, turning)), ("target_deg", np.isin(axis, turning))):
+        if rows.any():
+            cells = zip(axis.tolist(), rows.tolist(), range(len(axis)), strict=True)
+            found[header] = [columns[name][row] if filled else "" for name, filled, row in cells]
+    return found
 
 
 def _minutes(time: np.ndarray | None) -> float:

@@ -130,6 +130,8 @@ def read_out(measurement: Measurement) -> Measurement:
 
 def spoil(measurement: Measurement, faults: Faults, rng: np.random.Generator) -> tuple[Measurement, tuple[str, ...]]:
     """The measurement with outliers, doubled and missing rows, and what was done; last moves stay what they were."""
+    if faults == Faults():
+        return measurement, ()
     n, components = measurement.observed.shape
     bad = rng.permutation(n)[: round(faults.outliers * n)]
     way = rng.standard_normal((len(bad), components))

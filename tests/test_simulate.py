@@ -1,5 +1,6 @@
 """Virtual measurements: truth within its widths, observations by the exact product, noise by the sheet, files."""
 
+import csv
 import json
 import re
 from dataclasses import replace
@@ -475,6 +476,25 @@ def test_a_plan_of_all_options_is_simulated(ncomp):  # noqa: F811
     assert np.all(measured.state.approach == 1)
     assert len(measured) == 80
     assert "the tracker stands 1.5 m before the volume" in result.err
+
+
+def test_the_truth_predicts_what_is_observed(ncomp):  # noqa: F811
+    """Plan, simulate without noise and predict: distances between points agree whatever the tracker's pose."""
+    assert (
+        ncomp("plan", "--machine", "gantry", "--strategy", "diagonals", "--points", "30", "-o", "plan.csv").status == 0
+    )
+    simulated = ncomp(
+        "simulate", "--machine", "gantry", "--strategy", "plan.csv", "--noise", "0", "-o", "d.csv", "--truth", "t.json"
+    )
+    predicted = ncomp("predict", "plan.csv", "--machine", "gantry", "-c", "t.json", "-o", "p.csv")
+    assert (simulated.status, predicted.status) == (0, 0), predicted.err
+    lines = [line for line in Path("p.csv").read_text().splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(lines))
+    points = np.array([[float(row[k]) + float(row[f"d{k.lower()}_um"]) * 1e-3 for k in "XYZ"] for row in rows])
+    observed = read_measurement(Path("d.csv"), GANTRY).observed
+    for k in (0, 7):
+        seen, told = (np.linalg.norm(each - each[k], axis=1) for each in (observed, points))
+        assert seen == pytest.approx(told, abs=3e-5)
 
 
 def test_calibrations_and_tables_as_truth(ncomp):  # noqa: F811
