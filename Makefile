@@ -25,6 +25,9 @@ demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it g
 	@echo
 	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE) $(SETUP)
 
+# Two test processes share two cores: threads of BLAS would only get in each other's way.
+test test-slow test-all: export OPENBLAS_NUM_THREADS := 1
+
 test: $(INSTALLED) ## run the tests, without the slow ones (ARGS="-k name" is passed on)
 	$(BIN)/pytest -n 2 -m "not slow" $(ARGS)
 
