@@ -69,7 +69,7 @@ def test_the_calibration_corrects_a_program(command, data, tmp_path):
         (["--basis", "X=b-spline:5"], "says nothing of Y, Z"),
         (["--basis", "X=b-spline:5,Y=legendre:3,Z=cubic:3,C=cubic:4"], "C does not move"),
         (["--noise", "white"], "sheet or estimate"),
-        (["--header", "u_um"], "KEY=VALUE"),
+        (["--header", "u_um"], "expected KEY=VALUE"),
         (["--machine", "gantry"], "gantry"),
     ],
 )

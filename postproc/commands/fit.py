@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kinematics.errors import UserError
-from postproc.commands.shared import (
-    ColumnMap,
-    FileFormat,
-    Headers,
-    JsonFile,
-    MachineName,
-    PlanFile,
-    machine_of,
-    pairs,
-    result,
-    write_json,
-)
+from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
+from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -63,9 +53,9 @@ def fit(
         float | None,
         typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
     ] = None,
-    file_format: FileFormat = "auto",
-    header: Headers = None,
-    columns: ColumnMap = None,
+    file_format: FormatName = "auto",
+    header: HeaderLines = None,
+    columns: ColumnMapName = None,
     plan: PlanFile = None,
     hold_out: Annotated[
         bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
@@ -78,18 +68,14 @@ def fit(
     determine is listed by name and keeps the uncertainty of what was expected beforehand.
     """
     from calibration.calibrate import calibrate
-    from calibration.readers import read_any
     from kinematics.model import encode_model
-    from postproc.terminal import console, say
+    from postproc.terminal import console
     from postproc.terminal import output as screen
 
     if noise not in ("sheet", "estimate"):
         raise UserError(f"--noise {noise}: sheet or estimate")
     found_machine = machine_of(machine)
-    keys = pairs(header, "--header")
-    measurement = read_any(data, found_machine, file_format, header=keys, columns=columns, plan=plan)
-    for note in measurement.notes:
-        say("note", note)
+    measurement = read_data(data, found_machine, file_format, header, columns, plan)
     with console.status("reading") as status:
         found = calibrate(
             measurement,

@@ -33,30 +33,6 @@ CalibrationName = Annotated[
     typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
 ]
 JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
-FileFormat = Annotated[
-    str, typer.Option("--format", help="ncomp, rtl, iso230-table, cmm or delimited; auto: by what stands in the file.")
-]
-Headers = Annotated[
-    list[str] | None,
-    typer.Option("--header", metavar="KEY=VALUE", help="Header key that the file does not say: u_um=2.3. Repeatable."),
-]
-ColumnMap = Annotated[
-    str | None, typer.Option("--columns", metavar="MAP.toml", help="Column map of a delimited export.")
-]
-PlanFile = Annotated[
-    Path | None, typer.Option("--plan", metavar="PLAN.csv", help="Where names of points are looked up.")
-]
-
-
-def pairs(texts: list[str] | None, option: str) -> dict[str, str]:
-    """Keys and values of a repeatable option `KEY=VALUE`; UserError for one without a `=`."""
-    found = {}
-    for text in texts or ():
-        key, equals, value = text.partition("=")
-        if not equals:
-            raise UserError(f"{option} {text}: write KEY=VALUE")
-        found[key.strip()] = value.strip()
-    return found
 
 
 def machine_of(name: str) -> Machine:
