@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.measurement import with_moves
+from calibration.patterns import LARGEST
 from calibration.plan import Choices, Plan, Timing, Way
+from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
@@ -15,6 +17,9 @@ from kinematics.transforms import Array
 
 def visit(laid: Way, machine: Machine, strategy: str, choices: Choices, asked: int | None, reference: Array) -> Plan:
     """The plan of positions that a strategy has laid, `reference` `(axes,)` in file units among them."""
+    planned = len(laid.positions) * len(choices.targets) * choices.runs
+    if planned > LARGEST:
+        raise UserError(f"{planned} observations with all targets and runs, more than {LARGEST}")
     way = _ordered(laid, choices)
     if choices.references:
         way = _with_references(way, choices.references, reference)

@@ -120,7 +120,7 @@ def simulate(
         typer.Option(
             metavar="x,y,z",
             rich_help_panel=INSTRUMENT,
-            help="Where it stands, mm, workpiece frame. Repeatable: stations.",
+            help="Where it stands, mm, in the workpiece frame (on the bed: machine frame). Repeatable: stations.",
         ),
     ] = None,
     stands_on: Annotated[
@@ -164,6 +164,14 @@ def simulate(
 
     if truth is not None and truth == output:
         raise UserError(f"--truth and --output both name {output}")
+    options.check_finite(
+        location=location,
+        incidence=incidence,
+        noise=noise,
+        outliers=outliers,
+        duplicates=duplicates,
+        missing=missing,
+    )
     found = machine_of(machine)
     # one stream each, so that another instrument measures the same machine
     draws = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
@@ -228,7 +236,10 @@ def _instrument(kind: str, uncertainties: list[str], planar: bool) -> Instrument
         values = {}
         for text in uncertainties:
             name, _, value = text.partition("=")
-            (values[name.strip()],) = options.numbers(value, 1, f"--uncertainty {text}")
+            (number,) = options.numbers(value, 1, f"--uncertainty {text}")
+            if number < 0:
+                raise UserError(f"--uncertainty {text}: negative")
+            values[name.strip()] = number
     if kind == "part":
         values["components"] = 2 if planar else 3
     try:

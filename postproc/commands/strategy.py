@@ -138,6 +138,7 @@ def choices_of(
     from calibration.measurement import SPINDLE_NOSE
     from calibration.plan import Choices, Timing
 
+    check_finite(dwell=dwell, feed=feed)
     timed = dwell is not None or feed is not None
     return Choices(
         ranges=dict(_range(text, machine) for text in ranges or ()),
@@ -166,6 +167,13 @@ def plan_of(machine: Machine, strategy: str, points: str | None, spacing: float 
     for note in made.notes:
         say("note", note)
     return made
+
+
+def check_finite(**options: float | None) -> None:
+    """UserError for the first option whose number is none (nan, inf)."""
+    for name, value in options.items():
+        if value is not None and not math.isfinite(value):
+            raise UserError(f"--{name.replace('_', '-')} {value}: no number")
 
 
 def numbers(text: str, count: int, where: str, separator: str = ",") -> tuple[float, ...]:
