@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kinematics.errors import UserError
+from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
 
 if TYPE_CHECKING:
@@ -33,18 +34,21 @@ def three_points(
         list[str] | None,
         typer.Option("--degree", metavar="XX=4", help="Degree of a polynomial (E_XX); others by BIC. Repeatable."),
     ] = None,
+    file_format: FormatName = "auto",
+    header: HeaderLines = None,
+    columns: ColumnMapName = None,
+    plan: PlanFile = None,
     json: JsonFile = None,
 ) -> None:
     """Identify the six error motions of each axis from three or more targets on what it moves, one axis at a time."""
-    from calibration.measurement_file import read_measurement
     from calibration.three_points import Choice, identify
     from kinematics.model import encode_model
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
-    measurement = read_measurement(data, machine_of(machine))
+    measurement = read_data(data, machine_of(machine), file_format, header, columns, plan)
     found = identify(measurement, Choice(_kind(basis), _degrees(degree or [])))
-    for note in (*measurement.notes, *found.notes):
+    for note in found.notes:
         say("note", note)
     with result(json) as results, result(str(output)) as file:
         file.write(encode_model(found.model))
