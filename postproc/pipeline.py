@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
@@ -160,7 +160,7 @@ class Pipeline:
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
             report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[:, i]) * 1e6)
         self._note_assumed(motions, correctable)
-        commanded = replace(motions, start=written.starts, target=written.ends)
+        commanded = written.moves(motions)
         states_before = self.before.states(motions, judged)
         states_after = self.after.states(commanded, judged)
         if not judged.any():

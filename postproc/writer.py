@@ -7,6 +7,7 @@ by then, a word is inserted. The writer keeps what the control will hold after r
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -51,8 +52,14 @@ class Written(NamedTuple):
     """Where the control stands before each move."""
     ends: Array
     """Where each move takes it, after rounding."""
+    arcs: dict[int, Arc]
+    """By row, round the centres that the control finds."""
     added: int
     """Blocks of our own."""
+
+    def moves(self, motions: Motions) -> Motions:
+        """The rows as the control moves them."""
+        return replace(motions, start=self.starts, target=self.ends, arcs=self.arcs)
 
 
 def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
@@ -84,11 +91,12 @@ class Writer:
         """Blocks of the chunk whose own move is written."""
         self._straight = False
         """The last move written is a take-up: where G2 or G3 is in force, it no longer is."""
+        self._arcs: dict[int, Arc] = {}
         self._added = 0
 
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
-        self._editors, self._begun, self._added = {}, set(), 0
+        self._editors, self._begun, self._arcs, self._added = {}, set(), {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
         turning = motions.turning
         assumed = (motions.known_start == Known.ASSUMED).tolist()
@@ -103,7 +111,7 @@ class Writer:
             ends[row] = self._held = held
         editors = self._editors
         texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
-        return Written(texts, starts, ends, self._added)
+        return Written(texts, starts, ends, self._arcs, self._added)
 
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position that the control holds before the row, in the row's frame.
@@ -252,6 +260,7 @@ class Writer:
             centre = self._write_centre(editor, arc, base, centre, unit)
         if abs(sweep(start, end, centre, arc.sense, arc.full) - turned) > 1.0 and math.dist(start, centre) > DOT:
             raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
+        self._arcs[row] = arc._replace(centre=centre)
 
     def _centre_letter(self, axis: int) -> str:
         return "IJK"["XYZ".index(self.machine.names[axis][0])]
