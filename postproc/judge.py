@@ -50,8 +50,8 @@ class Judge:
         self.axes = axes_with_play(model, machine)
         self.band = dead_band(machine, tolerance_um)
         if written:
-            # what was no reversal before it was written is none afterwards
-            self.band = self.band + dead_band(machine, 0.0)
+            # what was no reversal, there and on the way there, is none after rounding; a take-up is more than that
+            self.band = 2 * self.band + dead_band(machine, 0.0)
         self._conditions = conditions
         self._directions = Directions(self.axes, self.band)
         self.approach: Array | None = None
