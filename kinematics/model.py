@@ -79,7 +79,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return (now - self.provenance.made_at).total_seconds() / 86400.0
 
     def part(self, keep: Callable[[Effect], bool]) -> ErrorModel:
-        """The model with the effects that `keep` is true of, and their part of the covariance; itself if that is all."""
+        """The effects that `keep` is true of, with their part of the covariance; the model itself if that is all."""
         kept = [keep(effect) for effect in self.effects]
         if all(kept):
             return self

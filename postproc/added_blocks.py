@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from postproc.iso_codes import DISTANCES, FEED_MODES, UNITS
 from postproc.program import Block
 from postproc.words import ORDER, Layout
 
-MOTIONS = frozenset((2.0, 3.0))
+ARCS = frozenset((2.0, 3.0))
+MODES = DISTANCES | FEED_MODES | UNITS.keys()
 
 
 class Tag(StrEnum):
@@ -23,6 +25,11 @@ def tag_of(text: str) -> Tag | None:
     return next((tag for tag in Tag if tag in text), None) if "NCOMP" in text else None
 
 
+def mode_words(block: Block) -> list[str]:
+    """The G codes of a block that say how it is read: whoever stands before it and is read alike says them too."""
+    return [block.text[word.at : word.end] for word in block.words if word.address == "G" and word.value in MODES]
+
+
 def feed_words(block: Block) -> list[str]:
     """What a block says of the feed, as it stands there."""
     return [block.text[word.at : word.end] for word in block.words if word.address in ("F", "FU", "FZ", "FAUTO")]
@@ -35,7 +42,7 @@ def feed_index(block: Block) -> int | None:
 
 def lacks_motion(block: Block) -> bool:
     """True for an ISO arc that has G2 or G3 from a block before."""
-    return block.kind == "words" and not any(w.address == "G" and w.value in MOTIONS for w in block.words)
+    return block.kind == "words" and not any(w.address == "G" and w.value in ARCS for w in block.words)
 
 
 @dataclass
@@ -49,6 +56,7 @@ class AddedBlock:
     """Of an arc, 0 of a straight line."""
     preface: str = ""
     """A block before it."""
+    _modes: list[str] = field(default_factory=list)
     _words: list[tuple[str, str]] = field(default_factory=list)
     _feed: list[str] = field(default_factory=list)
 
@@ -65,6 +73,10 @@ class AddedBlock:
     def insert(self, address: str, value: float, decimals: int) -> None:
         """Add a word."""
         self._words.append((address, self.layout.numbers.write(value, decimals)))
+
+    def modes(self, *texts: str) -> None:
+        """Say how it is read."""
+        self._modes += texts
 
     def feed(self, *texts: str) -> None:
         """Say the feed."""
@@ -90,7 +102,7 @@ class AddedBlock:
         else:
             head = "G1" if not self.sense else "G3" if self.sense > 0 else "G2"
         blank = " " if self.klartext or self.layout.blank else ""
-        said = blank.join([head, *ordered, *self._feed])
+        said = blank.join([*self._modes, head, *ordered, *self._feed])
         lower = self.beside.words and self.beside.text[self.beside.words[0].at].islower()
         line = f"{said.lower() if lower else said}{blank}{comment.format(self.tag)}"
         return [self.preface, line] if self.preface else [line]

@@ -140,7 +140,7 @@ class IsoInterpreter:
         other = content.other.keys()
         moves = bool(content.axes) or not other.isdisjoint("IJKR")
         self._check_block(block, content, moves)
-        modes = self._read_in()
+        frame = self.recorder.frame
         if content.m or "T" in other:
             self._functions(block, content)
         claimed = self._modes(block, content) if content.g else None
@@ -151,7 +151,7 @@ class IsoInterpreter:
         elif claimed == 53.0:
             self._machine_move(index, block, content)
         else:
-            self._move(index, block, content, modes == self._read_in())
+            self._move(index, block, content, frame == self.recorder.frame)
         self.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
         self.ended = not PROGRAM_ENDS.isdisjoint(content.m)
 
@@ -372,10 +372,6 @@ class IsoInterpreter:
         if words:
             targets = {word.axis: value for word, value in words}
             self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
-
-    def _read_in(self) -> tuple[float, bool, bool, Frame]:
-        """What decides where a coordinate leads, and what F means."""
-        return self.unit, self.absolute, self.timed, self.recorder.frame
 
     def _move(self, index: int, block: Block, content: _Content, settled: bool) -> None:
         if self.motion is None:

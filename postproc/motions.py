@@ -88,7 +88,7 @@ class Motions:
     timed: np.ndarray
     """True `(n,)` where F gives the time of the move (G93) and not a speed."""
     settled: np.ndarray
-    """True `(n,)` where the modes and the frame before the block are those that it is read in."""
+    """True `(n,)` where the frame before the block is that which it is read in."""
     added: np.ndarray
     """True `(n,)` for moves with a block of ncomp's own: take-ups, and all pieces of an arc but the first."""
     start: Array
@@ -267,7 +267,7 @@ class Recorder:
         """A move in the programmed frame to `target`, of which `words` name the axes that the block names.
 
         An increment says as much about where the axis is as was known before. Not `settled` when the block itself
-        has changed how it is read.
+        has changed the frame.
         """
         if arc is not None:
             self._arcs[len(self._rows)] = arc

@@ -136,7 +136,7 @@ class TakeUps:
             why = (
                 "not an axis that is corrected"
                 if others[row, axis]
-                else "its block changes how it is read, turns rotary axes alone, or has no F under G93"
+                else "its block changes the frame, turns rotary axes alone, or has no F under G93"
                 if not ready[row]
                 else "the program has not said where it is"
             )

@@ -14,7 +14,7 @@ import numpy as np
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.added_blocks import AddedBlock, Tag, feed_index, feed_words, lacks_motion
+from postproc.added_blocks import AddedBlock, Tag, feed_index, feed_words, lacks_motion, mode_words
 from postproc.circles import (
     OUT_OF_ROUND,
     SAME,
@@ -87,6 +87,8 @@ class Writer:
         self._frame: Frame | None = None
         self._editors: dict[int, WordEditor] = {}
         self._said: list[list[bool]] = []
+        self._ours: list[bool] = []
+        self._inner: list[bool] = []
         self._begun: set[int] = set()
         """Blocks of the chunk whose own move is written."""
         self._straight = False
@@ -101,6 +103,7 @@ class Writer:
         turning = motions.turning
         assumed = (motions.known_start == Known.ASSUMED).tolist()
         self._said = (motions.known == Known.PROGRAM).tolist()
+        self._ours, self._inner = motions.added.tolist(), motions.inner.tolist()
         for row in range(len(motions)):
             held = self._before(motions, row, assumed[row])
             starts[row] = held
@@ -144,7 +147,7 @@ class Writer:
     def _write_row(self, motions: Motions, correction: Correction, row: int, held: list[float], turning: bool) -> None:
         """Edit the block of one move, or write one of our own; `held` becomes the position after it."""
         block = int(motions.block[row])
-        if motions.added[row]:
+        if self._ours[row]:
             added, start = self._added_block(motions, row), list(held)
             self._write_words(motions, correction, row, held, turning, added)
             self._put_beside(motions, row, added, math.dist(start, held))
@@ -154,8 +157,7 @@ class Writer:
         if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
             editor.say_motion("G3" if motions.arcs[row].sense > 0 else "G2")
         self._write_words(motions, correction, row, held, turning, editor)
-        cut = motions.inner[row]
-        if cut and motions.timed[row]:
+        if motions.timed[row] and self._inner[row]:
             self._share_time(motions, row, editor)
         self._begun.add(block)
         self._straight = False
@@ -347,6 +349,8 @@ class Writer:
             return
         block = int(motions.block[row])
         begun = block in self._begun
+        if not begun:
+            added.modes(*mode_words(added.beside))
         if motions.timed[row]:
             self._say_time(motions, row, added, moved)
         elif not begun:

@@ -148,7 +148,15 @@ def test_every_effect_of_a_machine_serves_in_a_program():
     for example in EXAMPLES:
         machine, out = example.machine, io.BytesIO()
         model = model_of(machine, example.effect)
-        job = Job(source_of(text), find_dialect("iso", "", ""), machine, model, make_setup(machine), False, conditions=conditions)
+        job = Job(
+            source_of(text),
+            find_dialect("iso", "", ""),
+            machine,
+            model,
+            make_setup(machine),
+            False,
+            conditions=conditions,
+        )
         report = Pipeline(job).run(out, lambda _: None)
         assert report.after.largest < 0.2
         if not in_a_program(example.effect):

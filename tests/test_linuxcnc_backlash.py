@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 GANTRY = load("gantry")
 WIDTHS = {"X": 20.0, "Y": 40.0, "Z": 10.0}  # um; half of each is a whole number of 0.0001 mm
 DWELL = "G4 P0.06\n"
-CORNER = 1e-3
+CORNER = 3e-4
 """mm: LinuxCNC rounds corners by its spline (4000 mm/s2 * (1 ms)^2 / 12), and runs an arc as far as it takes per cycle."""
 CHORD = 1e-4
 """mm: of the polylines of this test."""
@@ -89,7 +89,9 @@ def test_motors_go_where_linuxcnc_s_own_backlash_takes_them(linuxcnc_sim):
     # the machine with play behind these motors
     first = at_ours[0]
     motors = ours.motor[first:, columns]
-    places = np.column_stack([play(np.append(ours.motor[0, i], motors[:, i]), WIDTHS["XYZ"[i]] * 1e-3)[1:] for i in columns])
+    places = np.column_stack(
+        [play(np.append(ours.motor[0, i], motors[:, i]), WIDTHS["XYZ"[i]] * 1e-3)[1:] for i in columns]
+    )
     assert np.abs(places[at_ours - first] - ends).max() <= 1e-6
     feed = np.isin(matched.kind, (Kind.LINE, Kind.ARC))
     feed[:2] = False
