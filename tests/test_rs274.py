@@ -227,7 +227,8 @@ def test_programs_with_take_ups(linuxcnc, name):
     """Blocks of ncomp's own too: LinuxCNC ends every move where ncomp says it has sent it."""
     machine = load("gantry")
     setup = random_setup(machine)
-    text = HEAD + "G0 X11 Y6 Z21\n" + BY_HAND[name] + "M2\n"
+    head = HEAD.replace("X10 Y5 Z20", "X9 Y4 Z19\nG0 X10 Y5 Z20")
+    text = head + BY_HAND[name] + "G90 G94 G1 X30 Y30 Z30 F100\nX29 Y29 Z29\nM2\n"
     model = model_of(machine, *(Backlash(axis, width) for axis, width in {"X": 20.0, "Y": 40.0, "Z": 12.0}.items()))
     result = correct(text, machine, model, travel_check=False, **setup)
     assert result.report.added_blocks > 0
