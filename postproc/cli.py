@@ -137,7 +137,8 @@ def correct(
 ) -> None:
     """Correct a program: every block end where it should be, by the machine's error model.
 
-    Only coordinate words change, and a comment is added that names machine and calibration. What ncomp does not fully
+    Only coordinate words change, blocks are added where play is taken up, and a comment that names machine and
+    calibration. What ncomp does not fully
     understand is refused: exit status 2, no output.
     """
     from postproc.conditions import make_conditions

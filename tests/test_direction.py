@@ -224,13 +224,16 @@ def test_inches():
 
 
 def test_an_arc_says_again_that_it_is_one():
-    lines = written("G1 X120\nG2 X130 I5\nX120 I-5 F9\n")
-    assert lines[-4:] == [
-        "G2 X130.0100 Y109.9800 I5.0000 J0.0000 (NCOMP ARC)",
+    assert written("G1 X120\nG2 X130 I5\nX120 I-5 F9\n") == [
+        "G1 X120.0100",
+        "G2 X125.0100 Y115.0200 I5",
+        "G1 Y114.9800 (NCOMP TAKE-UP)",
+        "G2 X130.0100 Y109.9800 I0.0000 J-5.0000 (NCOMP ARC)",
         "G1 X129.9900 F9 (NCOMP TAKE-UP)",
         "G2 X124.9900 Y104.9800 I-5 F9",
         "G1 Y105.0200 (NCOMP TAKE-UP)",
-    ] or lines[-3:][0].startswith("G2 X")
+        "G2 X119.9900 Y110.0200 I0.0000 J5.0000 (NCOMP ARC)",
+    ]
 
 
 def test_each_arc_piece_keeps_its_time():
