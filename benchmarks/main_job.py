@@ -15,10 +15,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 import machines
-from kinematics.model import no_errors, read_model
+from kinematics.effects import Backlash
+from kinematics.model import ErrorModel, no_errors, read_model
 from postproc.compensate import correct
 from postproc.dialects import find_dialect
 from postproc.notes import Notes
@@ -62,8 +64,11 @@ def main(blocks: int) -> None:
         source = open_source(str(file))
         dialect = find_dialect("auto", str(file), source.text_head)
 
-        def run(with_model: bool) -> None:
-            job = Job(source, dialect, machine, model if with_model else no_errors(machine), make_setup(machine))
+        backlash = tuple(Backlash(axis, 20.0) for axis in "XYZ")
+        played = msgspec.structs.replace(model, effects=(*model.effects, *backlash), covariance=None)
+
+        def run(used: ErrorModel) -> None:
+            job = Job(source, dialect, machine, used, make_setup(machine))
             Pipeline(job).run(io.BytesIO(), lambda _: None)
 
         lines = list(source.lines())[:20_000]
@@ -79,8 +84,10 @@ def main(blocks: int) -> None:
         print(f"{'stage':<12}{'us per block':>14}")
         for name, action in stages.items():
             print(f"{name:<12}{median(action) / len(lines) * 1e6:>14.2f}")
-        whole, reading = median(lambda: run(True)), median(lambda: run(False))
+        whole, reading = median(lambda: run(model)), median(lambda: run(no_errors(machine)))
+        directed = median(lambda: run(played))
     print(f"{blocks} blocks corrected in {whole:.2f} s: {blocks / whole:,.0f} blocks/s")
+    print(f"with backlash of X Y Z in {directed:.2f} s: {blocks / directed:,.0f} blocks/s")
     print(f"ratio to reading and interpreting alone: {whole / reading:.2f}")
     print(f"peak memory {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB")
 

@@ -19,9 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import msgspec
-import numpy as np
-
 from kinematics.effects import Effect, LocationError, Racking, Wobble
 from kinematics.effects.base import own_component
 from kinematics.errors import UserError
@@ -82,10 +79,4 @@ def parse_classes(text: str) -> frozenset[str]:
 def select(model: ErrorModel, classes: Iterable[str]) -> ErrorModel:
     """The model with the effects of these elementary classes only, and their part of the covariance."""
     chosen = set(classes)
-    kept = [class_of(effect) in chosen for effect in model.effects]
-    effects = tuple(effect for effect, keep in zip(model.effects, kept, strict=True) if keep)
-    covariance = None
-    if model.covariance is not None:
-        rows = np.repeat(kept, [len(effect.parameters) for effect in model.effects])
-        covariance = tuple(map(tuple, np.array(model.covariance)[np.ix_(rows, rows)].tolist()))
-    return msgspec.structs.replace(model, effects=effects, covariance=covariance)
+    return model.part(lambda effect: class_of(effect) in chosen)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -77,6 +77,18 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     def age_days(self, now: datetime.datetime) -> float:
         """Days since the calibration was made."""
         return (now - self.provenance.made_at).total_seconds() / 86400.0
+
+    def part(self, keep: Callable[[Effect], bool]) -> ErrorModel:
+        """The effects that `keep` is true of, with their part of the covariance; the model itself if that is all."""
+        kept = [keep(effect) for effect in self.effects]
+        if all(kept):
+            return self
+        effects = tuple(effect for effect, stays in zip(self.effects, kept, strict=True) if stays)
+        covariance = None
+        if self.covariance is not None:
+            rows = np.repeat(kept, [len(effect.parameters) for effect in self.effects])
+            covariance = tuple(map(tuple, np.array(self.covariance)[np.ix_(rows, rows)].tolist()))
+        return msgspec.structs.replace(self, effects=effects, covariance=covariance)
 
     def errors(self, machine: Machine, state: State) -> Array:
         """Error motions `(n, axes + 1, 6)` of the machine, mm and rad: of the axes in their error frames, of the tool.

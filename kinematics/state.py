@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -40,7 +40,10 @@ class State:
     """Name of the target or tool vector `(n,)`."""
     observed: Array | None = None
     """Point `(n, 3)` in the instrument's frame, mm."""
+    past: State | None = None
+    """Time and temperatures before the first row, for effects with a memory; None where they had settled by then."""
     _known: dict[tuple[str, Basis], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _left_behind: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -64,6 +67,15 @@ class State:
         if (axis, basis) not in self._known:
             self._known[axis, basis] = basis.columns(self.position(machine, axis))
         return self._known[axis, basis]
+
+    def left_behind(self, key: Hashable, work: Callable[[State], Any]) -> Any:
+        """What `work` makes of the past, worked out once per key; None without a past."""
+        if self.past is None:
+            return None
+        known = self.past._left_behind
+        if key not in known:
+            known[key] = work(self.past)
+        return known[key]
 
     def need(self, column: str, by: str) -> Any:
         """A column that an effect can't do without; UserError, naming the effect, when it is not known."""

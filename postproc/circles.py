@@ -81,6 +81,19 @@ def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool) -> fl
     return sense * ((sense * (last - first)) % (2 * math.pi))
 
 
+def quadrants(start: Point, centre: Point, turned: float) -> list[tuple[float, int]]:
+    """Where an arc that turns through `turned`, rad, crosses the lines through its centre along the axes of its plane.
+
+    Shares of its way, within 0..1, in order; and which coordinate turns back there, 0 or 1.
+    """
+    if turned == 0.0:
+        return []
+    right, sense = math.pi / 2, math.copysign(1.0, turned)
+    first = sense * math.atan2(start[1] - centre[1], start[0] - centre[0])
+    crossed = range(math.floor(first / right) + 1, math.ceil((first + abs(turned)) / right))
+    return [((k * right - first) / abs(turned), k % 2) for k in crossed]
+
+
 def point_at(start: Point, centre: Point, angle: float) -> Point:
     """The start turned about the centre by `angle`, rad."""
     c, s = math.cos(angle), math.sin(angle)

@@ -9,7 +9,9 @@ import numpy as np
 
 from kinematics.classes import CLASSES, ORIENTATION, parse_classes, select
 from kinematics.model import ErrorModel
-from postproc.compensate import correct, missed
+from postproc.compensate import COLD, correct, missed
+from postproc.conditions import Conditions
+from postproc.judge import Judge, in_a_program
 from postproc.motions import Motions
 from postproc.report import Statistic
 
@@ -38,12 +40,14 @@ class Left:
         }
 
 
-def class_table(motions: Motions, model: ErrorModel) -> list[Left]:
+def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = COLD) -> list[Left]:
     """What is left by no correction, each class, and their usual combinations, at the judged moves of a program.
 
-    Choices that need rotary axes are left out on a machine that has none.
+    Choices that need rotary axes are left out on a machine that has none. Directions are those of the nominal moves.
     """
-    machine, judged = motions.machine, motions.judged
+    machine, judged, model = motions.machine, motions.judged, model.part(in_a_program)
+    judge = Judge(model, machine, conditions, 1.0)
+    states = judge.states(motions, judged)
     nominal, tool = motions.machine_target[judged], motions.tool[judged]
     rows = []
     for choice in ("none", *CHOICES):
@@ -52,9 +56,10 @@ def class_table(motions: Motions, model: ErrorModel) -> list[Left]:
         if needs_rotary and not machine.rotary.any():
             continue
         orientation = model if ORIENTATION in classes else None
-        commanded = correct(motions, select(model, classes), orientation).corrected[judged]
+        correction = correct(motions, select(model, classes), orientation, conditions, judge.approach)
+        commanded = correction.corrected[judged]
         left = Left(choice)
-        point_um, axis_urad = missed(machine, model, commanded, nominal, tool)
+        point_um, axis_urad = missed(machine, model, commanded, nominal, tool, states)
         left.position.add(point_um)
         left.tilt.add(axis_urad)
         left.turning.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)

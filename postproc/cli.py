@@ -66,6 +66,18 @@ ToolTable = Annotated[
     Path | None,
     typer.Option("--tool-table", metavar="FILE", help='Tool lengths: LinuxCNC tool.tbl or JSON {"1": 120.5}.'),
 ]
+Temperatures = Annotated[
+    list[str] | None,
+    typer.Option("--temperature", metavar="NAME=degC", help="Of a sensor, while the program runs. Repeatable."),
+]
+Elapsed = Annotated[
+    float | None,
+    typer.Option("--elapsed", metavar="s", help="Since time zero of thermal effects, when the program starts."),
+]
+ConditionsLog = Annotated[
+    Path | None,
+    typer.Option("--log", metavar="FILE.csv", help="Columns time_s and temp_NAME, degC, up to the program's start."),
+]
 
 
 @app.command(
@@ -74,6 +86,8 @@ ToolTable = Annotated[
     "`ncomp part.nc --machine dmu50 -o part_c.nc`\n\n"
     "`ncomp part.h --machine mill.toml --calibration cal.json --work-offset 1=12.5,-80,210 --tool-length T5=96.3 "
     "-o part_c.h`\n\n"
+    "`ncomp part.nc --machine mill.toml --calibration cal.json --temperature spindle=31.5 --elapsed 3600 "
+    "-o part_c.nc`\n\n"
     "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte",
 )
 def correct(
@@ -97,14 +111,19 @@ def correct(
     tolerance_um: Annotated[
         float, typer.Option("--tolerance-um", min=0.0, help="Note feed moves that stray farther between their ends.")
     ] = 1.0,
+    temperature: Temperatures = None,
+    elapsed: Elapsed = None,
+    log: ConditionsLog = None,
     force: Annotated[bool, typer.Option("--force", help="Correct a program that ncomp has corrected already.")] = False,
     json: JsonFile = None,
 ) -> None:
     """Correct a program: every block end where it should be, by the machine's error model.
 
-    Only coordinate words change, and a comment is added that names machine and calibration. What ncomp does not fully
+    Only coordinate words change, blocks are added where play is taken up, and a comment that names machine and
+    calibration. What ncomp does not fully
     understand is refused: exit status 2, no output.
     """
+    from postproc.conditions import make_conditions
     from postproc.dialects import find_dialect
     from postproc.pipeline import Job, Pipeline
     from postproc.source import open_source
@@ -120,7 +139,8 @@ def correct(
     source = open_source(program)
     setup = _setup(found, work_offset, tool_length, tool_table)
     language = find_dialect(dialect, source.name, source.text_head)
-    job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um)
+    conditions = make_conditions(temperature or (), elapsed, log)
+    job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um, conditions)
     with result(json) as results:
         with progress_of(source.size, "correcting") as progress, result(output) as file:
             report = Pipeline(job).run(file, progress)
@@ -144,11 +164,19 @@ def verify_command(
     classes: Annotated[
         bool, typer.Option("--classes", help="Also show what each ISO/TR 16907 class would leave of the errors.")
     ] = False,
+    tolerance_um: Annotated[
+        float, typer.Option("--tolerance-um", min=0.0, help="That of the correction: half of it is no reversal.")
+    ] = 1.0,
+    temperature: Temperatures = None,
+    elapsed: Elapsed = None,
+    log: ConditionsLog = None,
     json: JsonFile = None,
 ) -> None:
     """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
     from postproc.class_table import class_table
+    from postproc.conditions import make_conditions
     from postproc.dialects import find_dialect
+    from postproc.judge import standing_notes
     from postproc.mark import calibration_of
     from postproc.source import open_source
     from postproc.terminal import console, output, say, show_classes, show_verdict
@@ -157,16 +185,20 @@ def verify_command(
     found = machine_of(machine)
     model = model_of(calibration, found)
     setup = _setup(found, work_offset, tool_length, tool_table)
+    conditions = make_conditions(temperature or (), elapsed, log)
+    notes = standing_notes(model, conditions)
     motions = []
     for name in (program, corrected):
         source = open_source(name)
         language = find_dialect(dialect, source.name, source.text_head)
         motions.append(merged(read_motions(source, language, found, setup)))
-    verdict = verify(motions[0], motions[1], model)
+    verdict = verify(motions[0], motions[1], model, conditions, tolerance_um)
+    for note in notes:
+        say("note", note)
     marked = calibration_of(source)
     if marked != model.id.upper():
         say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
-    table = class_table(motions[0], model) if classes else []
+    table = class_table(motions[0], model, conditions) if classes else []
     with result(json) as results:
         write_json(verdict.json() | {"classes": [left.json() for left in table]}, results)
     to = console if json == "-" else output

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +14,13 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from postproc.conditions import Conditions
 from postproc.motions import Kind, Known, Motions
+
+States = Callable[[Array], State]
+"""The state of the machine at axis positions `(n, axes)`, mm and rad."""
+COLD = Conditions()
+"""What an error model that depends on positions alone needs."""
 
 
 @dataclass(frozen=True)
@@ -30,30 +37,41 @@ class Correction:
     """By row of an arc: corrected minus nominal programmed position `(axes,)` half-way along it."""
 
 
-def correct(motions: Motions, model: ErrorModel, orientation: ErrorModel | None = None) -> Correction:
+def correct(
+    motions: Motions,
+    model: ErrorModel,
+    orientation: ErrorModel | None = None,
+    conditions: Conditions = COLD,
+    approach: Array | None = None,
+) -> Correction:
     """Correct all moves of a chunk: end points, and the middles of arcs.
 
     Translator axes whose position the program has said in its own frame take the correction of the tool point by
     `model`; with a model for the orientation, rotary axes that of the tool axis. All others keep the nominal position.
+    approach `(n, axes)`: the direction in which each move comes to its end.
     """
     movable = (motions.known == Known.PROGRAM) & (motions.kind != Kind.MACHINE)[:, None]
     nominal = motions.machine_target
-    corrected = _corrected(motions.machine, model, nominal, motions.tool, movable, orientation)
-    middles = _arc_middles(motions, model, movable, orientation)
+    models, states = (model, orientation), conditions.states(approach)
+    corrected = _corrected(motions.machine, models, states, nominal, motions.tool, movable)
+    rows = sorted(motions.arcs)
+    at_arcs = conditions.states(None if approach is None else approach[rows])
+    middles = _arc_middles(motions, models, at_arcs, movable, rows)
     return Correction(nominal, corrected, motions.in_program(corrected), middles)
 
 
 def _corrected(
     machine: Machine,
-    model: ErrorModel,
+    models: tuple[ErrorModel, ErrorModel | None],
+    states: States,
     nominal: Array,
     tool: Array,
     movable: NDArrayBool,
-    orientation: ErrorModel | None,
 ) -> Array:
     def errors_of(which: ErrorModel) -> Errors:
-        return lambda q: which.errors(machine, State(q))
+        return lambda q: which.errors(machine, states(q))
 
+    model, orientation = models
     start = None if orientation is None else correct_orientation(machine, errors_of(orientation), nominal, movable)
     return correct_position(machine, errors_of(model), nominal, tool, movable, start)
 
@@ -65,27 +83,32 @@ class Missed(NamedTuple):
     axis_urad: Array
 
 
-def missed(machine: Machine, model: ErrorModel, q: Array, nominal: Array, tool: Array) -> Missed:
+def missed(
+    machine: Machine, model: ErrorModel, q: Array, nominal: Array, tool: Array, states: States = State
+) -> Missed:
     """What the machine with errors at `q` misses of the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
     tool `(n, 3)`, mm; exact matrix product.
     """
-    actual, wanted = forward(machine, q, model.errors(machine, State(q))), forward(machine, nominal)
+    actual, wanted = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
     apart = np.linalg.norm(actual.apply(tool) - wanted.apply(tool), axis=1)
     leaning = np.linalg.norm(actual.rotation[:, :, 2] - wanted.rotation[:, :, 2], axis=1)
     return Missed(apart * 1e3, leaning * 1e6)
 
 
 def _arc_middles(
-    motions: Motions, model: ErrorModel, movable: NDArrayBool, orientation: ErrorModel | None
+    motions: Motions,
+    models: tuple[ErrorModel, ErrorModel | None],
+    states: States,
+    movable: NDArrayBool,
+    rows: list[int],
 ) -> dict[int, Array]:
-    rows = sorted(motions.arcs)
     if not rows:
         return {}
     middles = motions.along(0.5)
     nominal = motions.in_machine(middles)
     corrected = nominal.copy()
     tool = motions.tool[rows]
-    corrected[rows] = _corrected(motions.machine, model, nominal[rows], tool, movable[rows], orientation)
+    corrected[rows] = _corrected(motions.machine, models, states, nominal[rows], tool, movable[rows])
     shift = motions.in_program(corrected) - middles
     return {row: shift[row] for row in rows}

@@ -194,7 +194,9 @@ class HeidenhainInterpreter:
 
     def _read_positioning(self, index: int, block: Block) -> None:
         content = self._sort(block)
+        frame = self.recorder.frame
         self._functions_at_start(block, content)
+        settled = frame == self.recorder.frame
         shifting = sorted(COMPENSATIONS & content.other)
         if shifting:
             raise block.refuse(f"{shifting[0]}: radius compensation: the control shifts the path by itself")
@@ -203,11 +205,11 @@ class HeidenhainInterpreter:
         if 91.0 in content.m:
             self._machine_move(index, block, content)
         elif block.kind in ("circle", "circle_radius"):
-            self._circle(index, block, content)
+            self._circle(index, block, content, settled)
         elif content.axes and block.kind != "line":
             raise block.refuse("coordinates without L")
         elif content.axes:
-            self._line(index, block, content)
+            self._line(index, block, content, settled)
         self._functions_at_end(content)
 
     def _sort(self, block: Block) -> _Content:
@@ -225,11 +227,11 @@ class HeidenhainInterpreter:
                 content.other.add(address)
         return content
 
-    def _line(self, index: int, block: Block, content: _Content) -> None:
+    def _line(self, index: int, block: Block, content: _Content, settled: bool) -> None:
         words = self._axis_words(block, content.axes)
         target = self._target(block, words)
         kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
-        self.recorder.move(index, kind, target, self.unit, tuple(word for word, _ in words))
+        self.recorder.move(index, kind, target, self.unit, tuple(word for word, _ in words), settled=settled)
 
     def _machine_move(self, index: int, block: Block, content: _Content) -> None:
         if block.kind != "line":
@@ -291,7 +293,7 @@ class HeidenhainInterpreter:
         self.pole = (pole[0], pole[1])
         self.pole_block, self.pole_words = index, (places[0], places[1])
 
-    def _circle(self, index: int, block: Block, content: _Content) -> None:
+    def _circle(self, index: int, block: Block, content: _Content, settled: bool) -> None:
         senses = DIRECTIONS.keys() & content.other
         if len(senses) != 1:
             raise block.refuse("an arc without DR+ or DR-")
@@ -315,7 +317,8 @@ class HeidenhainInterpreter:
             if found is None:
                 raise block.refuse("no circle of this radius joins start and end")
             arc = Arc(plane, sense, found, False, "radius", (i, None))
-        self.recorder.move(index, Kind.ARC, target, self.unit, tuple(word for word, _ in words), arc)
+        named = tuple(word for word, _ in words)
+        self.recorder.move(index, Kind.ARC, target, self.unit, named, arc, settled=settled)
 
     def _radius(self, block: Block) -> tuple[int, float]:
         """Index of the radius word, and its value, mm; a bare R is no radius."""

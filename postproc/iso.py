@@ -140,6 +140,7 @@ class IsoInterpreter:
         other = content.other.keys()
         moves = bool(content.axes) or not other.isdisjoint("IJKR")
         self._check_block(block, content, moves)
+        frame = self.recorder.frame
         if content.m or "T" in other:
             self._functions(block, content)
         claimed = self._modes(block, content) if content.g else None
@@ -150,7 +151,7 @@ class IsoInterpreter:
         elif claimed == 53.0:
             self._machine_move(index, block, content)
         else:
-            self._move(index, block, content)
+            self._move(index, block, content, frame == self.recorder.frame)
         self.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
         self.ended = not PROGRAM_ENDS.isdisjoint(content.m)
 
@@ -372,7 +373,7 @@ class IsoInterpreter:
             targets = {word.axis: value for word, value in words}
             self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
 
-    def _move(self, index: int, block: Block, content: _Content) -> None:
+    def _move(self, index: int, block: Block, content: _Content, settled: bool) -> None:
         if self.motion is None:
             raise block.refuse("coordinates before any G0, G1, G2 or G3")
         self._check_move_words(block, content)
@@ -383,7 +384,7 @@ class IsoInterpreter:
         if self.unsaid:
             self._note_unsaid(block, kind)
         named = tuple(word for word, _ in words)
-        modes = {"incremental": not self.absolute, "timed": self.timed}
+        modes = {"incremental": not self.absolute, "timed": self.timed, "settled": settled}
         self.recorder.move(index, kind, target, self.unit, named, arc, **modes)
 
     def _check_move_words(self, block: Block, content: _Content) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
-from postproc.circles import point_at, sweep
+from postproc.circles import SAME, point_at, sweep
 from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.program import Block
 
@@ -24,6 +24,8 @@ class Kind(IntEnum):
     ARC = 2
     MACHINE = 3
     """To machine coordinates (G53, M91): recorded for what it leaves behind, never corrected."""
+    TAKE_UP = 4
+    """Of ncomp's own: takes up the play of axes that are about to go back. Its known axes are those that it moves."""
 
 
 class Known(IntEnum):
@@ -85,6 +87,10 @@ class Motions:
     """True `(n,)` where a word added to the block would be read as an increment (G91)."""
     timed: np.ndarray
     """True `(n,)` where F gives the time of the move (G93) and not a speed."""
+    settled: np.ndarray
+    """True `(n,)` where the frame before the block is that which it is read in."""
+    added: np.ndarray
+    """True `(n,)` for moves with a block of ncomp's own: take-ups, and all pieces of an arc but the first."""
     start: Array
     target: Array
     known_start: np.ndarray
@@ -101,12 +107,48 @@ class Motions:
     @property
     def judged(self) -> NDArrayBool:
         """Rows `(n,)` that end where the program has said all axes that place the tool: what correction answers for."""
-        return np.asarray(self._said(self.known) & (self.kind != Kind.MACHINE))
+        return np.asarray(self._said(self.known) & (self.kind != Kind.MACHINE) & ~self.inner)
+
+    @property
+    def inner(self) -> NDArrayBool:
+        """Rows `(n,)` that end inside a programmed move: take-ups, and all pieces of an arc but the last."""
+        inner = np.asarray(self.kind == Kind.TAKE_UP)
+        moves = np.flatnonzero(~inner)
+        inner[moves[:-1]] = self.added[moves[1:]]
+        return inner
 
     @property
     def judged_start(self) -> NDArrayBool:
         """Rows `(n,)` that also start from such a position, so that the way between is known."""
         return np.asarray(self._said(self.known_start) & self.judged)
+
+    @property
+    def turning(self) -> NDArrayBool:
+        """Feed moves `(n,)` that turn rotary axes and leave the tool where it is in programmed coordinates.
+
+        Their F is a speed of turning. A correction of some micrometres would make it, on controls where F is the
+        speed of X Y Z when any of them moves, the speed along those micrometres: the rotary axes would run at rapid.
+        """
+        way = np.abs(self.target - self.start)
+        linear, rotary = list(self.machine.translators), self.machine.rotary
+        still = (way[:, linear] < SAME).all(axis=1) & (self.known == self.known_start)[:, linear].all(axis=1)
+        turns = (way[:, rotary] > SAME).any(axis=1)
+        return np.asarray((self.kind == Kind.LINE) & ~self.timed & still & turns)
+
+    def take(self, rows: np.ndarray) -> Motions:
+        """These rows, in this order; a row taken more than once shares its arc and words."""
+        columns = {name: getattr(self, name)[rows] for name in COLUMNS}
+        arcs = {}
+        if self.arcs:
+            arcs = {i: self.arcs[row] for i, row in enumerate(rows.tolist()) if row in self.arcs}
+        words = [self.words[row] for row in rows.tolist()] if self.words else []
+        return replace(self, words=words, arcs=arcs, **columns)
+
+    @property
+    def judged_ways(self) -> NDArrayBool:
+        """Feed moves `(n,)`, pieces of arcs too, whose way between is known."""
+        judged = self._said(self.known_start) & self._said(self.known)
+        return np.asarray(judged & ~np.isin(self.kind, (Kind.RAPID, Kind.MACHINE, Kind.TAKE_UP)))
 
     def _said(self, known: np.ndarray) -> NDArrayBool:
         return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
@@ -123,7 +165,12 @@ class Motions:
         return np.asarray(tools[self.frame])
 
     def along(self, share: float) -> Array:
-        """Programmed positions `(n, axes)` at a share of the way of each move, on arcs round their circle."""
+        """Programmed positions `(n, axes)` at a share of the way of each move, on arcs round their circle.
+
+        At 1 they are the targets, which may lie beside the circle by what controls let pass.
+        """
+        if share == 1.0:
+            return self.target.copy()
         program = self.start + share * (self.target - self.start)
         for row, arc in self.arcs.items():
             i, j, _ = arc.plane
@@ -152,9 +199,16 @@ class Motions:
         return program
 
 
+COLUMNS = (
+    *("block", "kind", "frame", "unit", "incremental", "timed", "settled", "added"),
+    *("start", "target", "known_start", "known"),
+)
+"""Fields of Motions with one row per move."""
+
 _Places = tuple[float, ...]
 _Knowledge = tuple[Known, ...]
-_Row = tuple[int, Kind, int, float, bool, bool, _Places, _Places, _Knowledge, _Knowledge]
+_Modes = tuple[bool, bool, bool]
+_Row = tuple[int, Kind, int, float, bool, bool, bool, _Places, _Places, _Knowledge, _Knowledge]
 
 
 @dataclass
@@ -208,10 +262,12 @@ class Recorder:
         *,
         incremental: bool = False,
         timed: bool = False,
+        settled: bool = True,
     ) -> None:
         """A move in the programmed frame to `target`, of which `words` name the axes that the block names.
 
-        An increment says as much about where the axis is as was known before.
+        An increment says as much about where the axis is as was known before. Not `settled` when the block itself
+        has changed the frame.
         """
         if arc is not None:
             self._arcs[len(self._rows)] = arc
@@ -219,7 +275,7 @@ class Recorder:
         for word in words:
             if not word.incremental:
                 self.known[word.axis] = Known.PROGRAM
-        self._record(block, kind, target, unit, (incremental, timed), words, before)
+        self._record(block, kind, target, unit, (incremental, timed, settled), words, before)
 
     def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
         """A move of some axes to machine positions, mm and degrees."""
@@ -230,7 +286,7 @@ class Recorder:
             self.known[axis] = Known.MACHINE
         self.doubt(self._coupled())
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
-        self._record(block, Kind.MACHINE, target, 1.0, (False, False), words, before)
+        self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), words, before)
 
     def axis(self, block: Block, name: str) -> int:
         """Column of an axis that a block names; Refusal when the machine has none of that name."""
@@ -271,8 +327,8 @@ class Recorder:
         rows, words, arcs, frames = self._rows, self._words, self._arcs, self._frames
         self._rows, self._words, self._arcs, self._frames = [], [], {}, [self.frame]
         n, axes = len(rows), len(self.machine.axes)
-        columns = zip(*rows, strict=True) if rows else ((),) * 10
-        block, kind, frame, unit, incremental, timed, start, target, known_start, known = columns
+        columns = zip(*rows, strict=True) if rows else ((),) * 11
+        block, kind, frame, unit, incremental, timed, settled, start, target, known_start, known = columns
         return Motions(
             self.machine,
             blocks,
@@ -283,6 +339,8 @@ class Recorder:
             np.array(unit, float),
             np.array(incremental, bool),
             np.array(timed, bool),
+            np.array(settled, bool),
+            np.zeros(n, bool),
             np.array(start, float).reshape(n, axes),
             np.array(target, float).reshape(n, axes),
             np.array(known_start, int).reshape(n, axes),
@@ -297,7 +355,7 @@ class Recorder:
         kind: Kind,
         target: list[float],
         unit: float,
-        modes: tuple[bool, bool],
+        modes: _Modes,
         words: tuple[AxisWord, ...],
         before: _Knowledge,
     ) -> None:

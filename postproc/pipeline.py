@@ -20,8 +20,10 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.compensate import Correction, correct, missed
+from postproc.compensate import COLD, Correction, correct, missed
+from postproc.conditions import Conditions
 from postproc.dialects import Dialect
+from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Kind, Known, Motions
 from postproc.notes import Notes
@@ -29,6 +31,7 @@ from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic
 from postproc.setup import Setup
 from postproc.source import CHUNK, ENCODING, Source, chunks
+from postproc.take_up import TakeUps
 from postproc.travel import check_size, note_outside, refuse_outside
 from postproc.writer import Writer, Written
 
@@ -50,7 +53,9 @@ class Job:
     classes: frozenset[str] | None = None
     """Elementary compensation classes, and FOR, that are corrected; None for all but FOR."""
     tolerance_um: float = 1.0
-    """Feed moves that stray farther than this between their ends are noted."""
+    """Feed moves that stray farther than this between their ends are noted; half of it is no reversal."""
+    conditions: Conditions = COLD
+    """While the program runs."""
 
 
 class Pipeline:
@@ -61,9 +66,16 @@ class Pipeline:
         self.notes = Notes()
         self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
         self.orientation = job.classes is not None and ORIENTATION in job.classes
-        self.corrected_part = job.model if job.classes is None else select(job.model, job.classes)
-        self.writer = Writer(job.machine, orientation=self.orientation)
+        self.model = job.model.part(in_a_program)
+        """What is judged; of it, what is corrected."""
+        self.corrected_part = self.model if job.classes is None else select(self.model, job.classes)
+        models = (self.corrected_part, self.model if self.orientation else None)
+        self.take_ups = TakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
+        self.before = Judge(self.model, job.machine, job.conditions, job.tolerance_um)
+        self.after = Judge(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
+        self.writer = Writer(job.machine, orientation=self.orientation, comment=job.dialect.comment)
         self.report = _new_report(job)
+        self.report.notes = standing_notes(job.model, job.conditions)
         self._marked = False
         self._beyond: dict[str, float] = {}
 
@@ -84,7 +96,7 @@ class Pipeline:
         except Refusal as refusal:
             raise refusal.located(job.source.name) from None
         report.work_offsets, report.tools = job.setup.used_offsets, job.setup.used_tools
-        report.notes = [*self.notes.texts(), *self._summary()]
+        report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
         return report
 
     def _summary(self) -> list[str]:
@@ -103,10 +115,12 @@ class Pipeline:
         report.moves += len(motions)
         if job.travel_check:
             refuse_outside(motions, motions.machine_target, "as programmed")
-        if not job.model.effects:
+        if not self.model.effects:
             return [block.text for block in blocks]
         self._refuse_marked(blocks)
-        correction = correct(motions, self.corrected_part, job.model if self.orientation else None)
+        motions, approach = self.take_ups.prepare(motions)
+        orientation = self.model if self.orientation else None
+        correction = correct(motions, self.corrected_part, orientation, job.conditions, approach)
         check_size(motions, correction.nominal, correction.corrected)
         if job.travel_check:
             refuse_outside(motions, correction.corrected, "after correction")
@@ -116,6 +130,7 @@ class Pipeline:
         self._judge(motions, correction, written)
         texts = written.texts
         report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
+        report.added_blocks += written.added
         place = None if self._marked else mark_place(job.dialect, blocks)
         if place is not None:
             texts.insert(place, mark_line(job.dialect, job.machine, job.model, job.source))
@@ -135,28 +150,34 @@ class Pipeline:
         """Gather what the correction is and what the exact model predicts before and after it."""
         job, report = self.job, self.report
         machine, tool = job.machine, motions.tool
-        correctable, judged = motions.kind != Kind.MACHINE, motions.judged
+        own, judged = ~motions.inner, motions.judged
+        correctable = (motions.kind != Kind.MACHINE) & own
         moved = (written.ends - motions.target)[correctable]
         report.corrected += int((np.abs(moved) > 0.0).any(axis=1).sum())
-        report.not_judged += int((~judged).sum())
+        report.not_judged += int((~judged & own).sum())
         for i in machine.translators:
             report.correction.setdefault(machine.names[i], Statistic()).add(moved[:, i] * 1e3)
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
             report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[:, i]) * 1e6)
         self._note_assumed(motions, correctable)
+        commanded = written.moves(motions)
+        states_before = self.before.states(motions, judged)
+        states_after = self.after.states(commanded, judged)
         if not judged.any():
             return
         nominal, ends = correction.nominal[judged], motions.in_machine(written.ends)[judged]
-        before, after = (missed(machine, job.model, q, nominal, tool[judged]) for q in (nominal, ends))
+        before = missed(machine, self.model, nominal, nominal, tool[judged], states_before)
+        after = missed(machine, self.model, ends, nominal, tool[judged], states_after)
         report.before.add(before.point_um)
         report.after.add(after.point_um)
         report.tilt_before.add(before.axis_urad)
         report.tilt_after.add(after.axis_urad)
-        self._judge_between(motions, written)
+        self._judge_between(motions, commanded)
         self._note_turning(motions, correction, written)
+        state = states_before(nominal).rows(slice(None, None, max(1, int(judged.sum()) // UNCERTAINTY_ROWS)))
         some = np.flatnonzero(judged)[:: max(1, int(judged.sum()) // UNCERTAINTY_ROWS)]
-        report.uncertainty.add(_uncertainty_um(machine, job.model, correction.nominal[some], tool[some]))
-        for name, excess in job.model.outside(machine, State(nominal)).items():
+        report.uncertainty.add(_uncertainty_um(machine, self.model, state, tool[some]))
+        for name, excess in self.model.outside(machine, State(nominal)).items():
             self._beyond[name] = max(excess, self._beyond.get(name, 0.0))
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
@@ -171,32 +192,33 @@ class Pipeline:
     def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Say where a feed move of rotary axes alone leaves an error that the next move takes out."""
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
-        for row in np.flatnonzero(written.turning & (behind * 1e3 > self.job.tolerance_um)):
+        for row in np.flatnonzero(motions.turning & (behind * 1e3 > self.job.tolerance_um)):
             line = motions.blocks[motions.block[row]].line
             self.notes.add(
                 "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else", line
             )
 
-    def _judge_between(self, motions: Motions, written: Written) -> None:
+    def _judge_between(self, motions: Motions, commanded: Motions) -> None:
         """Half-way along straight feed moves, where nothing is corrected by itself."""
         rows = motions.judged_start & (motions.kind == Kind.LINE)
         if not rows.any():
             return
         nominal = motions.in_machine((motions.start + motions.target) / 2)[rows]
-        actual = motions.in_machine((written.starts + written.ends) / 2)[rows]
-        strayed = missed(self.job.machine, self.job.model, actual, nominal, motions.tool[rows]).point_um
+        actual = motions.in_machine((commanded.start + commanded.target) / 2)[rows]
+        states = self.after.last_states(rows)
+        strayed = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
         self.report.between_ends.add(strayed)
         for row in np.flatnonzero(rows)[strayed > self.job.tolerance_um]:
             line = motions.blocks[motions.block[row]].line
             self.notes.add(f"a feed move strays more than {self.job.tolerance_um:g} um between its ends", line)
 
 
-def _uncertainty_um(machine: Machine, model: ErrorModel, q: Array, tool: Array) -> Array:
+def _uncertainty_um(machine: Machine, model: ErrorModel, state: State, tool: Array) -> Array:
     """Standard uncertainty `(n,)`, um, of the predicted tool point deviation (root sum of squares over x y z)."""
     from kinematics.error_transform import place_transform
 
-    transform = place_transform(machine, q, tool)[:, :3]
-    return np.asarray(np.linalg.norm(model.standard_uncertainty(machine, State(q), transform), axis=1) * 1e3)
+    transform = place_transform(machine, state.positions, tool)[:, :3]
+    return np.asarray(np.linalg.norm(model.standard_uncertainty(machine, state, transform), axis=1) * 1e3)
 
 
 def _new_report(job: Job) -> Report:
@@ -210,4 +232,4 @@ def _new_report(job: Job) -> Report:
         "demonstration": model.demonstration,
     }
     program = {"name": job.source.name, "sha256": job.source.hash, "dialect": job.dialect.name}
-    return Report(program, {"name": machine.name, "chain": machine.chain}, calibration)
+    return Report(program, {"name": machine.name, "chain": machine.chain}, calibration, conditions=job.conditions)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.transforms import Array
+from postproc.conditions import Conditions
 
 
 @dataclass
@@ -46,6 +47,9 @@ class Report:
     moves: int = 0
     corrected: int = 0
     changed_blocks: int = 0
+    added_blocks: int = 0
+    """Of ncomp's own: where play is taken up."""
+    conditions: Conditions = field(default_factory=Conditions)
     correction: dict[str, Statistic] = field(default_factory=dict)
     """By axis, um."""
     turning: dict[str, Statistic] = field(default_factory=dict)
@@ -69,7 +73,8 @@ class Report:
             "program": self.program,
             "machine": self.machine,
             "calibration": self.calibration,
-            "blocks": {"read": self.blocks, "changed": self.changed_blocks},
+            "conditions": self.conditions.json(),
+            "blocks": {"read": self.blocks, "changed": self.changed_blocks, "added": self.added_blocks},
             "moves": {"read": self.moves, "corrected": self.corrected, "not_judged": self.not_judged},
             "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
             "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},

@@ -49,7 +49,12 @@ def show_report(report: Report) -> None:
     console.print(f"calibration  {calibration['id']}{age}")
     console.print(f"work offsets {offsets}")
     console.print(f"tool lengths {tools} (mm)")
-    console.print(f"moves        {report.moves} read, {report.corrected} corrected in {report.changed_blocks} blocks")
+    if report.conditions.text():
+        console.print(f"conditions   {report.conditions.text()}")
+    added = f"; {report.added_blocks} blocks added where play is taken up" if report.added_blocks else ""
+    console.print(
+        f"moves        {report.moves} read, {report.corrected} corrected in {report.changed_blocks} blocks{added}"
+    )
     if report.correction:
         console.print(_correction_table(report))
     for note in report.notes:

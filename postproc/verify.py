@@ -17,17 +17,19 @@ from kinematics.machine import Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.compensate import missed
+from postproc.added_blocks import Tag, tag_of
+from postproc.compensate import COLD, missed
+from postproc.conditions import Conditions
 from postproc.dialects import Dialect
-from postproc.motions import Kind, Motions
+from postproc.judge import Judge, in_a_program, where
+from postproc.motions import COLUMNS, Kind, Motions
 from postproc.notes import Notes
+from postproc.pieces import like
 from postproc.program import Refusal
 from postproc.report import Statistic
+from postproc.reversals import INNER
 from postproc.setup import Setup
 from postproc.source import CHUNK, Source, chunks
-
-PATH_POINTS = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
-"""Where a feed move is looked at between its ends."""
 
 
 @dataclass(frozen=True)
@@ -57,30 +59,73 @@ def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setu
     motions = []
     try:
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
-            chunk = interpreter.read([dialect.read_block(line, text) for line, text in lines])
+            blocks = [dialect.read_block(line, text) for line, text in lines]
+            chunk = _with_tags(interpreter.read(blocks))
             motions.append(replace(chunk, blocks=[], words=[]))  # the columns are all that is looked at
     except Refusal as refusal:
         raise refusal.located(source.name) from None
     return motions
 
 
-def verify(nominal: Motions, commanded: Motions, model: ErrorModel) -> Verdict:
-    """Judge the moves of a corrected program against those of its original, which they must match one to one."""
-    if len(nominal) != len(commanded) or not np.array_equal(nominal.kind, commanded.kind):
+def _with_tags(motions: Motions) -> Motions:
+    """The moves of a corrected program, with those of ncomp's own known as such."""
+    tags = [tag_of(block.text) for block in motions.blocks]
+    if not any(tags):
+        return motions
+    own = np.array([tag is not None for tag in tags])[motions.block]
+    takes_up = np.array([tag is Tag.TAKE_UP for tag in tags])[motions.block] & (motions.kind == Kind.LINE)
+    return replace(motions, kind=np.where(takes_up, Kind.TAKE_UP, motions.kind), added=own)
+
+
+def verify(
+    nominal: Motions, commanded: Motions, model: ErrorModel, conditions: Conditions = COLD, tolerance_um: float = 1.0
+) -> Verdict:
+    """Judge the moves of a corrected program against those of its original, which they must match one to one.
+
+    Take-ups and pieces of arcs belong to the moves of the original; directions are those of each text's own moves,
+    in which half of the tolerance is no reversal.
+    """
+    moves, model = len(nominal), model.part(in_a_program)
+    matched = like(nominal, commanded)
+    if matched is None:
         raise UserError("the two programs do not make the same moves: is the second one a correction of the first?")
-    machine, tool = nominal.machine, nominal.tool
-    judged = nominal.judged
-    q, q_commanded = nominal.machine_target[judged], commanded.machine_target[judged]
-    verdict = Verdict(len(nominal), Statistic(), Statistic(), Statistic(), Statistic(), {})
-    verdict.before.add(missed(machine, model, q, q, tool[judged]).point_um)
-    verdict.after.add(missed(machine, model, q_commanded, q, tool[judged]).point_um)
-    feed = nominal.judged_start & (nominal.kind != Kind.RAPID)
-    for share in PATH_POINTS:
-        path, path_commanded = (m.in_machine(m.along(share))[feed] for m in (nominal, commanded))
-        verdict.path_before.add(missed(machine, model, path, path, tool[feed]).point_um)
-        verdict.path_after.add(missed(machine, model, path_commanded, path, tool[feed]).point_um)
-    _contributions(machine, model, q, tool[judged], verdict.contributions)
+    machine = nominal.machine
+    before = Judge(model, machine, conditions, tolerance_um)
+    after = Judge(model, machine, conditions, tolerance_um, written=True)
+    verdict = Verdict(moves, Statistic(), Statistic(), Statistic(), Statistic(), {})
+    ends: list[Array] = [np.empty((0, len(machine.axes)))]
+    starts = np.flatnonzero(~matched.added)[::CHUNK]  # no move is torn apart
+    for rows in np.split(np.arange(len(matched)), starts[1:]):
+        _judge((matched.take(rows), commanded.take(rows)), (before, after), model, conditions, verdict)
+        if before.approach is not None:
+            ends.append(before.approach)
+    judged = matched.judged
+    approach = np.concatenate(ends)[judged] if before.axes else None
+    state = conditions.state(matched.machine_target[judged], approach)
+    _contributions(machine, model, state, matched.tool[judged], verdict.contributions)
     return verdict
+
+
+def _judge(
+    texts: tuple[Motions, Motions],
+    judges: tuple[Judge, Judge],
+    model: ErrorModel,
+    conditions: Conditions,
+    verdict: Verdict,
+) -> None:
+    """Some rows of both texts, at their ends and along feed moves."""
+    nominal, _ = texts
+    machine, tool = nominal.machine, nominal.tool
+    directions = [judge.along(motions) for judge, motions in zip(judges, texts, strict=True)]
+    feed = nominal.judged_ways
+    places = [(share, i, feed, (verdict.path_before, verdict.path_after)) for i, share in enumerate(INNER)]
+    places.append((1.0, -1, nominal.judged, (verdict.before, verdict.after)))
+    for share, i, rows, statistics in places:
+        wanted = nominal.in_machine(nominal.along(share))[rows]
+        for motions, approach, statistic in zip(texts, directions, statistics, strict=True):
+            q = motions.in_machine(motions.along(share))[rows]
+            states = conditions.states(where(approach, i, rows))
+            statistic.add(missed(machine, model, q, wanted, tool[rows], states).point_um)
 
 
 def merged(parts: list[Motions]) -> Motions:
@@ -89,10 +134,7 @@ def merged(parts: list[Motions]) -> Motions:
     frames = [frame for part in parts for frame in part.frames]
     starts = np.cumsum([0, *(len(part) for part in parts)])
     frame_starts = np.cumsum([0, *(len(part.frames) for part in parts)])
-    stacked = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("block", "kind", "unit", "incremental", "timed", "start", "target", "known_start", "known")
-    }
+    stacked = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS if name != "frame"}
     frame = np.concatenate([part.frame + offset for part, offset in zip(parts, frame_starts, strict=False)])
     arcs = {
         row + int(offset): arc for part, offset in zip(parts, starts, strict=False) for row, arc in part.arcs.items()
@@ -101,14 +143,14 @@ def merged(parts: list[Motions]) -> Motions:
     return Motions(first.machine, [], frames, frame=frame, words=words, arcs=arcs, **stacked)
 
 
-def _contributions(machine: Machine, model: ErrorModel, q: Array, tool: Array, into: dict[str, Statistic]) -> None:
+def _contributions(machine: Machine, model: ErrorModel, state: State, tool: Array, into: dict[str, Statistic]) -> None:
     """What each error motion does to the tool point, first order; location errors count with their error motions."""
-    step = max(1, len(q) // 2000)
-    q, tool = q[::step], tool[::step]
-    if not len(q):
+    step = max(1, len(state) // 2000)
+    state, tool = state.rows(slice(None, None, step)), tool[::step]
+    if not len(state):
         return
-    errors = model.errors(machine, State(q)).reshape(len(q), -1)
-    transform = place_transform(machine, q, tool)[:, :3]
+    errors = model.errors(machine, state).reshape(len(state), -1)
+    transform = place_transform(machine, state.positions, tool)[:, :3]
     for i, name in enumerate(place_names(machine)):
         if errors[:, i].any():
             into.setdefault(name, Statistic()).add(np.linalg.norm(transform[:, :, i] * errors[:, [i]], axis=1) * 1e3)

@@ -77,11 +77,31 @@ class WordEditor:
         texts = [self._like(word, address, value, decimals) for address, value in words]
         self.edits.append(Edit(word.at, word.end, (" " if self.layout.blank else "").join(texts)))
 
-    def line_before(self, head: str, words: list[tuple[str, float]], decimals: int) -> None:
-        """Put a line before the block, ended as the block is."""
+    def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
+        """Klartext: put the pole of an arc before it."""
         body = " ".join(address + self.layout.numbers.write(value, decimals) for address, value in words)
-        end = self.block.text[len(self.block.text.rstrip("\r\n")) :] or "\n"
-        self.edits.append(Edit(0, 0, f"{head} {body}{end}"))
+        self.lines_before([f"CC {body}"])
+
+    def lines_before(self, lines: list[str]) -> None:
+        """Put lines before the block, ended as the block is."""
+        end = self._end or "\n"
+        self.edits.append(Edit(0, 0, "".join(line + end for line in lines)))
+
+    def lines_after(self, lines: list[str]) -> None:
+        """Put lines behind the block, ended as the block is; the last block of a file may have no end."""
+        at = len(self.block.text)
+        text = "".join(line + self._end if self._end else "\n" + line for line in lines)
+        self.edits.append(Edit(at, at, text))
+
+    def say_motion(self, code: str) -> None:
+        """Put a G code in front of the block's words, behind its number."""
+        first = next(word for word in self.block.words if word.address != "N")
+        lower = self.block.text[first.at].islower()
+        self.edits.append(Edit(first.at, first.at, (code.lower() if lower else code) + " " * self.layout.blank))
+
+    @property
+    def _end(self) -> str:
+        return self.block.text[len(self.block.text.rstrip("\r\n")) :]
 
     def _like(self, neighbour: Word, address: str, value: float, decimals: int) -> str:
         lower = self.block.text[neighbour.at].islower()

@@ -7,12 +7,14 @@ by then, a word is inserted. The writer keeps what the control will hold after r
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.machine import Machine, NDArrayBool
+from kinematics.machine import Machine
 from kinematics.transforms import Array
+from postproc.added_blocks import AddedBlock, Tag, feed_index, feed_words, lacks_motion, mode_words
 from postproc.circles import (
     OUT_OF_ROUND,
     SAME,
@@ -28,12 +30,15 @@ from postproc.compensate import Correction
 from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.motions import Arc, Kind, Known, Motions
 from postproc.numbers import decimals_for, decimals_holding
+from postproc.pieces import arc_ends, arc_turned
 from postproc.program import edited
 from postproc.words import ORDER, Layout, WordEditor
 
 STRAY = 5e-4
 """mm: an arc by radius whose middle strays farther than this is rewritten by its centre. Near a half circle rounding
 the radius, and near a full one rounding the end points, moves the path by many times as much."""
+HALF = 1e-6
+"""rad: arcs nearer than this to half a turn are half a turn, which the signs of the radius say alike."""
 DOT = 0.01
 """mm: the radius of an arc so small that it does not matter which way round it is run."""
 
@@ -42,38 +47,37 @@ class Written(NamedTuple):
     """A chunk as it was written; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
 
     texts: list[str]
-    """Of all blocks, edited."""
+    """Of all blocks, edited, with blocks of our own beside them."""
     starts: Array
     """Where the control stands before each move."""
     ends: Array
     """Where each move takes it, after rounding."""
-    turning: NDArrayBool
-    """Feed moves `(rows,)` of rotary axes alone, which leave the linear axes where they are."""
+    arcs: dict[int, Arc]
+    """By row, round the centres that the control finds."""
+    added: int
+    """Blocks of our own."""
 
-
-def _plane_ends(motions: Motions, row: int) -> tuple[Point, Point]:
-    """Nominal start and end of an arc in its plane."""
-    i, j, _ = motions.arcs[row].plane
-    start, end = motions.start[row].tolist(), motions.target[row].tolist()
-    return (start[i], start[j]), (end[i], end[j])
+    def moves(self, motions: Motions) -> Motions:
+        """The rows as the control moves them."""
+        return replace(motions, start=self.starts, target=self.ends, arcs=self.arcs)
 
 
 def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
     """Centre of an arc whose ends go to other places, and its middle by `middle_shift` `(axes,)`, mm."""
     arc = motions.arcs[row]
-    before, after = _plane_ends(motions, row)
+    before, after = arc_ends(motions, row)
     start_shift = (start[0] - before[0], start[1] - before[1])
     end_shift = (end[0] - after[0], end[1] - after[1])
     x, y = middle_shift[list(arc.plane[:2])].tolist()
-    turned = sweep(before, after, arc.centre, arc.sense, arc.full)
+    turned = arc_turned(motions, row)
     return moved_centre((before, after), arc.centre, turned, (start_shift, (x, y), end_shift))
 
 
 class Writer:
     """Turns corrections into text, chunk after chunk."""
 
-    def __init__(self, machine: Machine, *, orientation: bool = False) -> None:
-        self.machine = machine
+    def __init__(self, machine: Machine, *, orientation: bool = False, comment: str = "({})") -> None:
+        self.machine, self.comment = machine, comment
         corrected = [
             i for i in range(len(machine.axes)) if i in machine.translators or (orientation and machine.rotary[i])
         ]
@@ -83,14 +87,23 @@ class Writer:
         self._frame: Frame | None = None
         self._editors: dict[int, WordEditor] = {}
         self._said: list[list[bool]] = []
+        self._ours: list[bool] = []
+        self._inner: list[bool] = []
+        self._begun: set[int] = set()
+        """Blocks of the chunk whose own move is written."""
+        self._straight = False
+        """The last move written is a take-up: where G2 or G3 is in force, it no longer is."""
+        self._arcs: dict[int, Arc] = {}
+        self._added = 0
 
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
-        self._editors = {}
+        self._editors, self._begun, self._arcs, self._added = {}, set(), {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
-        turning = self._turning(motions)
+        turning = motions.turning
         assumed = (motions.known_start == Known.ASSUMED).tolist()
         self._said = (motions.known == Known.PROGRAM).tolist()
+        self._ours, self._inner = motions.added.tolist(), motions.inner.tolist()
         for row in range(len(motions)):
             held = self._before(motions, row, assumed[row])
             starts[row] = held
@@ -101,7 +114,7 @@ class Writer:
             ends[row] = self._held = held
         editors = self._editors
         texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
-        return Written(texts, starts, ends, turning)
+        return Written(texts, starts, ends, self._arcs, self._added)
 
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position that the control holds before the row, in the row's frame.
@@ -116,18 +129,6 @@ class Writer:
             held = to_program(self.machine, frame, q)[0].tolist()
         self._frame = frame
         return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
-
-    def _turning(self, motions: Motions) -> NDArrayBool:
-        """Feed moves that turn rotary axes and leave the tool where it is in programmed coordinates.
-
-        Their F is a speed of turning. A correction of some micrometres would make it, on controls where F is the
-        speed of X Y Z when any of them moves, the speed along those micrometres: the rotary axes would run at rapid.
-        """
-        way = np.abs(motions.target - motions.start)
-        linear, rotary = list(self.machine.translators), self.machine.rotary
-        still = (way[:, linear] < SAME).all(axis=1) & (motions.known == motions.known_start)[:, linear].all(axis=1)
-        turns = (way[:, rotary] > SAME).any(axis=1)
-        return np.asarray((motions.kind == Kind.LINE) & ~motions.timed & still & turns)
 
     def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
         """A move in machine coordinates; under TCP the other coordinates of the tool point follow."""
@@ -144,10 +145,32 @@ class Writer:
         return decimals_for(self.machine.axes[axis].resolution / unit)
 
     def _write_row(self, motions: Motions, correction: Correction, row: int, held: list[float], turning: bool) -> None:
-        """Edit the block of one move; `held` becomes the position after it."""
+        """Edit the block of one move, or write one of our own; `held` becomes the position after it."""
         block = int(motions.block[row])
+        if self._ours[row]:
+            added, start = self._added_block(motions, row), list(held)
+            self._write_words(motions, correction, row, held, turning, added)
+            self._put_beside(motions, row, added, math.dist(start, held))
+            return
         self._layout = self._layout.after(motions.blocks[block])
         editor = self._editor(motions, block)
+        if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
+            editor.say_motion("G3" if motions.arcs[row].sense > 0 else "G2")
+        self._write_words(motions, correction, row, held, turning, editor)
+        if motions.timed[row] and self._inner[row]:
+            self._share_time(motions, row, editor)
+        self._begun.add(block)
+        self._straight = False
+
+    def _write_words(
+        self,
+        motions: Motions,
+        correction: Correction,
+        row: int,
+        held: list[float],
+        turning: bool,
+        editor: WordEditor | AddedBlock,
+    ) -> None:
         start = list(held)
         wanted = correction.target[row].tolist()
         arc = motions.arcs.get(row)
@@ -169,6 +192,7 @@ class Writer:
                 base = start[axis] if incremental else 0.0
                 number = (wanted[axis] - base) / unit
                 decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in kept else 0)
+                assert isinstance(editor, WordEditor)  # one of our own names no axis before
                 held[axis] = base + editor.set(index, number, decimals) * unit
             else:
                 held[axis] = float(motions.target[row, axis])
@@ -177,7 +201,7 @@ class Writer:
                 unit = 1.0 if self.machine.rotary[axis] else linear_unit
                 held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, bool(motions.incremental[row]))
         if arc is not None:
-            self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row])
+            self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row], editor)
 
     def _round_off(self, motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
         """Move the wanted end of a nearly full circle in or out where it would be too far from round.
@@ -187,7 +211,7 @@ class Writer:
         arc = motions.arcs[row]
         i, j, _ = arc.plane
         first, last = (start[i], start[j]), (wanted[i], wanted[j])
-        before, after = _plane_ends(motions, row)
+        before, after = arc_ends(motions, row)
         centre = _new_centre(motions, row, first, last, shift)
         radius = math.dist(last, centre)
         fault = math.dist(first, centre) - radius - math.dist(before, arc.centre) + math.dist(after, arc.centre)
@@ -198,7 +222,7 @@ class Writer:
             wanted[j] += share * (last[1] - centre[1])
 
     def _insert(
-        self, editor: WordEditor, axis: int, held: float, wanted: float, unit: float, incremental: bool
+        self, editor: WordEditor | AddedBlock, axis: int, held: float, wanted: float, unit: float, incremental: bool
     ) -> float:
         """Name an axis that the block leaves out, if it has to move; returns where it stands after the block."""
         decimals = self._decimals(axis, unit)
@@ -210,7 +234,13 @@ class Writer:
         return base + number * unit
 
     def _write_circle(
-        self, motions: Motions, row: int, arc: Arc, ends: tuple[list[float], list[float]], middle_shift: Array
+        self,
+        motions: Motions,
+        row: int,
+        arc: Arc,
+        ends: tuple[list[float], list[float]],
+        middle_shift: Array,
+        editor: WordEditor | AddedBlock,
     ) -> None:
         """Make start, end and centre as written one circle again, moved as the path along the arc is moved."""
         block = motions.blocks[motions.block[row]]
@@ -220,49 +250,64 @@ class Writer:
         start, end = ((at[i], at[j]) for at in ends)
         if same(start, end) != arc.full:
             raise block.refuse("an arc so short, or so nearly a full circle, that rounding makes it the other")
-        before, after = _plane_ends(motions, row)
-        turned = sweep(before, after, arc.centre, arc.sense, arc.full)
+        turned = arc_turned(motions, row)
         centre = _new_centre(motions, row, start, end, middle_shift)
         unit = float(motions.unit[row])
-        if arc.form.startswith("radius"):
-            centre = self._write_radius(self._editor(motions, int(motions.block[row])), arc, (start, end, centre), unit)
-        elif arc.form == "pole":
-            centre = self._write_pole(motions, int(motions.block[row]), arc, centre, unit)
+        if arc.form == "pole":
+            centre = self._write_pole(motions, int(motions.block[row]), arc, centre, unit, editor)
+        elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
+            centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
         else:
-            base = start if arc.form == "incremental" else (0.0, 0.0)
-            centre = self._write_centre(self._editor(motions, int(motions.block[row])), arc, base, centre, unit)
+            base = (0.0, 0.0) if arc.form.endswith("absolute") else start
+            centre = self._write_centre(editor, arc, base, centre, unit)
         if abs(sweep(start, end, centre, arc.sense, arc.full) - turned) > 1.0 and math.dist(start, centre) > DOT:
             raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
+        self._arcs[row] = arc._replace(centre=centre)
 
     def _centre_letter(self, axis: int) -> str:
         return "IJK"["XYZ".index(self.machine.names[axis][0])]
 
-    def _write_centre(self, editor: WordEditor, arc: Arc, base: Point, centre: Point, unit: float) -> Point:
+    def _write_centre(
+        self, editor: WordEditor | AddedBlock, arc: Arc, base: Point, centre: Point, unit: float
+    ) -> Point:
         """Say the centre as seen from `base`; returns where that puts it."""
         written = []
         for axis, index, origin, place in zip(arc.plane, arc.words, base, centre, strict=False):
             decimals = self._decimals(axis, unit)
             value = round((place - origin) / unit, decimals)
-            if index is not None:
+            if isinstance(editor, WordEditor) and index is not None:
                 value = editor.set(index, (place - origin) / unit, decimals)
-            elif value != 0.0:
+            elif value != 0.0 or isinstance(editor, AddedBlock):
                 editor.insert(self._centre_letter(axis), value, decimals)
             written.append(origin + value * unit)
         return written[0], written[1]
 
-    def _write_radius(self, editor: WordEditor, arc: Arc, points: tuple[Point, Point, Point], unit: float) -> Point:
+    def _write_radius(
+        self,
+        editor: WordEditor | AddedBlock,
+        arc: Arc,
+        points: tuple[Point, Point, Point],
+        unit: float,
+        turned: float,
+    ) -> Point:
         """Say the radius, or the centre in its place where that leads the path astray; returns the control's centre."""
         start, end, centre = points
+        decimals = self._decimals(arc.plane[0], unit)
+        radius = math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)) / unit
+        if isinstance(editor, AddedBlock):
+            by_radius = centre_from_radius(start, end, round(radius, decimals) * unit, arc.sense)
+            if by_radius is None or self._strays(start, end, centre, by_radius, arc.sense) >= STRAY:
+                raise editor.beside.refuse("rounding its radius would move this arc in pieces: give its centre (CC, C)")
+            editor.insert("R", round(radius, decimals), decimals)
+            return by_radius
         index = arc.words[0]
         assert index is not None
-        decimals = self._decimals(arc.plane[0], unit)
-        signed = math.copysign(
-            math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)),
-            editor.block.words[index].value or 0.0,
-        )
-        by_radius = centre_from_radius(start, end, editor.rounded(index, signed / unit, decimals) * unit, arc.sense)
+        said = editor.block.words[index].value or 0.0
+        # a piece of an arc of more than half a turn may be less than that
+        signed = math.copysign(radius, said if abs(turned) > math.pi - HALF else 1.0)
+        by_radius = centre_from_radius(start, end, editor.rounded(index, signed, decimals) * unit, arc.sense)
         if by_radius is not None and self._strays(start, end, centre, by_radius, arc.sense) < STRAY:
-            editor.set(index, signed / unit, decimals)
+            editor.set(index, signed, decimals)
             return by_radius
         if editor.block.kind != "words":
             raise editor.block.refuse("rounding its radius would move this arc: give its centre (CC and C)")
@@ -278,12 +323,70 @@ class Writer:
         middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
         return math.dist(*middles)
 
-    def _write_pole(self, motions: Motions, block: int, arc: Arc, centre: Point, unit: float) -> Point:
+    def _write_pole(
+        self, motions: Motions, block: int, arc: Arc, centre: Point, unit: float, editor: WordEditor | AddedBlock
+    ) -> Point:
         """Klartext: change a CC that stands right before its arc, else put one of our own there."""
         if arc.pole_block == block - 1 and None not in arc.words:
             return self._write_centre(self._editor(motions, arc.pole_block), arc, (0.0, 0.0), centre, unit)
         names = [self.machine.names[axis] for axis in arc.plane[:2]]
         decimals = self._decimals(arc.plane[0], unit)
         values = [round(place / unit, decimals) for place in centre]
-        self._editor(motions, block).line_before("CC", list(zip(names, values, strict=True)), decimals)
+        editor.centre_before(list(zip(names, values, strict=True)), decimals)
         return values[0] * unit, values[1] * unit
+
+    # ---- blocks of our own
+
+    def _added_block(self, motions: Motions, row: int) -> AddedBlock:
+        arc = motions.arcs.get(row)
+        tag = Tag.TAKE_UP if arc is None else Tag.PIECE
+        block = motions.blocks[motions.block[row]]
+        return AddedBlock(block, self._layout.after(block), tag, 0 if arc is None else arc.sense)
+
+    def _put_beside(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
+        """Put a block of our own before or behind the one whose move it belongs to, unless it moves nothing."""
+        if added.says_nothing and added.tag is Tag.TAKE_UP:
+            return
+        block = int(motions.block[row])
+        begun = block in self._begun
+        if not begun:
+            added.modes(*mode_words(added.beside))
+        if motions.timed[row]:
+            self._say_time(motions, row, added, moved)
+        elif not begun:
+            added.feed(*feed_words(added.beside))
+        editor = self._editor(motions, block)
+        lines = added.lines(self.comment)
+        (editor.lines_after if begun else editor.lines_before)(lines)
+        self._added += len(lines)
+        self._straight = added.tag is Tag.TAKE_UP
+
+    def _say_time(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
+        """Under G93: a piece takes its share of the time of its move, a take-up goes as fast as the move does."""
+        own = moved if added.tag is Tag.TAKE_UP else _way(motions, row)
+        added.feed_of(_per_minute_mm(motions, row) / max(own, SAME))
+
+    def _share_time(self, motions: Motions, row: int, editor: WordEditor) -> None:
+        index = feed_index(editor.block)
+        assert index is not None
+        editor.set(index, _per_minute_mm(motions, row) / max(_way(motions, row), SAME), 3)
+
+
+def _per_minute_mm(motions: Motions, row: int) -> float:
+    """Under G93: the speed of the programmed move of a row, mm/min."""
+    block = motions.blocks[motions.block[row]]
+    index = feed_index(block)
+    assert index is not None
+    rows = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP))
+    return (block.words[index].value or 0.0) * sum(_way(motions, int(i)) for i in rows)
+
+
+def _way(motions: Motions, row: int) -> float:
+    """Length of a move, mm, nominal."""
+    arc = motions.arcs.get(row)
+    linear = list(motions.machine.translators)
+    way: Array = (motions.target - motions.start)[row]
+    if arc is None:
+        return float(np.linalg.norm(way[linear]))
+    start, _ = arc_ends(motions, row)
+    return math.hypot(math.dist(start, arc.centre) * arc_turned(motions, row), float(way[arc.plane[2]]))

@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from programs import load, shifted
+from programs import load, model_of, shifted
 
+from kinematics.effects import Backlash, DriftWithSensor
 from kinematics.model import encode_model, write_model
 from postproc import cli
 
@@ -251,7 +252,8 @@ JSON_KEYS = {
     "program": {"name", "sha256", "dialect"},
     "machine": {"name", "chain"},
     "calibration": {"id", "made_at", "age_days", "made_by", "demonstration"},
-    "blocks": {"read", "changed"},
+    "conditions": {"elapsed_s", "temperatures_degC", "log"},
+    "blocks": {"read", "changed", "added"},
     "correction_urad": set(),
     "predicted_tool_axis_error_urad": {"before", "after"},
     "moves": {"read", "corrected", "not_judged"},
@@ -443,3 +445,31 @@ def test_as_a_process(tmp_path):
         assert process.wait(60) == 1
         assert process.stderr is not None
         assert b"Traceback" not in process.stderr.read()
+
+
+def test_backlash_and_temperatures(ncomp, tmp_path):
+    drift = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0)
+    write_model(model_of(load("gantry"), Backlash("X", 20.0), drift), tmp_path / "cal.json")
+    (tmp_path / "in.nc").write_text("G21 G90\nG0 X100. Y100. Z100.\nX110.\nG1 X105. F500\nG2 X95. I-5.\nG3 X95. I5.\n")
+    refused = ncomp("in.nc", *GANTRY, "-o", "out.nc")
+    assert refused.status == 2
+    assert "needs the temperature 'spindle': give --temperature spindle=degC or --log" in refused.err
+    assert not Path("out.nc").exists()
+    (tmp_path / "log.csv").write_text("time_s,temp_spindle\n0,20\n60,30\n")
+    for given in (("--temperature", "spindle=30"), ("--log", "log.csv"), ("--log", "log.csv", "--elapsed", "5")):
+        result = ncomp("in.nc", *GANTRY, "-o", "out.nc", *given)
+        assert result.status == 0
+        text = Path("out.nc").read_text()
+        assert "Z100.0600" in text
+        assert "G1 X109.9900 F500 (NCOMP TAKE-UP)" in text
+        assert "blocks added where play is taken up" in result.err
+        assert "held over the program" in result.err
+        judged = ncomp("verify", "in.nc", "out.nc", *GANTRY, *given, "--json", "-")
+        verdict = json.loads(judged.out)
+        assert verdict["block_ends_um"]["after"]["max"] < 0.1
+        assert verdict["along_feed_moves_um"]["after"]["max"] < 0.1
+        assert verdict["along_feed_moves_um"]["before"]["max"] > 60
+    assert ncomp("verify", "in.nc", "out.nc", *GANTRY).status == 2
+    table = ncomp("verify", "in.nc", "out.nc", *GANTRY, "--temperature", "spindle=30", "--classes")
+    assert table.status == 0
+    assert "L-POS" in table.out.decode()

@@ -364,7 +364,7 @@ def test_report():
     text = "G21 G90 G0 X1000.0 Y10.0 Z10.0\nG53 Z0\nG1 X2000.0 F500\nZ10.0\nX3000.0\nM30\n"
     report = correct(text, machine, model).report
     data = report.json()
-    assert data["blocks"] == {"read": 6, "changed": 3}
+    assert data["blocks"] == {"read": 6, "changed": 3, "added": 0}
     assert data["moves"] == {"read": 5, "corrected": 4, "not_judged": 2}
     assert data["correction_um"]["X"]["max"] == pytest.approx(40.0, abs=0.1)
     assert data["correction_um"]["Y"] == {"max": 0.0, "rms": 0.0, "count": 4}

@@ -8,9 +8,20 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from clients.rs274 import Move, Tool
-from programs import LINUXCNC_OFFSETS, RandomProgram, correct, load, random_model, random_setup, read_lines, source_of
+from programs import (
+    LINUXCNC_OFFSETS,
+    RandomProgram,
+    correct,
+    load,
+    model_of,
+    random_model,
+    random_setup,
+    read_lines,
+    source_of,
+)
 from test_pipeline import exact_rows, without_mark
 
+from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from postproc.circles import sweep
@@ -209,6 +220,21 @@ def test_programs_by_hand(linuxcnc, name, machine):
     assert before < SAME
     assert after < SAME
     assert worst <= 0.5 * LAST_DECIMAL + SAME
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_programs_with_take_ups(linuxcnc, name):
+    """Blocks of ncomp's own too: LinuxCNC ends every move where ncomp says it has sent it."""
+    machine = load("gantry")
+    setup = random_setup(machine)
+    head = HEAD.replace("X10 Y5 Z20", "X9 Y4 Z19\nG0 X10 Y5 Z20")
+    text = head + BY_HAND[name] + "G90 G94 G1 X30 Y30 Z30 F100\nX29 Y29 Z29\nM2\n"
+    model = model_of(machine, *(Backlash(axis, width) for axis, width in {"X": 20.0, "Y": 40.0, "Z": 12.0}.items()))
+    result = correct(text, machine, model, travel_check=False, **setup)
+    assert result.report.added_blocks > 0
+    commanded, lines = read_lines(result.text, machine, **setup)
+    seen = see(linuxcnc, result.text, **environment_of(setup))
+    assert largest_difference(commanded, lines, seen) < SAME
 
 
 @pytest.mark.parametrize("machine", ["gantry", "head_table"])

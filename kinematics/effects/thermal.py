@@ -7,7 +7,7 @@ drifted.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,18 @@ from kinematics.transforms import Array
 
 MINUTES_30 = 1800.0
 """s: time constant of a spindle or a column, in order of magnitude."""
+
+
+class Filtered(NamedTuple):
+    """A first-order filter at one instant."""
+
+    time: float
+    """s"""
+    temperature: float
+    late: float
+    """Its output, K."""
+    slope: float
+    """The derivative of that with respect to the lag, K/s."""
 
 
 class _OverTime(Cause, frozen=True, kw_only=True):
@@ -59,8 +71,8 @@ class _OverTime(Cause, frozen=True, kw_only=True):
 
 class _WithSensor(Cause, frozen=True, kw_only=True):
     """coefficient x temperature; with a lag, the temperature behind a first-order filter, so that warming and cooling
-    differ (hysteresis). The filter has settled at the first row, and is exact for a temperature that runs straight
-    from one row to the next; a jump is two rows of the same time.
+    differ (hysteresis). The filter has settled at the first row, of the state or of its past, and is exact for a
+    temperature that runs straight from one row to the next; a jump is two rows of the same time.
     """
 
     NEEDS: ClassVar[tuple[str, ...]] = ("temperatures", "time")
@@ -81,8 +93,16 @@ class _WithSensor(Cause, frozen=True, kw_only=True):
         temperature = state.temperature(self.sensor, self.name)
         if self.lag_s is None:
             return temperature[:, None]
-        late, slope = lagged(temperature, state.need("time", self.name), self.lag_s)
+        filtered = state.left_behind((self.sensor, self.lag_s), self._at_end)
+        late, slope = lagged(temperature, state.need("time", self.name), self.lag_s, filtered)
         return np.stack([late, self.coefficient * slope], axis=1)
+
+    def _at_end(self, past: State) -> Filtered:
+        """The filter after the last row."""
+        assert self.lag_s is not None
+        temperature, time = past.temperature(self.sensor, self.name), past.need("time", self.name)
+        late, slope = lagged(temperature, time, self.lag_s)
+        return Filtered(float(time[-1]), float(temperature[-1]), float(late[-1]), float(slope[-1]))
 
 
 class ThermalDrift(_OverTime, frozen=True, tag="thermal-drift"):
@@ -188,12 +208,21 @@ def _growth(machine: Machine, state: State, axis: str, fixed_point: float, cours
     return Columns(i, component, course * (forward * 1e-3 * UM) * (state.positions[:, [i]] - fixed_point))
 
 
-def lagged(temperature: Array, time: Array, lag: float) -> tuple[Array, Array]:
+def lagged(temperature: Array, time: Array, lag: float, start: Filtered | None = None) -> tuple[Array, Array]:
     """Output `(n,)` of a first-order filter of time constant `lag`, s, and its derivative with respect to the lag.
+
+    It goes on from `start`; without one it has settled at the first row.
 
     lag dy/dt = T - y with T straight from one row to the next, so that over a step h with r = h / lag
     y1 = T1 - (T1 - T0) (1 - exp(-r)) / r + (y0 - T0) exp(-r). Rows whose time runs back count as of the same time.
     """
+    if start is not None:
+        temperature, time = np.append(start.temperature, temperature), np.append(start.time, time)
+    late, slope = _lagged(temperature, time, lag, (start.late, start.slope) if start else None)
+    return (late, slope) if start is None else (late[1:], slope[1:])
+
+
+def _lagged(temperature: Array, time: Array, lag: float, start: tuple[float, float] | None) -> tuple[Array, Array]:
     step, rise = np.maximum(np.diff(time), 0.0), np.diff(temperature)
     if lag == 0:
         slope = np.divide(rise, step, out=np.zeros_like(rise), where=step > 0)
@@ -202,7 +231,11 @@ def lagged(temperature: Array, time: Array, lag: float) -> tuple[Array, Array]:
     keep = np.exp(-r)
     mean = np.divide(-np.expm1(-r), r, out=np.ones_like(r), where=r > 0)
     late, slope = temperature.copy(), np.zeros_like(temperature)
-    y, dy = float(temperature[:1].sum()), 0.0
+    y, dy = start or (float(temperature[:1].sum()), 0.0)
+    late[:1], slope[:1] = y, dy
+    if not step.any() and not rise.any():
+        late[1:], slope[1:] = y, dy
+        return late, slope
     columns = (temperature[:-1], temperature[1:], r, keep, mean)
     for i, (before, after, ratio, kept, share) in enumerate(zip(*(c.tolist() for c in columns), strict=True), start=1):
         dy = ((before - after) * (share - kept) + (y - before) * kept * ratio) / lag + dy * kept

@@ -1,0 +1,108 @@
+"""Blocks of ncomp's own: how they are written beside the program's, and how they are known again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from postproc.iso_codes import DISTANCES, FEED_MODES, UNITS
+from postproc.program import Block
+from postproc.words import ORDER, Layout
+
+ARCS = frozenset((2.0, 3.0))
+MODES = DISTANCES | FEED_MODES | UNITS.keys()
+
+
+class Tag(StrEnum):
+    """What a block of ncomp's own is, in its comment; upper case and plain, as the oldest control reads it."""
+
+    TAKE_UP = "NCOMP TAKE-UP"
+    PIECE = "NCOMP ARC"
+
+
+def tag_of(text: str) -> Tag | None:
+    """What a block is, None for one of the program."""
+    return next((tag for tag in Tag if tag in text), None) if "NCOMP" in text else None
+
+
+def mode_words(block: Block) -> list[str]:
+    """The G codes of a block that say how it is read: whoever stands before it and is read alike says them too."""
+    return [block.text[word.at : word.end] for word in block.words if word.address == "G" and word.value in MODES]
+
+
+def feed_words(block: Block) -> list[str]:
+    """What a block says of the feed, as it stands there."""
+    return [block.text[word.at : word.end] for word in block.words if word.address in ("F", "FU", "FZ", "FAUTO")]
+
+
+def feed_index(block: Block) -> int | None:
+    """Index of the F word."""
+    return next((i for i, word in enumerate(block.words) if word.address == "F"), None)
+
+
+def lacks_motion(block: Block) -> bool:
+    """True for an ISO arc that has G2 or G3 from a block before."""
+    return block.kind == "words" and not any(w.address == "G" and w.value in ARCS for w in block.words)
+
+
+@dataclass
+class AddedBlock:
+    """A block beside one of the program, word by word, in the program's style."""
+
+    beside: Block
+    layout: Layout
+    tag: Tag
+    sense: int = 0
+    """Of an arc, 0 of a straight line."""
+    preface: str = ""
+    """A block before it."""
+    _modes: list[str] = field(default_factory=list)
+    _words: list[tuple[str, str]] = field(default_factory=list)
+    _feed: list[str] = field(default_factory=list)
+
+    @property
+    def klartext(self) -> bool:
+        """True beside a block of Klartext."""
+        return self.beside.kind != "words"
+
+    @property
+    def says_nothing(self) -> bool:
+        """True as long as it names no axis."""
+        return not self._words
+
+    def insert(self, address: str, value: float, decimals: int) -> None:
+        """Add a word."""
+        self._words.append((address, self.layout.numbers.write(value, decimals)))
+
+    def modes(self, *texts: str) -> None:
+        """Say how it is read."""
+        self._modes += texts
+
+    def feed(self, *texts: str) -> None:
+        """Say the feed."""
+        self._feed += texts
+
+    def feed_of(self, value: float) -> None:
+        """Say the feed by its number, with six digits."""
+        digits = max(0, 6 - len(f"{value:.0f}"))
+        self._feed.append(f"F{self.layout.numbers.write(value, max(1, digits)).lstrip('+')}")
+
+    def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
+        """Klartext: the pole of an arc."""
+        body = " ".join(address + self.layout.numbers.write(value, decimals) for address, value in words)
+        self.preface = f"CC {body}"
+
+    def lines(self, comment: str) -> list[str]:
+        """The block, and the one before it, without ends of line; `comment` with a place for the tag."""
+        ordered = [address + number for address, number in sorted(self._words, key=lambda w: ORDER.index(w[0][0]))]
+        if self.klartext:
+            by_radius = any(address == "R" for address, _ in self._words)
+            head = "L" if not self.sense else "CR" if by_radius else "C"
+            ordered += ["DR+" if self.sense > 0 else "DR-"] if self.sense else []
+        else:
+            head = "G1" if not self.sense else "G3" if self.sense > 0 else "G2"
+        blank = " " if self.klartext or self.layout.blank else ""
+        said = blank.join([*self._modes, head, *ordered, *self._feed])
+        lower = self.beside.words and self.beside.text[self.beside.words[0].at].islower()
+        line = f"{said.lower() if lower else said}{blank}{comment.format(self.tag)}"
+        return [self.preface, line] if self.preface else [line]

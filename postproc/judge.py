@@ -1,0 +1,84 @@
+"""What a program is judged by: the part of a model that a program can put right, in the directions of its own moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinematics.effects import Effect
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.model import ErrorModel
+from kinematics.transforms import Array
+from postproc.compensate import States
+from postproc.conditions import Conditions
+from postproc.motions import Motions
+from postproc.reversals import (
+    INNER,
+    Directions,
+    axes_with_play,
+    dead_band,
+    follow_ways,
+    known_before,
+    turns_inside,
+    ways,
+)
+
+
+def in_a_program(effect: Effect) -> bool:
+    """True for effects of the machine that a corrected program, or less, puts right."""
+    return effect.ACTS_ON != "instrument" and effect.REMEDY != "none"
+
+
+def standing_notes(model: ErrorModel, conditions: Conditions) -> list[str]:
+    """What a user should know of a model under these conditions; UserError for what it needs and they do not give."""
+    beyond = [e.name for e in model.effects if e.ACTS_ON != "instrument" and not in_a_program(e)]
+    left = [f"{', '.join(beyond)}: no program can put that right; left out, of what is predicted too"] if beyond else []
+    return left + conditions.notes(model.part(in_a_program))
+
+
+class Judge:
+    """Follows the moves of one text, chunk after chunk, and says in which state the machine comes to their ends."""
+
+    def __init__(
+        self,
+        model: ErrorModel,
+        machine: Machine,
+        conditions: Conditions,
+        tolerance_um: float,
+        *,
+        written: bool = False,
+    ) -> None:
+        self.axes = axes_with_play(model, machine)
+        self.band = dead_band(machine, tolerance_um)
+        if written:
+            # what was no reversal, there and on the way there, is none after rounding; a take-up is more than that
+            self.band = 2 * self.band + dead_band(machine, 0.0)
+        self._conditions = conditions
+        self._directions = Directions(self.axes, self.band)
+        self.approach: Array | None = None
+        """At the ends of the last chunk `(n, axes)`."""
+
+    def along(self, motions: Motions) -> Array | None:
+        """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without play."""
+        if not self.axes:
+            return None
+        along = follow_ways(self._directions, ways(motions, (*INNER, 1.0)), known_before(motions))
+        self.approach = along[:, -1]
+        return along
+
+    def states(self, motions: Motions, rows: NDArrayBool) -> States:
+        """The state at some rows of a chunk `(n,)`."""
+        if self.axes and len(motions):
+            if turns_inside(motions, self.axes, self.band).any():
+                self.along(motions)
+            else:
+                self.approach = self._directions.follow(motions.machine_target, known_before(motions))
+        return self.last_states(rows)
+
+    def last_states(self, rows: NDArrayBool) -> States:
+        """The same for other rows of the last chunk."""
+        return self._conditions.states(None if self.approach is None else self.approach[rows])
+
+
+def where(approach: Array | None, share: int, rows: np.ndarray) -> Array | None:
+    """Directions at some rows and one share, of those along moves."""
+    return None if approach is None else np.asarray(approach[rows, share])

@@ -1,0 +1,212 @@
+"""Time and temperatures of a run: from options, from a log, and what is said when they lack."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from effect_examples import EXAMPLES
+from programs import load, model_of, source_of
+
+from kinematics.effects import (
+    Backlash,
+    DriftWithSensor,
+    FollowingError,
+    GrowthWithSensor,
+    GrowthWithTime,
+    LocationError,
+    Settling,
+    StationShift,
+    ThermalDrift,
+)
+from kinematics.errors import UserError
+from postproc.conditions import Conditions, make_conditions
+from postproc.dialects import find_dialect
+from postproc.judge import in_a_program, standing_notes
+from postproc.pipeline import Job, Pipeline
+from postproc.setup import make_setup
+from postproc.source import ENCODING
+
+GANTRY = load("gantry")
+HEAD = "G21 G90\nG0 X1000.0 Y500.0 Z100.0\n"
+
+
+def corrected(model, conditions, text=HEAD):
+    out = io.BytesIO()
+    job = Job(source_of(text), find_dialect("iso", "", ""), GANTRY, model, make_setup(GANTRY), conditions=conditions)
+    report = Pipeline(job).run(out, lambda _: None)
+    return out.getvalue().decode(ENCODING).splitlines()[-1], report
+
+
+@pytest.fixture
+def log(tmp_path):
+    def write(text, name="log.csv"):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return write
+
+
+def test_values_from_options():
+    """Spindle +10 K at -6 um/K: the tool 60 um too low. X growth 12 um/m/K, +2.5 K at 1000 mm: 30 um too far."""
+    drift = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0)
+    growth = GrowthWithSensor(axis="X", sensor="bed", coefficient=12.0)
+    hours = ThermalDrift(component="Y", rate=10.0)
+    conditions = make_conditions(["spindle=30", "bed=22.5"], 7200.0)
+    line, report = corrected(model_of(GANTRY, drift, growth, hours), conditions)
+    assert line == "G0 X999.9700 Y499.9800 Z100.0600"
+    assert report.before.largest == pytest.approx(np.hypot(np.hypot(60, 30), 20), abs=1e-2)
+    assert report.after.largest < 0.1
+    assert report.json()["conditions"] == {
+        "elapsed_s": 7200.0, "temperatures_degC": {"spindle": 30.0, "bed": 22.5}, "log": None,
+    }  # fmt: skip
+    assert conditions.text() == "7200 s after time zero, spindle 30 degC, bed 22.5 degC, held over the program"
+
+
+def test_a_lag_runs_over_the_log(log):
+    """A jump of 10 K, and then one time constant: 1 - 1/e of it has come."""
+    path = log("time_s,temp_spindle,note\n0,20,cold\n100,20,\n100,30,switched on\n1000,30,\n")
+    lagging = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0, lag_s=900.0)
+    line, report = corrected(model_of(GANTRY, lagging), make_conditions(log=path))
+    assert line == f"G0 X1000.0 Y500.0 Z{100 + 0.06 * (1 - np.exp(-1)):.4f}"
+    assert not [note for note in report.notes if "settled" in note]
+    # the last row is now, and options overrule it
+    line, _ = corrected(model_of(GANTRY, lagging), make_conditions(["spindle=30"], 5000.0, path))
+    assert line == f"G0 X1000.0 Y500.0 Z{100 + 0.06 * (1 - np.exp(-1)):.4f}"
+    fast = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0)
+    line, _ = corrected(model_of(GANTRY, fast), make_conditions(["spindle=25"], None, path))
+    assert line == "G0 X1000.0 Y500.0 Z100.0300"
+
+
+def test_uncertainty_counts_the_lag(log):
+    path = log("time_s,temp_spindle\n0,20\n0,30\n900,30\n")
+    lagging = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0, lag_s=900.0, u=(0.0, 90.0))
+    _, report = corrected(model_of(GANTRY, lagging), make_conditions(log=path))
+    assert report.uncertainty.largest == pytest.approx(60 * np.exp(-1) * 0.1, rel=1e-6)  # d/dlag of 1 - exp(-t/lag)
+
+
+def test_many_chunks_see_the_same_past(log, monkeypatch):
+    path = log("time_s,temp_spindle\n0,20\n0,30\n900,30\n")
+    model = model_of(GANTRY, DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0, lag_s=900.0))
+    text = HEAD + "X5.0\nZ50.0\n" * 20
+    whole = corrected(model, make_conditions(log=path), text)
+    monkeypatch.setattr("postproc.pipeline.CHUNK", 3)
+    part = corrected(model, make_conditions(log=path), text)
+    assert whole[0] == part[0] == f"Z{50 + 0.06 * (1 - np.exp(-1)):.4f}"
+
+
+def test_elapsed_of_the_log_is_its_last_row(log):
+    path = log("# logged by hand\ntime_s,temp_bed\n0,20\n\n3600,21\n")
+    model = model_of(GANTRY, ThermalDrift(component="Y", rate=10.0))
+    assert corrected(model, make_conditions(log=path))[0] == "G0 X1000.0 Y499.9900 Z100.0"
+    assert corrected(model, make_conditions((), 7200.0, path))[0] == "G0 X1000.0 Y499.9800 Z100.0"
+
+
+NEEDS = [
+    (DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0), {},
+     "thermal-drift-sensor Z spindle needs the temperature 'spindle': give --temperature spindle=degC or --log"),
+    (GrowthWithSensor(axis="X", sensor="bed", coefficient=12.0, lag_s=10.0), {"temperatures": {"spindle": 20.0}},
+     "thermal-scale-sensor X bed needs the temperature 'bed': give --temperature bed=degC or --log"),
+    (GrowthWithTime(axis="X", rate=12.0), {"temperatures": {"bed": 20.0}},
+     "thermal-scale X needs the time since its zero: give --elapsed s or --log"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("effect", "given", "message"), NEEDS)
+def test_what_is_needed_and_not_given(effect, given, message):
+    with pytest.raises(UserError) as caught:
+        corrected(model_of(GANTRY, effect), Conditions(**given))
+    assert str(caught.value) == message
+
+
+def test_notes():
+    settled = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0, lag_s=900.0)
+    notes = standing_notes(
+        model_of(GANTRY, settled, Settling("X", 20.0), FollowingError("Y", 1.0)),
+        make_conditions(["spindle=25", "bed=22"]),
+    )
+    assert notes == [
+        "settling X, following-error Y: no program can put that right; left out, of what is predicted too",
+        "temperature bed was given and no effect uses it",
+        "thermal-drift-sensor Z spindle: taken as settled at the temperature given; a --log shows how it came",
+    ]
+
+
+def test_effects_without_remedy_are_left_out():
+    shift = LocationError("X", "X", -10.0)
+    left_out = (Settling("X", 1e5), FollowingError("Y", 100.0), StationShift("s", (1.0,) * 3, (1.0,) * 3))
+    line, report = corrected(model_of(GANTRY, shift, *left_out), Conditions())
+    assert line == "G0 X1000.0100 Y500.0 Z100.0"
+    assert report.after.largest < 0.1
+    assert report.before.largest == pytest.approx(10.0)
+
+
+def test_every_effect_of_a_machine_serves_in_a_program():
+    """With its temperatures and time given, each one is corrected, or left out by its remedy; none is refused."""
+    conditions = make_conditions(["spindle=25", "column=22"], 1000.0)
+    text = "G21 G90\nG0 X10.0 Y10.0 Z10.0\nG1 X20.0 Y30.0 Z40.0 F100\nX10.0\n"
+    for example in EXAMPLES:
+        machine, out = example.machine, io.BytesIO()
+        model = model_of(machine, example.effect)
+        job = Job(
+            source_of(text),
+            find_dialect("iso", "", ""),
+            machine,
+            model,
+            make_setup(machine),
+            False,
+            conditions=conditions,
+        )
+        report = Pipeline(job).run(out, lambda _: None)
+        assert report.after.largest < 0.2
+        if not in_a_program(example.effect):
+            assert out.getvalue().decode() == text
+
+
+BAD_LOGS = [
+    ("", "no column time_s"),
+    ("time,temp_a\n0,20\n", ":1: no column time_s"),
+    ("time_s,temp_a,temp_a\n0,20,20\n", ":1: 2 column temp_a"),
+    ("time_s,temp_a\n", "no rows"),
+    ("time_s,temp_a\n0,20\n1\n", ":3: 1 values, the header has 2 columns"),
+    ("time_s,temp_a\n0,warm\n", ":2, column temp_a: 'warm' is no number"),
+    ("time_s,temp_a\n0,nan\n", ":2, column temp_a: 'nan' is no number"),
+    ("# a\ntime_s,temp_a\n5,20\n4,20\n", ":4, column time_s: runs back"),
+    ('time_s,temp_a\n0,"20\n', ":2: "),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), BAD_LOGS)
+def test_bad_logs(log, text, message):
+    path = log(text)
+    with pytest.raises(UserError) as caught:
+        make_conditions(log=path)
+    assert str(path) in str(caught.value)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("temperatures", "elapsed", "message"),
+    [
+        (["spindle"], None, "--temperature spindle: expected e.g. spindle=31.5"),
+        (["=5"], None, "--temperature =5: expected"),
+        (["spindle=warm"], None, "--temperature spindle=warm: 'warm' is no number"),
+        ((), float("nan"), "--elapsed nan: not a time"),
+    ],
+)
+def test_bad_options(temperatures, elapsed, message):
+    with pytest.raises(UserError, match=message):
+        make_conditions(temperatures, elapsed)
+
+
+def test_a_log_that_is_not_there(tmp_path):
+    with pytest.raises(UserError, match=r"log .*no\.csv: No such file"):
+        make_conditions(log=tmp_path / "no.csv")
+
+
+def test_json_of_conditions_is_json():
+    assert json.loads(json.dumps(Conditions().json())) == {"elapsed_s": None, "temperatures_degC": {}, "log": None}
+
+
+def test_backlash_alone_needs_no_conditions():
+    assert standing_notes(model_of(GANTRY, Backlash("X", 5.0)), Conditions()) == []
