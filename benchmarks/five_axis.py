@@ -15,13 +15,15 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration.calibrate import calibrate
+from calibration.calibrate import Calibration, calibrate
+from calibration.datum import error_motions, to_datum
 from calibration.instruments import LaserTracker
+from calibration.locations import split_locations, transformed
 from calibration.measurement import Target
 from calibration.plan import Choices
 from calibration.simulate import observe, random_truth, tracker_pose
 from calibration.strategies import plan
-from kinematics.effects import LocationError
+from kinematics.effects import COMPONENTS, UM, URAD, LocationError
 from kinematics.model import ErrorModel
 from kinematics.state import State
 
@@ -29,12 +31,28 @@ TARGETS = {"1": Target((0.0, 0.0, -120.0)), "2": Target((90.0, 40.0, -180.0)), "
 TRACKER = LaserTracker(u_range_um_per_m=0.5, u_angle_um=3.0, u_angle_um_per_m=2.0)
 LOCATIONS = ("X0C", "Y0C", "A0C", "B0C", "X0B", "Z0B", "A0B", "C0B")
 BASIS = "cubic:12"
-WITHOUT_NOISE = LaserTracker(u_range_um=0.01, u_angle_um=0.01)
 
 
 def locations(model: ErrorModel) -> dict[str, tuple[float, float]]:
     """Values and standard uncertainties of location errors, by name."""
     return {e.name: (e.value, e.uncertainties[0]) for e in model.effects if isinstance(e, LocationError)}
+
+
+def in_the_frame_of(found: Calibration, truth: ErrorModel) -> ErrorModel:
+    """The truth written in the bases of a fit, and told in its datum, with its location errors apart."""
+    machine, model = found.fit.measurement.machine, found.fit.model
+    effects = []
+    for effect, _ in error_motions(model):
+        i, k = machine.index(effect.axis), COMPONENTS.index(effect.component)
+        x = np.linspace(*effect.basis.interval, 400)
+        q = np.zeros((len(x), len(machine.axes)))
+        q[:, i] = x * machine.scale[i]
+        values = truth.errors(machine, State(q))[:, i, k] / (UM if k < 3 else URAD)
+        parameters = np.linalg.lstsq(effect.basis.columns(x), values, rcond=None)[0]
+        effects.append(effect.with_parameters(parameters.tolist(), effect.u))
+    written = msgspec.structs.replace(model, effects=tuple(effects))
+    inside = transformed(written, written.effects, to_datum(machine, written, found.fit.prior))
+    return transformed(inside, *split_locations(machine, inside))
 
 
 def main() -> None:
@@ -53,10 +71,9 @@ def main() -> None:
         state = State(positions, target=rng.choice(list(TARGETS), len(positions)))
         pose = {"1": tracker_pose((-900.0, -700.0, 400.0), rng)}
         noisy = observe(machine, truth, state, TRACKER, rng, pose, TARGETS)
-        exact = observe(machine, truth, state, WITHOUT_NOISE, rng, pose, TARGETS, noise_scale=0.0)
-        got = locations(calibrate(noisy, basis=BASIS, hold_out=False).model)
-        # the truth in the frame of the fit: a fit of the same positions without noise
-        wanted = locations(calibrate(exact, basis=BASIS, hold_out=False).model)
+        found = calibrate(noisy, basis=BASIS, hold_out=False)
+        wanted = locations(in_the_frame_of(found, truth))
+        got = locations(found.model)
         for name, (value, u) in got.items():
             rows.setdefault(name, []).append((wanted[name][0], value, u))
     print(f"{'':8}{'RMS of truth':>14}{'RMS error':>12}{'u stated':>11}{'sd of z':>10}   um and urad")

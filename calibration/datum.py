@@ -7,7 +7,8 @@ an ideal measurement in thought: any positions, four tool vectors, one unknown p
 
 - the mean of every error motion of the linear axes is zero, and so is the slope of E_YX, E_ZX and E_ZY: X is x, and Y
   lies in the x y plane; only the mean turns of the linear axis nearest to the tool stay, being the tool's orientation;
-- a rotary axis has no mean shift along, and no mean turn about, its own line
+- a rotary axis has no mean shift along, and no mean turn about, its own line, and no first harmonic that turns with
+  what it carries: that is a shift, or a tilt, of the part carried
 
 as nearly as the gauge allows. Their uncertainty is then relative to this frame.
 """
@@ -30,14 +31,20 @@ from kinematics.effects.base import own_component
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
-from kinematics.transforms import IDENTITY, Array
+from kinematics.transforms import IDENTITY, Array, rotation_about
 
 DATUM_SLOPES = ("E_YX", "E_ZX", "E_ZY")
 """Straightness slopes that are zero by convention: X is x, Y lies in the x y plane."""
 ELSE = 1e-4
 """Weight of all other parameters, which settles what the rules above leave open."""
+HARMONIC = 1e-2
+"""Weight of the first harmonics, which only some bases can hold exactly."""
+TURN = np.deg2rad(60.0)
+"""A rotary axis has to turn so far for a first harmonic to differ from a constant."""
 NULL = 1e-9
 """Eigenvalues below this share of the largest count as zero."""
+GAUGE = 1e-2
+"""So little does the ideal measurement, to 1 um, say of the gauge, in terms of the prior."""
 
 
 class Line(NamedTuple):
@@ -80,7 +87,8 @@ def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
     found = np.zeros((len(prior), 0))
     if len(columns):
         alone = msgspec.structs.replace(model, effects=tuple(effect for effect, _ in motions), covariance=None)
-        inner = null_space(_ideal(machine, alone, prior[columns]).information)
+        values, vectors = np.linalg.eigh(_ideal(machine, alone, prior[columns]).information)
+        inner = vectors[:, values < GAUGE]
         found = np.zeros((len(prior), inner.shape[1]))
         found[columns] = inner
     return found
@@ -114,7 +122,34 @@ def _rules(machine: Machine, model: ErrorModel) -> Array:
             row = np.zeros(len(model.parameters))
             row[part] = values
             rows.append(row)
-    return np.array(rows).reshape(-1, len(model.parameters))
+    return np.array([*rows, *_carried_harmonics(machine, model)]).reshape(-1, len(model.parameters))
+
+
+def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
+    """The first harmonics of rotary axes that turn with what they carry, as functions `(p,)` of the parameters."""
+    by_name = {effect.name: (effect, part) for effect, part in error_motions(model)}
+    for axis in machine.axes:
+        for letters in ("XYZ", "ABC"):
+            found = [by_name.get(f"E_{letter}{axis.name}") for letter in letters]
+            motions = [motion for motion in found if motion is not None]
+            if not axis.rotary or len(motions) < 3:
+                continue
+            low, high = np.deg2rad(motions[0][0].basis.interval)
+            if high - low < TURN:
+                continue
+            q = np.linspace(low, high, 201)
+            line = axis.error_frame.T @ axis.unit_direction
+            across = np.linalg.svd(line[None])[2][1:]
+            turning = rotation_about(line, q if axis.side == "tool" else -q) @ across.T
+            still = np.broadcast_to(across.T, turning.shape)
+            # the part that turns, of a course written as a constant and a turning vector
+            columns = np.concatenate([still, turning], axis=2).swapaxes(0, 1).reshape(-1, 4)
+            parts = np.linalg.pinv(columns)[2:].reshape(2, 3, len(q))
+            for turned in parts:
+                row = np.zeros(len(model.parameters))
+                for (effect, part), weights in zip(motions, turned, strict=True):
+                    row[part] = HARMONIC * weights @ effect.basis.columns(np.rad2deg(q))
+                yield row
 
 
 def _along(effect: ErrorMotion) -> str:

@@ -212,7 +212,7 @@ def test_the_datum_moves_along_the_gauge_only(name):
     q = positions(machine, 200, rng)
     other = msgspec.structs.replace(model, covariance=np.eye(len(prior)).tolist())
     changed = deviations(machine, transformed(other, model.effects, matrix), q) - deviations(machine, model, q)
-    assert np.abs(aligned(machine, changed, q)).max() < 4e-5  # first order: squares of 30 urad over a metre
+    assert np.abs(aligned(machine, changed, q)).max() < 2e-4  # second order of moves by 50 um and urad
     assert np.abs(changed).max() > 1e-3
     assert moved.shape == model.parameters.shape
 
