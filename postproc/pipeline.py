@@ -19,7 +19,6 @@ from kinematics.classes import ORIENTATION, select
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
-from kinematics.transforms import Array
 from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
 from postproc.dialects import Dialect
@@ -30,6 +29,7 @@ from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic
 from postproc.setup import Setup
+from postproc.significance import uncertainties_um
 from postproc.source import CHUNK, ENCODING, Source, chunks
 from postproc.take_up import TakeUps
 from postproc.travel import check_size, note_outside, refuse_outside
@@ -174,9 +174,10 @@ class Pipeline:
         report.tilt_after.add(after.axis_urad)
         self._judge_between(motions, commanded)
         self._note_turning(motions, correction, written)
-        state = states_before(nominal).rows(slice(None, None, max(1, int(judged.sum()) // UNCERTAINTY_ROWS)))
-        some = np.flatnonzero(judged)[:: max(1, int(judged.sum()) // UNCERTAINTY_ROWS)]
-        report.uncertainty.add(_uncertainty_um(machine, self.model, state, tool[some]))
+        some = slice(None, None, max(1, len(nominal) // UNCERTAINTY_ROWS))
+        whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[judged][some])
+        report.uncertainty.add(whole)
+        report.significance.add(before.point_um[some], after.point_um[some], along)
         for name, excess in self.model.outside(machine, State(nominal)).items():
             self._beyond[name] = max(excess, self._beyond.get(name, 0.0))
 
@@ -211,14 +212,6 @@ class Pipeline:
         for row in np.flatnonzero(rows)[strayed > self.job.tolerance_um]:
             line = motions.blocks[motions.block[row]].line
             self.notes.add(f"a feed move strays more than {self.job.tolerance_um:g} um between its ends", line)
-
-
-def _uncertainty_um(machine: Machine, model: ErrorModel, state: State, tool: Array) -> Array:
-    """Standard uncertainty `(n,)`, um, of the predicted tool point deviation (root sum of squares over x y z)."""
-    from kinematics.error_transform import place_transform
-
-    transform = place_transform(machine, state.positions, tool)[:, :3]
-    return np.asarray(np.linalg.norm(model.standard_uncertainty(machine, state, transform), axis=1) * 1e3)
 
 
 def _new_report(job: Job) -> Report:

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinematics.transforms import Array
 from postproc.conditions import Conditions
+from postproc.significance import Significance
 
 
 @dataclass
@@ -61,6 +62,7 @@ class Report:
     tilt_after: Statistic = field(default_factory=Statistic)
     between_ends: Statistic = field(default_factory=Statistic)
     uncertainty: Statistic = field(default_factory=Statistic)
+    significance: Significance = field(default_factory=Significance)
     not_judged: int = 0
     """Moves to machine coordinates, or before the program has said where all linear axes are."""
     work_offsets: dict[str, str] = field(default_factory=dict)
@@ -83,6 +85,7 @@ class Report:
                 "after": self.after.json(),
                 "between_block_ends_after": self.between_ends.json(),
                 "standard_uncertainty_of_prediction": self.uncertainty.json(),
+                "significant_share_of_improvement": self.significance.share,
             },
             "predicted_tool_axis_error_urad": {"before": self.tilt_before.json(), "after": self.tilt_after.json()},
             "work_offsets": self.work_offsets,

@@ -133,6 +133,8 @@ def _correction_table(report: Report) -> Table:
     ):
         if statistic.count:
             table.add_row(name, f"{statistic.largest:.3f}", f"{statistic.rms:.3f}")
+    if report.significance.share is not None:
+        table.add_row("share of the improvement that is significant (k=2)", f"{report.significance.share:.0%}", "")
     return table
 
 

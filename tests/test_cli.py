@@ -258,7 +258,13 @@ JSON_KEYS = {
     "predicted_tool_axis_error_urad": {"before", "after"},
     "moves": {"read", "corrected", "not_judged"},
     "correction_um": {"X", "Y", "Z"},
-    "predicted_error_um": {"before", "after", "between_block_ends_after", "standard_uncertainty_of_prediction"},
+    "predicted_error_um": {
+        "before",
+        "after",
+        "between_block_ends_after",
+        "standard_uncertainty_of_prediction",
+        "significant_share_of_improvement",
+    },
     "work_offsets": {"G54"},
     "tools": set(),
 }

@@ -1,0 +1,56 @@
+"""How sure the predicted improvement is: what of it stands above the uncertainty of the calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.deviation import exact_deviation
+from kinematics.error_transform import place_transform
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+
+COVERAGE = 2.0
+"""k: an improvement counts as significant above so many standard uncertainties."""
+
+
+@dataclass
+class Significance:
+    """Gathers the improvement at block ends, um, and the part of it that is significant."""
+
+    improvement: float = 0.0
+    significant: float = 0.0
+    uncertain: bool = False
+    """True once any uncertainty was met: a calibration without any says nothing of significance."""
+
+    def add(self, before: Array, after: Array, u: Array) -> None:
+        """Predicted errors before and after `(n,)`, and standard uncertainties of the former, um."""
+        gained = before - after
+        self.improvement += float(gained.sum())
+        self.significant += float(gained[gained > COVERAGE * u].sum())
+        self.uncertain |= bool(np.any(u > 0.0))
+
+    @property
+    def share(self) -> float | None:
+        """Of the improvement, what is significant; None where there is nothing to be sure of, or no uncertainty."""
+        if not self.uncertain or self.improvement <= 0.0:
+            return None
+        return min(max(self.significant / self.improvement, 0.0), 1.0)
+
+
+def uncertainties_um(machine: Machine, model: ErrorModel, state: State, tool: Array) -> tuple[Array, Array]:
+    """Standard uncertainties `(n,)`, um, of the predicted deviation of the tool point `(n, 3)`, mm, in these states.
+
+    First the root sum of squares over x, y and z; then that of its length, along its own direction.
+    """
+    transform = place_transform(machine, state.positions, tool)[:, :3]
+    deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
+    length = np.linalg.norm(deviation, axis=1, keepdims=True)
+    # where nothing deviates any direction is as good as another
+    unit = np.where(length > 0.0, deviation / np.where(length > 0.0, length, 1.0), [1.0, 0.0, 0.0])
+    along = np.einsum("nk,nkp->np", unit, transform)[:, None]
+    both = model.standard_uncertainty(machine, state, np.concatenate([transform, along], axis=1)) * 1e3
+    return np.asarray(np.linalg.norm(both[:, :3], axis=1)), np.asarray(both[:, 3])
