@@ -11,7 +11,16 @@ from typer.core import TyperGroup
 
 from kinematics.errors import UserError
 from postproc.commands import fit, iso230, plan, predict, simulate, three_points
-from postproc.commands.shared import CalibrationName, JsonFile, MachineName, machine_of, model_of, result, write_json
+from postproc.commands.shared import (
+    CalibrationName,
+    JsonFile,
+    MachineName,
+    machine_of,
+    model_of,
+    refuse_one_place,
+    result,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
@@ -129,10 +138,7 @@ def correct(
     from postproc.source import open_source
     from postproc.terminal import progress_of, show_report
 
-    if json == "-" and output == "-":
-        raise UserError("--json - and the program can't both go to standard output; name a file for one")
-    if json is not None and json != "-" and Path(json).resolve() == Path(output).resolve():
-        raise UserError(f"--json and --output both name {json}")
+    refuse_one_place(json, output, "the program")
     found = machine_of(machine)
     model = model_of(calibration, found)
     chosen = _classes(classes, found)

@@ -19,6 +19,7 @@ from kinematics.files import read_input
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from postproc.numbers import given_number
 
 REFERENCE = 20.0
 """degC, from which temperatures count inside."""
@@ -108,7 +109,7 @@ def parse_temperature(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     if not name.strip() or not value.strip():
         raise UserError(f"--temperature {text}: expected e.g. spindle=31.5")
-    return name.strip(), _number(value, f"--temperature {text}")
+    return name.strip(), given_number(value, f"--temperature {text}")
 
 
 def _read_log(path: Path) -> tuple[Array, dict[str, Array]]:
@@ -129,7 +130,7 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array]]:
     for line, row in rows:
         if len(row) != len(names):
             raise UserError(f"log {path}:{line}: {len(row)} values, the header has {len(names)} columns")
-        values.append([_number(row[i], f"log {path}:{line}, column {names[i]}") for i in columns])
+        values.append([given_number(row[i], f"log {path}:{line}, column {names[i]}") for i in columns])
         if len(values) > 1 and values[-1][0] < values[-2][0]:
             raise UserError(f"log {path}:{line}, column time_s: runs back")
     if not values:
@@ -147,13 +148,3 @@ def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
                 yield reader.line_num, row
     except csv.Error as fault:
         raise UserError(f"log {path}:{reader.line_num}: {fault}") from None
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise UserError(f"{where}: {text.strip()!r} is no number")
-    return number

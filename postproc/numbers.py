@@ -1,9 +1,11 @@
-"""Numbers written in the style of the program they stand in."""
+"""Numbers written in the style of the program they stand in; numbers that a user gives."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
+from kinematics.errors import UserError
 
 
 def decimals_for(resolution: float) -> int:
@@ -52,3 +54,14 @@ class NumberStyle:
         nonzero = digits.strip("0.") != ""
         sign = "-" if value < 0 and nonzero else "+" if self.plus else ""
         return sign + digits.replace(".", self.mark)
+
+
+def given_number(text: str, where: str) -> float:
+    """A finite number that a user gave; UserError, beginning with `where`, for anything else."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise UserError(f"{where}: {text.strip()!r} is no number")
+    return number

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
+from postproc.numbers import given_number
 from postproc.tool_table import ToolTable
 
 
@@ -52,7 +52,7 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
         axis = axis.strip().upper() or ("XYZ"[i] if i < 3 else "")
         if axis not in machine.names:
             raise UserError(f"--work-offset {text}: no axis {axis or '(fourth value)'} on machine {machine.name}")
-        offsets[axis] = _number(number, f"--work-offset {text}")
+        offsets[axis] = given_number(number, f"--work-offset {text}")
     if not name.strip():
         raise UserError(f"--work-offset {text}: expected e.g. G54=10,20,-5")
     return "".join(name.split()).upper(), offsets
@@ -64,7 +64,7 @@ def parse_tool_length(text: str) -> tuple[str, float]:
     number = name.strip().upper().lstrip("T")
     if not number.isdigit():
         raise UserError(f"--tool-length {text}: expected e.g. T1=120.5")
-    return str(int(number)), _number(value, f"--tool-length {text}")
+    return str(int(number)), given_number(value, f"--tool-length {text}")
 
 
 def make_setup(
@@ -82,13 +82,3 @@ def make_setup(
     offsets = {**table.work_offsets, **dict(parse_work_offset(text, machine) for text in work_offsets)}
     lengths = {**table.tools, **dict(map(parse_tool_length, tool_lengths))}
     return Setup(machine, dict(offsets), lengths)
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise UserError(f"{where}: {text.strip()!r} is no number")
-    return number

@@ -5,7 +5,6 @@ import dataclasses
 import datetime
 import json
 import math
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +20,6 @@ from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Provenance, read_model, reference, write_model
 from kinematics.transforms import BLOCK
-from postproc import cli
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 
@@ -38,21 +36,12 @@ class Result(NamedTuple):
 
 
 @pytest.fixture
-def ncomp(monkeypatch, capfd, tmp_path):
-    """Runs the command line in this process, in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
+def ncomp(command):
+    """The command line, in a folder of its own; what it prints is text."""
 
     def run(*arguments: object) -> Result:
-        monkeypatch.setattr(sys, "argv", ["ncomp", *map(str, arguments)])
-        status = 0
-        try:
-            cli.run()
-        except SystemExit as end:
-            status = end.code if isinstance(end.code, int) else int(end.code is not None)
-        sys.stdout.flush()
-        captured = capfd.readouterr()
-        return Result(status, captured.out, captured.err)
+        done = command(*arguments)
+        return Result(done.status, done.out.decode(), done.err)
 
     return run
 

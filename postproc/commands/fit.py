@@ -9,7 +9,7 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
-from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
+from postproc.commands.shared import JsonFile, MachineName, machine_of, refuse_one_place, result, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -72,6 +72,7 @@ def fit(
     from postproc.terminal import console
     from postproc.terminal import output as screen
 
+    refuse_one_place(json, str(output), "the calibration")
     if noise not in ("sheet", "estimate"):
         raise UserError(f"--noise {noise}: sheet or estimate")
     found_machine = machine_of(machine)

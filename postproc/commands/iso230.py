@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 import typer
 
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
-from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
+from postproc.commands.shared import JsonFile, MachineName, machine_of, refuse_one_place, result, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,12 +46,10 @@ def iso230(
     value is forward minus backward. U (k = 2) is what the instrument's sheet makes of each value.
     """
     from calibration.iso230 import evaluate
-    from kinematics.errors import UserError
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
-    if json == "-" and output == "-":
-        raise UserError("--json - and the table can't both go to standard output; name a file for one")
+    refuse_one_place(json, output, "the table")
     tests = evaluate(read_data(data, machine_of(machine), format, header, columns, plan))
     with result(json) as results, result(output) as file:
         write_json({"axes": [test.json() for test in tests]}, results)

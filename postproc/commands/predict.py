@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kinematics.errors import UserError
-from postproc.commands.shared import CalibrationName, JsonFile, MachineName, machine_of, model_of, result, write_json
+from postproc.commands.shared import (
+    CalibrationName,
+    JsonFile,
+    MachineName,
+    machine_of,
+    model_of,
+    refuse_one_place,
+    result,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,10 +54,7 @@ def predict(
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
-    if json == "-" and output == "-":
-        raise UserError("--json - and the table can't both go to standard output; name a file for one")
-    if json is not None and json != "-" and Path(json).resolve() == Path(output).resolve():
-        raise UserError(f"--json and --output both name {json}")
+    refuse_one_place(json, output, "the table")
     found = machine_of(machine)
     model = model_of(calibration, found)
     read = read_points(points, found)

@@ -59,6 +59,14 @@ def model_of(calibration: str | None, machine: Machine) -> ErrorModel:
     return read_model(path, machine)
 
 
+def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
+    """UserError when results as JSON and the main output, named `what`, are to go to the same place."""
+    if json == "-" and output == "-":
+        raise UserError(f"--json - and {what} can't both go to standard output; name a file for one")
+    if None not in (json, output) and json != "-" and Path(str(json)).resolve() == Path(str(output)).resolve():
+        raise UserError(f"--json and --output both name {json}")
+
+
 @contextmanager
 def result(target: str | None) -> Iterator[BinaryIO]:
     """A file for one result, which comes out whole or not at all: also on standard output (`-`) and on a device.
