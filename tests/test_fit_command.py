@@ -98,3 +98,15 @@ def test_real_plates(command, plates, plate, rows, tmp_path):
 def _line_of_row(path: Path, row: int) -> int:
     lines = path.read_text().splitlines()
     return sum(line.startswith("#") for line in lines) + 2 + row
+
+
+def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
+    done = command(
+        "fit", data, "-m", "cframe", "--basis", "b-spline:4", "-o", "cal.json", "--no-hold-out", "--report", "fit.html"
+    )
+    assert done.status == 0, done.err
+    page = (tmp_path / "fit.html").read_text()
+    assert page.count("<svg") == 3
+    assert "src=" not in page.replace("xlink:href", "")  # nothing is loaded from elsewhere
+    for part in ("Location errors", "E_C0Y", "Error motions", "U (k=2)", "What is left", "Left out", "chi2/dof"):
+        assert part in page

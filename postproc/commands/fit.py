@@ -18,12 +18,9 @@ if TYPE_CHECKING:
     from calibration.fit import Fit
     from calibration.visibility import Visibility
 
-DOUBTFUL = 1e-3
-"""p of chi2 from which a person is told."""
-
 EPILOG = (
     "Examples:\n\n"
-    "`ncomp fit tracker.csv --machine gantry -o gantry.json`\n\n"
+    "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
     "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
     "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
@@ -61,6 +58,9 @@ def fit(
         bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
     ] = True,
     json: JsonFile = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
+    ] = None,
 ) -> None:
     """Fit the machine's errors to measured points, with uncertainties, and say what the points can't show.
 
@@ -86,10 +86,14 @@ def fit(
             hold_out=hold_out,
             progress=status.update,
         )
-    with result(json) as results, result(str(output)) as file:
+    with result(json) as results, result(report) as shown, result(str(output)) as file:
         file.write(encode_model(found.model))
         write_json(summary(found), results)
-    show(found, console if json == "-" else screen)
+        if report is not None:
+            from calibration.pages.fit import fit_page
+
+            shown.write(fit_page(found, f"ncomp fit {data} --machine {machine} --basis {basis} --noise {noise}"))
+    show(found, console if "-" in (json, report) else screen)
 
 
 def summary(found: Calibration) -> dict[str, Any]:
@@ -180,7 +184,7 @@ def _noise(fitted: Fit) -> str:
     if fitted.variance_factor != 1.0:
         return f"estimated from the data: {fitted.variance_factor**0.5:.3g} times the instrument's sheet"
     text = f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument's sheet"
-    if fitted.p_value < DOUBTFUL:
+    if fitted.doubtful:
         return (
             f"{text} (p = {fitted.p_value:.1g}): the model lacks something, or the sheet promises too much; "
             f"uncertainties are widened by {fitted.chi2_reduced**0.5:.3g}"

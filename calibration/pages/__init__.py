@@ -1,0 +1,65 @@
+"""Reports as HTML: one file, figures inside, nothing loaded from elsewhere."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+STYLE: Any = {
+    "font.size": 8,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.hashsalt": "ncomp",  # the same report of the same data
+    "svg.fonttype": "none",
+}
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under a head."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading with what stands under it: words, a table, a figure as SVG."""
+
+    title: str
+    text: str = ""
+    table: Table | None = None
+    figure: str = ""
+
+
+def page(title: str, lead: str, sections: Sequence[Section]) -> bytes:
+    """The whole page."""
+    from jinja2 import Environment, PackageLoader
+
+    environment = Environment(
+        loader=PackageLoader("calibration.pages", "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template("page.html").render(title=title, lead=lead, sections=sections).encode()
+
+
+@contextmanager
+def figure(width: float, height: float) -> Iterator[tuple[Figure, list[str]]]:
+    """A figure, inches, to draw on, and a list that holds its SVG once it is drawn."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    drawn: list[str] = []
+    with mpl.rc_context(STYLE):
+        canvas = Figure(figsize=(width, height), layout="constrained")
+        yield canvas, drawn
+        out = io.StringIO()
+        canvas.savefig(out, format="svg", metadata={"Date": None})
+    drawn.append(out.getvalue()[out.getvalue().index("<svg") :])
