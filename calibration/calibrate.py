@@ -70,8 +70,8 @@ def calibrate(
     seen = visibility(found)
     progress("held-out residuals")
     held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
-    rms = float(np.sqrt(np.mean(before[found.kept] ** 2)) * 1e3)
-    largest = float(np.linalg.norm(before[found.kept], axis=1).max() * 1e3)
+    rms = float(np.sqrt(np.mean(before**2)) * 1e3)
+    largest = float(np.linalg.norm(before, axis=1).max() * 1e3)
     return Calibration(found, _written(found), choice, seen, rms, largest, held)
 
 
@@ -96,9 +96,10 @@ def _choice(measurement: Measurement, basis: str, prior_scale: float | None, pro
 
 
 def _before(found: Fit) -> np.ndarray:
-    """Residuals `(n, d)`, mm and rad, of the nominal machine with a registration of its own."""
-    registration, _ = first_registration(found.measurement.rows(np.flatnonzero(found.kept)))
-    return residuals(found.measurement, no_errors(found.measurement.machine), registration)
+    """Residuals `(kept, d)`, mm and rad, of the nominal machine with a registration of its own."""
+    kept = found.measurement.rows(np.flatnonzero(found.kept))
+    registration, _ = first_registration(kept)
+    return residuals(kept, no_errors(kept.machine), registration)
 
 
 def _written(found: Fit) -> ErrorModel:

@@ -12,11 +12,14 @@ import numpy as np
 from calibration.fit import Variance, fit
 from calibration.measurement import Measurement
 from calibration.normal import residuals
+from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
 CELLS = 8
-"""Cells of space."""
+"""Cells of space, or sets of positions."""
+POSE = 6
+"""Rows of a set-up, or of a target on table or bed, that say where it is well enough to predict others."""
 
 
 class HeldOut(NamedTuple):
@@ -35,33 +38,71 @@ def held_out(
 ) -> HeldOut | None:
     """Residuals of each block under a fit of the others; None when there are too few rows for blocks.
 
-    kept: mask `(n,)` of the rows to be used, outliers left out.
+    kept: mask `(n,)` of the rows to be used, outliers left out. Rows whose set-up or target the others hardly saw tell
+    of the registration, not of the machine, and don't count.
     """
     good = measurement.rows(np.flatnonzero(kept))
     labels, what = blocks_of(good)
-    missed = np.zeros_like(good.observed)
+    missed = np.full_like(good.observed, np.nan)
     for label in np.unique(labels):
-        held = labels == label
-        rest = good.rows(np.flatnonzero(~held))
-        if not set(good.groups[held]) <= set(rest.groups) or np.count_nonzero(~held) < 8:
+        placed = (labels == label) & _placed(good, labels != label)
+        if not placed.any():
+            continue
+        try:
+            found = fit(good.rows(np.flatnonzero(labels != label)), model, prior=prior, variance=variance)
+        except UserError:  # the others are no measurement on their own
             return None
-        found = fit(rest, model, prior=prior, variance=variance)
-        own = good.rows(np.flatnonzero(held))
-        missed[held] = residuals(own, found.model, found.registration)
+        # effects with memory need the rows in between
+        missed[placed] = residuals(good, found.model, found.registration)[placed]
+    missed = missed[~np.isnan(missed[:, 0])]
+    if len(missed) < len(good) / 2:
+        return None
     rms, largest = np.sqrt(np.mean(missed**2)), np.linalg.norm(missed, axis=1).max()
     return HeldOut(float(rms * 1e3), float(largest * 1e3), len(np.unique(labels)), what)
 
 
 def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
-    """Labels `(n,)` of blocks, and what they are: runs where there are three or more within each set-up, else cells."""
+    """Labels `(n,)` of blocks, and what they are.
+
+    Runs where there are three or more; of an interferometer every eighth position, the neighbours of a gap being known;
+    else cells of space.
+    """
+    if measurement.axis is not None:
+        return _every_eighth(measurement), "sets of positions"
     if measurement.run is not None and measurement.instrument.components > 1 and len(np.unique(measurement.run)) > 2:
         return np.unique(measurement.run, return_inverse=True)[1], "runs"
     labels = np.zeros(len(measurement), int)
     positions = measurement.state.positions / np.maximum(np.ptp(measurement.state.positions, axis=0), 1e-9)
     while labels.max() + 1 < CELLS:
-        for label in range(labels.max() + 1):
+        before = labels.max() + 1
+        for label in range(before):
             rows = np.flatnonzero(labels == label)
             widest = int(np.argmax(np.ptp(positions[rows], axis=0)))
-            upper = rows[positions[rows, widest] > np.median(positions[rows, widest])]
-            labels[upper] = labels.max() + 1
+            middle = np.median(np.unique(positions[rows, widest]))
+            upper = rows[positions[rows, widest] > middle]
+            if len(upper):
+                labels[upper] = labels.max() + 1
+        if labels.max() + 1 == before:  # fewer positions than cells
+            break
     return labels, "cells of space"
+
+
+def _every_eighth(measurement: Measurement) -> np.ndarray:
+    """Labels `(n,)`: positions along the measured axis, counted round and round."""
+    labels = np.zeros(len(measurement), int)
+    for name in np.unique(measurement.axis).tolist():
+        rows = np.flatnonzero(measurement.axis == name)
+        position = np.round(measurement.state.positions[rows, measurement.machine.index(name)], 6)
+        labels[rows] = np.unique(position, return_inverse=True)[1] % CELLS
+    return labels
+
+
+def _placed(measurement: Measurement, others: np.ndarray) -> np.ndarray:
+    """True `(n,)` for rows whose set-up, and target on table or bed, the `others` saw often enough."""
+    few = POSE if measurement.instrument.components > 1 else 1
+    placed = np.ones(len(measurement), bool)
+    known = np.array([target.known for target in measurement.targets.values()])
+    for labels, needed in ((measurement.groups, True), (measurement.target_number, ~known[measurement.target_number])):
+        _, number = np.unique(labels, return_inverse=True)
+        placed &= (np.bincount(number, others)[number] >= few) | ~np.asarray(needed)
+    return placed
