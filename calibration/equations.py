@@ -6,6 +6,8 @@ exact; derivatives are those at nominal positions, first order in the errors.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from calibration.instruments import Interferometer, Part
@@ -18,23 +20,37 @@ from kinematics.forward import axis_frames
 from kinematics.model import Observation
 from kinematics.transforms import Array, turn
 
+IN_LINE = 1.0
+"""mm: points nearer to a line do not say how the instrument is turned about it."""
+
 
 def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
-    """A first registration, from the nominal machine and the rows that are trusted, a mask `(n,)`."""
+    """A first registration, from the nominal machine and the rows that are trusted, a mask `(n,)`.
+
+    Targets on the tool say where the instrument stood as long as they suffice: of the others there are guesses.
+    """
+    names, groups = np.unique(measurement.groups).tolist(), measurement.groups
     if isinstance(measurement.instrument, Interferometer):
-        return Registration(zeros=dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0))
+        return Registration(zeros={name: _mean_zero(measurement, (groups == name), trusted) for name in names})
     planar = measurement.instrument.components == 2
-    unknown = {n: np.array(t.position) for n, t in measurement.targets.items() if not t.known}
     points = seen_points(measurement, None, measurement.tool)
     observed = _in_space(measurement, points)
+    known = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
     poses, centres = {}, {}
-    for group in np.unique(measurement.groups).tolist():
-        rows = (measurement.groups == group) & trusted
-        if rows.sum() < (2 if planar else 3):  # a station astray as a whole
-            rows = measurement.groups == group
-        poses[group] = rigid(points[rows], observed[rows], planar=planar)
-        centres[group] = observed[rows].mean(axis=0)
-    return Registration(poses, centres, planar, {}, unknown)
+    for name in names:
+        mine = groups == name
+        # where too few are trusted the station is astray as a whole
+        choices = [rows for rows in (mine & trusted & known, mine & trusted) if rows.sum() >= (2 if planar else 3)]
+        rows = next((rows for rows in choices if planar or width(points[rows]) > IN_LINE), [*choices, mine][0])
+        poses[name] = rigid(points[rows], observed[rows], planar=planar)
+        centres[name] = observed[rows].mean(axis=0)
+    registration = Registration(poses, centres, planar)
+    return replace(registration, targets=_first_targets(measurement, registration))
+
+
+def width(points: Array) -> float:
+    """RMS distance, mm, of points `(n, 3)` from the line that fits them best."""
+    return float(np.linalg.norm(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1:]) / len(points) ** 0.5)
 
 
 def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
@@ -123,6 +139,26 @@ def _along_axes(measurement: Measurement, instrument: Interferometer) -> Array:
     metres = np.where(machine.rotary[column], 0.0, away * 1e-3)
     size = np.where(machine.rotary[column], 1e-6, 1e-3)
     return np.asarray((((instrument.u_um + instrument.u_um_per_m * metres) * size) ** 2)[:, None, None])
+
+
+def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) -> float:
+    """Mean reading of a run, mm or rad."""
+    return float(measurement.observed[mine & trusted if (mine & trusted).any() else mine].mean())
+
+
+def _first_targets(measurement: Measurement, registration: Registration) -> dict[str, Array]:
+    """Positions `(3,)`, mm, of the targets on table and bed: medians of where the first poses show them."""
+    found = {name: np.array(target.position) for name, target in measurement.targets.items() if not target.known}
+    if not found:
+        return found
+    at_zero = registration.seen(measurement, seen_points(measurement, None, np.zeros((len(measurement), 3))))
+    there = registration.rotations(measurement) @ carried(measurement)
+    positions = turn(np.swapaxes(there, 1, 2), measurement.observed - at_zero)
+    for number, name in enumerate(measurement.targets):
+        rows = measurement.target_number == number
+        if name in found and rows.any():
+            found[name] = np.median(positions[rows], axis=0)
+    return found
 
 
 def _in_space(measurement: Measurement, points: Array) -> Array:

@@ -24,6 +24,7 @@ from calibration.outliers import (
     first_registration,
     huber_weights,
     outlying,
+    refuse_lines,
     robust_factor,
 )
 from calibration.problem import Point, Problem, Solved
@@ -98,6 +99,11 @@ class Fit:
         return float(stats.chi2.sf(self.chi2, self.freedom))
 
     @property
+    def doubtful(self) -> bool:
+        """True where the residuals are larger than the sheet of the instrument allows."""
+        return self.variance_factor == 1.0 and self.p_value < DOUBT
+
+    @property
     def rms_um(self) -> float:
         """Of the residuals of the kept rows, per scalar; urad on rotary axes of an interferometer."""
         return float(np.sqrt(np.mean(self.residual[self.kept] ** 2)) * 1e3)
@@ -137,6 +143,7 @@ def fit(
     in doubt or unknown. UserError when the data can't be fitted at all.
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
+    refuse_lines(measurement)
     copies = duplicates(measurement)
     registration, trusted = first_registration(measurement)
     point = Point(np.array(model.parameters), registration)
@@ -229,7 +236,7 @@ def _result(
         chi2,
         factor,
     )
-    widened = found.chi2_reduced if factor == 1.0 and found.p_value < DOUBT else 1.0
+    widened = found.chi2_reduced if found.doubtful else 1.0
     return _with_covariance(found, problem.covariance(solved, widened))
 
 

@@ -89,6 +89,7 @@ def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
 
 def _every_eighth(measurement: Measurement) -> np.ndarray:
     """Labels `(n,)`: positions along the measured axis, counted round and round."""
+    assert measurement.axis is not None
     labels = np.zeros(len(measurement), int)
     for name in np.unique(measurement.axis).tolist():
         rows = np.flatnonzero(measurement.axis == name)

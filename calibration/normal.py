@@ -12,8 +12,12 @@ import numpy as np
 from calibration import equations
 from calibration.measurement import Measurement
 from calibration.registration import Registration
+from kinematics.errors import UserError
 from kinematics.model import ErrorModel, Observation
 from kinematics.transforms import Array, blocks
+
+CERTAIN = 1e-6
+"""Share of the largest standard uncertainty of a row, below which another is none."""
 
 
 @dataclass
@@ -38,9 +42,23 @@ class Normal:
 
 
 def whiteners(measurement: Measurement) -> Array:
-    """Matrices W `(n, d, d)` that make the noise white: W C W' = 1; Montavon et al., weights by Cholesky."""
-    covariance = equations.covariance(measurement)
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+    """Matrices W `(n, d, d)` that make the noise white: W C W' = 1; Montavon et al., weights by Cholesky.
+
+    UserError for an instrument that is certain in some direction.
+    """
+    try:
+        root = np.linalg.cholesky(equations.covariance(measurement))
+        sizes = np.diagonal(root, axis1=1, axis2=2)
+        certain = np.flatnonzero(sizes.min(axis=1) < CERTAIN * sizes.max(axis=1))
+    except np.linalg.LinAlgError:
+        certain = np.zeros(1, int)
+    if len(certain):
+        keys = [field for field in measurement.instrument.__struct_fields__ if field.startswith("u_")]
+        raise UserError(
+            f"{measurement.source}: the instrument would be without uncertainty in some direction, and its rows count "
+            f"without limit: state {', '.join(keys)} (k=1) so that none is"
+        )
+    return np.asarray(np.linalg.inv(root))
 
 
 def whitened(whitener: Array, residual: Array) -> Array:

@@ -15,6 +15,8 @@ from scipy import stats
 from calibration import equations
 from calibration.measurement import Measurement
 from calibration.registration import Registration
+from calibration.sight import seen_points
+from kinematics.errors import UserError
 from kinematics.model import Observation
 from kinematics.transforms import Array
 
@@ -36,7 +38,7 @@ def robust_factor(distances: Array, components: int) -> float:
 def huber_weights(distances: Array, components: int, factor: float) -> Array:
     """Weights `(n,)` of rows with these squared distances."""
     limit = stats.chi2.ppf(HUBER, components) * factor
-    return np.sqrt(np.minimum(1.0, limit / np.maximum(distances, np.finfo(float).tiny)))
+    return np.asarray(np.sqrt(limit / np.maximum(distances, limit)))
 
 
 def outlying(distances: Array, components: int, factor: float) -> np.ndarray:
@@ -53,7 +55,12 @@ def failed_stations(measurement: Measurement, bad: np.ndarray) -> list[str]:
 
 
 def duplicates(measurement: Measurement) -> np.ndarray:
-    """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats."""
+    """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats.
+
+    One number, as an interferometer reads it to 0.01 um, comes again by chance: without a time such rows are repeats.
+    """
+    if measurement.instrument.components == 1 and measurement.state.time is None:
+        return np.zeros(len(measurement), bool)
     columns = [measurement.state.positions, measurement.observed, measurement.target_number[:, None]]
     _, group = np.unique(measurement.groups, return_inverse=True)
     table = np.concatenate([*columns, group[:, None]], axis=1)
@@ -78,3 +85,17 @@ def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarr
             break
         trusted = closer
     return registration, trusted
+
+
+def refuse_lines(measurement: Measurement) -> None:
+    """UserError where a station saw points along one line only: which way is across, nobody knows."""
+    if measurement.instrument.components < 3:
+        return
+    points, groups = seen_points(measurement, None, measurement.tool), measurement.groups
+    for name in np.unique(groups).tolist():
+        mine = points[groups == name]
+        if len(mine) > 2 and np.ptp(mine, axis=0).max() > equations.IN_LINE > equations.width(mine):
+            raise UserError(
+                f"{measurement.source}: station {name} saw points on one line only, and how the instrument is turned "
+                "about it can't be told: errors across would get wrong directions. Measure some points off the line"
+            )
