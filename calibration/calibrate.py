@@ -11,13 +11,13 @@ import msgspec
 import numpy as np
 
 from calibration.datum import to_datum
-from calibration.fit import Fit, Variance, fit
+from calibration.fit import Fit, fit
 from calibration.heldout import HeldOut, held_out
 from calibration.locations import split_locations, transformed
 from calibration.measurement import Measurement
 from calibration.models import BasisChoice, moving_axes, parse_basis, priors, rigid_model
 from calibration.normal import residuals
-from calibration.outliers import first_registration
+from calibration.outliers import Variance, first_registration
 from calibration.resolution import Choice, choose
 from calibration.visibility import Visibility, visibility
 from kinematics.effects import Effect

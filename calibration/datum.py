@@ -91,7 +91,24 @@ def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
         inner = vectors[:, values < GAUGE]
         found = np.zeros((len(prior), inner.shape[1]))
         found[columns] = inner
-    return found
+    return _with_constants(found, motions, prior)
+
+
+def _with_constants(found: Array, motions: list[tuple[ErrorMotion, slice]], prior: Array) -> Array:
+    """The directions, and the constants of axes of which positioning alone is known: that is from their own zero."""
+    axes = [effect.axis for effect, _ in motions]
+    constants = np.zeros((len(prior), 0))
+    for effect, part in motions:
+        if axes.count(effect.axis) == 1 and effect.component == own_component(effect.axis):
+            x = np.linspace(*effect.basis.interval, 801)
+            column = np.zeros((len(prior), 1))
+            column[part, 0] = np.linalg.lstsq(effect.basis.columns(x), np.ones_like(x), rcond=None)[0]
+            column[part, 0] /= np.where(np.isfinite(prior[part]), prior[part], 1.0)
+            constants = np.concatenate([constants, column / np.linalg.norm(column)], axis=1)
+    if not constants.shape[1]:
+        return found
+    u, values, _ = np.linalg.svd(np.concatenate([found, constants], axis=1), full_matrices=False)
+    return np.asarray(u[:, values > NULL])
 
 
 def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:

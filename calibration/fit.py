@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy import stats
@@ -19,6 +18,7 @@ from scipy import stats
 from calibration.measurement import Measurement
 from calibration.models import priors
 from calibration.outliers import (
+    Variance,
     duplicates,
     failed_stations,
     first_registration,
@@ -33,7 +33,6 @@ from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
-Variance = Literal["sheet", "estimate"]
 ENOUGH_ROWS = 20_000
 """Rows that the iterations work on; all rows enter the last step."""
 STEPS = 30
@@ -60,6 +59,8 @@ class Fit:
     """True `(n,)` for rows that repeat an earlier one to the last digit."""
     failed: tuple[str, ...]
     """Stations left out as a whole."""
+    start: Array
+    """Parameters `(p,)` that the priors are about."""
     prior: Array
     """Prior standard deviations `(p,)`; infinite for none."""
     solved: Solved
@@ -74,14 +75,9 @@ class Fit:
         return int(np.count_nonzero(self.kept) * self.residual.shape[1])
 
     @cached_property
-    def eigenvalues(self) -> Array:
-        """Of `solved.information`, rising: how many times as much the data say as the prior does."""
-        return np.asarray(np.maximum(np.linalg.eigvalsh(self.solved.information), 0.0))
-
-    @property
     def effective_parameters(self) -> float:
-        """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
-        return float(np.sum(self.eigenvalues / (1.0 + self.eigenvalues))) + self.solved.registered
+        """Degrees of freedom that the data spend."""
+        return self.solved.spent
 
     @property
     def freedom(self) -> float:
@@ -123,7 +119,7 @@ class Fit:
     def log_evidence(self) -> float:
         """Log marginal likelihood, up to a constant of the data: what fits, what priors and Occam charge for it."""
         limited = np.isfinite(self.prior)
-        own = float(np.sum((self.model.parameters[limited] / self.prior[limited]) ** 2))
+        own = float(np.sum(((self.model.parameters - self.start)[limited] / self.prior[limited]) ** 2))
         scale = self.observations * float(np.log(self.variance_factor))
         return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
 
@@ -149,9 +145,9 @@ def fit(
     point = Point(np.array(model.parameters), registration)
     some = _some(np.flatnonzero(trusted & ~copies))
     progress("iterating")
-    point, factor = _iterate(problem.rows(some), point, variance)
+    point, factor, spent = _iterate(problem.rows(some), point, variance)
     progress("solving")
-    bad, failed = _judge(problem, point, copies)
+    bad, failed = _judge(problem, point, copies, spent, variance)
     for _ in range(10):
         kept = ~bad
         _refuse_too_few(measurement, kept, point)
@@ -159,7 +155,7 @@ def fit(
         point = problem.moved(point, solved.step)
         if variance == "estimate":
             factor = _estimated(problem, point, kept, solved)
-        bad, failed = _judge(problem, point, copies)
+        bad, failed = _judge(problem, point, copies, solved.spent, variance)
         if np.array_equal(bad, ~kept):
             break
     residual = problem.residuals(point)
@@ -167,28 +163,30 @@ def fit(
     return _result(problem, point, residual, kept, copies, tuple(failed), solved, chi2, factor)
 
 
-def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float]:
-    """The point where Gauss-Newton with Huber's weights comes to rest, and the variance factor there."""
+def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, float]:
+    """The point where Gauss-Newton with Huber's weights comes to rest; variance factor and freedom spent there."""
     components = problem.measurement.instrument.components
-    factor = 1.0
-    for _ in range(STEPS):
+    factor, spent = 1.0, 0.0
+    for step in range(STEPS):
         distances = problem.distances(point)
-        robust = robust_factor(distances, components)
-        weights = huber_weights(distances, components, robust)
-        solved = problem.solve(point, weights, factor)
-        point = problem.moved(point, solved.step)
+        weights = huber_weights(distances, components, robust_factor(distances, components, spent, variance))
+        # amplitudes first: a wave or a lag without one is moved anywhere
+        solved = (problem if step else problem.shapes_held()).solve(point, weights, factor)
+        before, point, spent = point, problem.descended(point, solved.step, weights, factor), solved.spent
         if variance == "estimate":
-            factor = max(robust_factor(problem.distances(point), components), np.finfo(float).tiny)
-        if solved.length < CONVERGED:
+            factor = robust_factor(problem.distances(point), components, spent, variance)
+        if step and (solved.length < CONVERGED or point is before):
             break
-    return point, factor
+    return point, factor, spent
 
 
-def _judge(problem: Problem, point: Point, copies: np.ndarray) -> tuple[np.ndarray, list[str]]:
+def _judge(
+    problem: Problem, point: Point, copies: np.ndarray, spent: float, variance: Variance
+) -> tuple[np.ndarray, list[str]]:
     """Rows not to be fitted, and the stations among them that failed as a whole."""
     components = problem.measurement.instrument.components
     distances = problem.distances(point)
-    bad = outlying(distances, components, robust_factor(distances[~copies], components)) & ~copies
+    bad = outlying(distances, components, robust_factor(distances[~copies], components, spent, variance)) & ~copies
     failed = failed_stations(problem.measurement, bad)
     return bad | copies | np.isin(problem.measurement.groups, failed), failed
 
@@ -196,10 +194,8 @@ def _judge(problem: Problem, point: Point, copies: np.ndarray) -> tuple[np.ndarr
 def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:
     """Variance factor that makes chi2 its expectation."""
     chi2 = float(np.sum(problem.distances(point)[kept]))
-    eigenvalues = np.maximum(np.linalg.eigvalsh(solved.information), 0.0)
-    spent = float(np.sum(eigenvalues / (1.0 + eigenvalues))) + solved.registered
     scalars = int(np.count_nonzero(kept)) * problem.measurement.instrument.components
-    return chi2 / max(scalars - spent, 1.0)
+    return chi2 / max(scalars - solved.spent, 1.0)
 
 
 def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:
@@ -231,6 +227,7 @@ def _result(
         kept,
         copies,
         failed,
+        np.array(problem.model.parameters),
         problem.prior,
         solved,
         chi2,

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.fit import Variance, fit
+from calibration.fit import fit
 from calibration.measurement import Measurement
 from calibration.normal import residuals
+from calibration.outliers import Variance
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array

@@ -63,13 +63,14 @@ def parse_basis(text: str) -> BasisChoice:
 
 
 def moving_axes(measurement: Measurement) -> dict[str, Interval]:
-    """The axes that move in the data, with the interval that they cover, mm or degrees."""
+    """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees."""
     positions = measurement.state.positions / measurement.machine.scale
     low, high = positions.min(axis=0), positions.max(axis=0)
     # the ends come back from rad with an error that no interval should show
     ends = np.round(np.stack([low, high], axis=1), 9).tolist()
     names = measurement.machine.names
-    return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STILL}
+    measured = set(names) if measurement.axis is None else set(measurement.axis.tolist())
+    return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STILL and name in measured}
 
 
 def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:

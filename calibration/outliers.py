@@ -1,13 +1,15 @@
 """Rows that do not belong to the rest: found, named and left out, never fitted.
 
 The rule: with d2 the squared Mahalanobis distance of a row's residual by the instrument's covariance, times a robust
-variance factor of the whole (from the median of all d2, at least 1), a row is an outlier when so large a d2 would turn
-up in fewer than one of a hundred such measurements of nothing but noise (Bonferroni, chi2 with the row's components).
-While the fit is still on its way, rows count by Huber's weights instead. A station most of whose rows are outliers has
-failed as a whole and is left out.
+variance factor of the whole (from the median of all d2; at least 1 where the sheet holds), a row is an outlier when so
+large a d2 would turn up in fewer than one of a hundred such measurements of nothing but noise (Bonferroni, chi2 with
+the row's components). While the fit is still on its way, rows count by Huber's weights instead. A station most of whose
+rows are outliers has failed as a whole and is left out.
 """
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 from scipy import stats
@@ -20,6 +22,8 @@ from kinematics.errors import UserError
 from kinematics.model import Observation
 from kinematics.transforms import Array
 
+Variance = Literal["sheet", "estimate"]
+"""Of the instrument's noise: as its sheet says, or that times a factor from the residuals."""
 SIGNIFICANCE = 0.01
 """Chance that a measurement of n rows without outliers has a row rejected."""
 HUBER = 0.95
@@ -30,9 +34,14 @@ FAILED = 0.5
 """Share of its rows found to be outliers, beyond which a station has failed."""
 
 
-def robust_factor(distances: Array, components: int) -> float:
-    """Variance factor, at least 1, that brings the median of squared distances `(n,)` to that of chi2."""
-    return max(1.0, float(np.median(distances)) / float(stats.chi2.median(components)))
+def robust_factor(distances: Array, components: int, spent: float, variance: Variance) -> float:
+    """Variance factor that brings the median of squared distances `(n,)` to that of chi2; by the sheet at least 1.
+
+    spent: degrees of freedom that the fit took out of the residuals.
+    """
+    scalars = distances.size * components
+    share = float(np.median(distances)) / float(stats.chi2.median(components)) * scalars / max(scalars - spent, 1.0)
+    return max(share, 1.0 if variance == "sheet" else float(np.finfo(float).tiny))
 
 
 def huber_weights(distances: Array, components: int, factor: float) -> Array:

@@ -18,6 +18,13 @@ from kinematics.transforms import Array
 UNSEEN = 1e-10
 """Eigenvalues below this share of what is seen best count as zero."""
 
+HELD = 1e-9
+"""Prior of a parameter that shall not move."""
+HALVINGS = 12
+"""Times that a step is halved when it makes things worse."""
+ROUNDING = 1e-9
+"""Rise of the objective that is rounding."""
+
 
 @dataclass(frozen=True)
 class Point:
@@ -50,6 +57,12 @@ class Solved(NamedTuple):
     log_determinant: float
     """Of the normal matrix with its priors."""
 
+    @property
+    def spent(self) -> float:
+        """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
+        eigenvalues = np.maximum(np.linalg.eigvalsh(self.information), 0.0)
+        return float(np.sum(eigenvalues / (1.0 + eigenvalues))) + self.registered
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -69,6 +82,11 @@ class Problem:
     def rows(self, index: np.ndarray) -> Problem:
         """The problem with some of its rows."""
         return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
+
+    def shapes_held(self) -> Problem:
+        """The problem whose periods and time constants stay what they are."""
+        linear = [quantity.linear for effect in self.model.effects for quantity in effect.parameter_table]
+        return replace(self, prior=np.where(linear, self.prior, HELD))
 
     def at(self, parameters: Array) -> ErrorModel:
         """The model with these parameters."""
@@ -96,6 +114,17 @@ class Problem:
         size = point.registered
         return Point(self._inside(point.parameters, step[size:]), point.registration.moved(step[:size]))
 
+    def objective(self, point: Point, weights: Array, factor: float) -> float:
+        """What is minimised, with these weights `(n,)` and the sheet's variances times `factor`."""
+        away = self._away(point)
+        return float(weights @ self.distances(point)) / factor + float(away @ away)
+
+    def descended(self, point: Point, step: Array, weights: Array, factor: float) -> Point:
+        """The point after a step, halved until the objective does not rise; the same point when none helps."""
+        limit = self.objective(point, weights, factor) * (1.0 + ROUNDING) + ROUNDING
+        halves = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
+        return next((moved for moved in halves if self.objective(moved, weights, factor) <= limit), point)
+
     def solve(self, point: Point, weights: Array, factor: float) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; sheet variances times `factor`."""
         root = np.sqrt(weights / factor)
@@ -120,8 +149,7 @@ class Problem:
         inverse, rank, spread = _inverse(matrix[:size, :size])
         information = matrix[size:, size:] - mixed.T @ inverse @ mixed
         information = (information + information.T) / 2
-        away = (point.parameters - np.array(self.model.parameters)) / scale * limited
-        inner = right[size:] - mixed.T @ inverse @ right[:size] - away
+        inner = right[size:] - mixed.T @ inverse @ right[:size] - self._away(point)
         # what neither the data nor a prior hold does not move
         with_prior = information + np.diag(limited + UNSEEN * (1.0 + np.diag(information)))
         factor = linalg.cho_factor(with_prior, lower=True)
@@ -137,6 +165,11 @@ class Problem:
         """Unit of each parameter in the solution, its prior's where it has one; and 1 where it has one, else 0."""
         limited = np.isfinite(self.prior)
         return np.where(limited, self.prior, 1.0), limited.astype(float)
+
+    def _away(self, point: Point) -> Array:
+        """Distances `(p,)` of the parameters from their start, in units of their priors; 0 of those without."""
+        scale, limited = self._scale()
+        return np.asarray((point.parameters - np.array(self.model.parameters)) / scale * limited)
 
     def _inside(self, parameters: Array, step: Array) -> Array:
         bounds = np.array([q.lower for effect in self.model.effects for q in effect.parameter_table])

@@ -164,3 +164,81 @@ def test_points_on_one_line_are_refused():
         fit(measurement, rigid_model(measurement, COARSE))
     three = measured(MONTAVON, q, THREE, model, rng)
     assert fit(three, rigid_model(three, COARSE)).chi2_reduced < 2.0
+
+
+def with_effect(effect, start, warm=0.0):
+    """A fit of the C-frame with an effect that starts elsewhere."""
+    machine, rng = machines.load("cframe"), np.random.default_rng(0)
+    base = truth(machine, rng, 10.0)
+    model = msgspec.structs.replace(base, effects=(*base.effects, effect))
+    clean = measured(machine, positions(machine, 500, rng), THREE, no_errors(machine), rng, noise=False)
+    state = replace(clean.state, temperatures={"scale": warm * np.sin(np.arange(500) / 60.0)})
+    observed = equations.expected(clean, pose_of(["s1"]), model.observation(machine, state))
+    root = np.linalg.cholesky(clean.instrument.covariance(observed))
+    observed = observed + (root @ rng.normal(size=(500, 3, 1)))[:, :, 0]
+    measurement = replace(clean, observed=observed, state=replace(state, observed=observed))
+    zero = zeroed(base)
+    return fit(measurement, msgspec.structs.replace(zero, effects=(*zero.effects, start)))
+
+
+@pytest.mark.parametrize(("coefficient", "lag"), [(3.0, 400.0), (1.0, 10.0), (1.0, 0.0), (1.0, 5000.0), (-3.0, 100.0)])
+def test_a_time_constant_is_found_from_afar(coefficient, lag):
+    growth = GrowthWithSensor(axis="Y", sensor="scale", coefficient=9.0, lag_s=900.0)
+    found = with_effect(growth, msgspec.structs.replace(growth, coefficient=coefficient, lag_s=lag), 4.0)
+    assert found.chi2_reduced == pytest.approx(1.0, abs=0.1)
+    assert found.model.effects[-1].lag_s == pytest.approx(900.0, abs=4 * found.model.effects[-1].u[1])
+    assert not len(found.outliers)
+
+
+def test_evidence_charges_for_the_way_from_the_start():
+    wave = Cyclic(component="X", axis="X", period=10.0, sine=(6.0,), cosine=(3.0,))
+    still = Cyclic(component="X", axis="X", period=10.02, sine=(0.0,), cosine=(0.0,))
+    found = with_effect(wave, still)
+    own = (found.model.parameters - found.start) / found.prior
+    assert float(own @ own) < 100.0
+    assert found.log_evidence == pytest.approx(-0.5 * (found.chi2 + own @ own + found.solved.log_determinant), rel=1e-9)
+
+
+@pytest.mark.parametrize("sheet", [0.1, 1.0, 10.0, 100.0])
+def test_outliers_are_found_whatever_the_sheet_says_where_the_noise_is_estimated(sheet):
+    model, measurement = tracked(machines.load("cframe"), seed=50)
+    rng = np.random.default_rng(2)
+    gross = rng.random(320) < 0.1
+    observed = measurement.observed + np.where(gross[:, None], rng.normal(0.0, 0.2, (320, 3)), 0.0)
+    tracker = measurement.instrument
+    sizes = {name: sheet * getattr(tracker, name) for name in tracker.__struct_fields__ if name.startswith("u_")}
+    dirty = replace(measurement, observed=observed, instrument=msgspec.structs.replace(tracker, **sizes))
+    found = fit(dirty, zeroed(model), variance="estimate")
+    assert found.outliers.tolist() == np.flatnonzero(gross).tolist()
+    assert found.variance_factor == pytest.approx(sheet**-2, rel=0.15)
+
+
+@pytest.mark.parametrize("name", ["gantry", "dmu50", "head_head"])
+def test_positioning_alone_counts_from_its_own_zero(name):
+    measurement = laser(name, "XYZ" if name == "gantry" else "XYZBC" if name == "dmu50" else "XYZCB")
+    found = calibrate(measurement, basis="b-spline:6", hold_out=False)
+    assert not found.visibility.blind
+    for effect in found.model.effects:
+        if isinstance(effect, ErrorMotion):
+            low, high = effect.basis.interval
+            assert effect.basis.columns(np.linspace(low, high, 801)).mean(axis=0) @ effect.parameters == pytest.approx(
+                0.0, abs=1e-6
+            )
+            assert max(effect.u) < 0.5
+    again = decode_model(encode_model(found.model), "again")
+    assert again.covariance == found.model.covariance
+
+
+def test_an_axis_that_only_moves_aside_has_no_error_motion():
+    measurement = laser(axes="XY").rows(np.arange(90))
+    aside = measurement.state.positions.copy()
+    aside[30:, 1] = 100.0
+    moved = replace(measurement, state=replace(measurement.state, positions=aside))
+    assert {effect.axis for effect in rigid_model(moved, COARSE).effects} == {"X"}
+
+
+@pytest.mark.parametrize("period", [9.95, 9.99, 10.05])
+def test_a_period_is_found_from_half_a_percent_off(period):
+    wave = Cyclic(component="X", axis="X", period=10.0, sine=(6.0,), cosine=(3.0,))
+    found = with_effect(wave, Cyclic(component="X", axis="X", period=period, sine=(1.0,), cosine=(1.0,)))
+    assert found.model.effects[-1].period == pytest.approx(10.0, abs=4 * found.model.effects[-1].u[0])
