@@ -188,12 +188,12 @@ class AxisTest:
         where = np.flatnonzero(self.both)
         largest = where[np.argmax(np.abs(self.reversal[where]))]
         one, every = np.zeros((2, 2, len(self.positions)))
-        one[:, largest] = np.array([1.0, -1.0]) * np.sign(self.reversal[largest])
+        one[:, largest] = _size(self.reversal[largest])
         every[:, where] = np.array([[1.0], [-1.0]]) / len(where)
         middle = np.zeros((2, len(self.positions)))
         centres = self.mean[:, where].mean(axis=0)
         middle[:, where[np.argmax(centres)]] += 0.5
-        middle[:, where[np.argmin(centres)]] -= 0.5
+        middle[:, where[_last_least(centres)]] -= 0.5
         none = np.zeros_like(one)
         return [
             self._value("B", "reversal value", one, none),
@@ -215,7 +215,7 @@ class AxisTest:
             high, low = self.mean + 2 * self.spread, self.mean - 2 * self.spread
             mean, spread = self._span(repeated, high, low), np.zeros(cells.shape)
             spread[_highest(repeated, high)] += 2.0
-            spread[_highest(repeated, -low)] += 2.0
+            spread[_highest(repeated, -low, last=True)] += 2.0
             found += [
                 self._repeatability(repeated, name, title),
                 self._value(f"A {name}".strip(), f"accuracy{title}", mean, spread),
@@ -226,7 +226,7 @@ class AxisTest:
         """Factors `(2, m)` of the means in the highest minus the lowest."""
         mean = np.zeros(cells.shape)
         mean[_highest(cells, high)] += 1.0
-        mean[_highest(cells, -low)] -= 1.0
+        mean[_highest(cells, -low, last=True)] -= 1.0
         return mean
 
     def _repeatability(self, cells: np.ndarray, name: str, title: str) -> Value:
@@ -239,7 +239,7 @@ class AxisTest:
             if across[widest] >= 4.0 * self.spread[where]:
                 spread[:] = 0.0
                 spread[:, widest] = 2.0
-                mean[:, widest] = np.array([1.0, -1.0]) * np.sign(self.reversal[widest])
+                mean[:, widest] = _size(self.reversal[widest])
         return self._value(f"R {name}".strip(), f"repeatability{title}", mean, spread)
 
     def _value(self, symbol: str, title: str, mean: Array, spread: Array) -> Value:
@@ -252,7 +252,7 @@ class AxisTest:
         by_reading += np.sum(spread[used_spreads] ** 2 / (self.count[used_spreads] - 1))
         by_scale = self.u_per_m * 1e-3 * float(np.sum(mean * self.positions))
         U = 2.0 * float(np.hypot(self.u * np.sqrt(by_reading), by_scale))
-        return Value(symbol, title, float(value), U)
+        return Value(symbol, title, float(value) + 0.0, U)
 
     def _pooled(self) -> float:
         """s of all cells together; 0 where nothing was repeated."""
@@ -341,10 +341,22 @@ def _listed(positions: Sequence[float] | Array) -> str:
     return f"{shown}, ... ({len(positions)} targets)" if len(positions) > 5 else shown
 
 
-def _highest(cells: np.ndarray, values: Array) -> tuple[int, int]:
-    """The cell with the highest value among some."""
-    way, target = np.unravel_index(np.argmax(np.where(cells, values, -np.inf)), cells.shape)
+def _highest(cells: np.ndarray, values: Array, last: bool = False) -> tuple[int, int]:
+    """The cell with the highest value among some; of equal ones the first, or the last."""
+    chosen = np.where(cells, values, -np.inf).reshape(-1)
+    place = len(chosen) - 1 - np.argmax(chosen[::-1]) if last else np.argmax(chosen)
+    way, target = np.unravel_index(place, cells.shape)
     return int(way), int(target)
+
+
+def _last_least(values: Array) -> int:
+    """The place of the smallest value; of equal ones the last, so that a range of none still is one of two readings."""
+    return len(values) - 1 - int(np.argmin(values[::-1]))
+
+
+def _size(reversal: float) -> Array:
+    """Factors `(2,)` of the means in |B_i|; of one that is zero as well, which noise alone would make differ."""
+    return np.array([1.0, -1.0]) * (-1.0 if reversal < 0 else 1.0)
 
 
 def _number(value: float) -> float | None:

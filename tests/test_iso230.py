@@ -135,6 +135,23 @@ def test_by_hand():
     )  # fmt: skip
 
 
+def test_equal_readings_are_not_known_exactly():
+    """Also a reversal of none, and a range of none, is a difference of two means that have their noise."""
+    from postproc.commands.iso230 import _cell
+
+    for backward in (1.0, 3.0, -2.0):
+        (test,) = evaluate(measured({p: ([1.0] * 4, [backward] * 4) for p in (0.0, 100.0, 200.0)}, u=0.5, u_per_m=0.0))
+        values, U = values_of(test), uncertainties_of(test)
+        assert values["B"] == abs(1.0 - backward)
+        assert U["B"] == pytest.approx(2 * 0.5 * math.sqrt(2 / 4))
+        assert U["E forward"] == pytest.approx(U["B"])
+        assert U["M"] == pytest.approx(2 * 0.5 * math.sqrt(0.25))
+        assert U["R"] >= U["B"]
+        assert min(U.values()) > 0.0
+        assert not any(math.copysign(1.0, value) < 0 for value in values.values() if value == 0.0)
+    assert (_cell(-0.001), _cell(-0.0), _cell(-0.02)) == ("0.00", "0.00", "-0.02")
+
+
 reading = st.floats(-50, 50).map(lambda value: round(value, 2))
 cells = st.integers(2, 6).flatmap(lambda n: st.tuples(*[st.lists(reading, min_size=n, max_size=n)] * 2))
 

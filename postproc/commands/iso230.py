@@ -97,7 +97,7 @@ def _show(test: AxisTest, to: Console) -> None:
     to.print(targets)
     values = Table(f"axis {test.axis}, ISO 230-2:2014", "", unit, f"U (k=2, instrument), {unit}")
     for value in test.values:
-        values.add_row(value.symbol, value.title, f"{value.value:.2f}", f"{value.U:.2f}")
+        values.add_row(value.symbol, value.title, _cell(value.value), _cell(value.U))
     to.print(values)
 
 
@@ -105,4 +105,4 @@ def _cell(value: float) -> str:
     """A number for people; nothing where there is none."""
     if isinstance(value, int):
         return str(value)
-    return "" if math.isnan(value) else f"{value:.2f}"
+    return "" if math.isnan(value) else f"{value:z.2f}"
