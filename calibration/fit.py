@@ -33,6 +33,10 @@ from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
+LEAST = 1e-8
+"""Least variance factor that is estimated; of exact data."""
+SPARE = 0.2
+"""Share of the observations that the model must leave over for the noise to be estimated below the sheet's."""
 ENOUGH_ROWS = 20_000
 """Rows that the iterations work on; all rows enter the last step."""
 STEPS = 30
@@ -145,17 +149,18 @@ def fit(
     point = Point(np.array(model.parameters), registration)
     some = _some(np.flatnonzero(trusted & ~copies))
     progress("iterating")
-    point, factor, spent = _iterate(problem.rows(some), point, variance)
+    point, factor, solved = _iterate(problem.rows(some), point, variance)
     progress("solving")
-    bad, failed = _judge(problem, point, copies, spent, variance)
+    least = _least(solved, len(some) * measurement.instrument.components, variance)
+    bad, failed = _judge(problem, point, copies, solved.spent, least)
     for _ in range(10):
         kept = ~bad
         _refuse_too_few(measurement, kept, point)
         solved = problem.solve(point, kept.astype(float), factor)
         point = problem.moved(point, solved.step)
         if variance == "estimate":
-            factor = _estimated(problem, point, kept, solved)
-        bad, failed = _judge(problem, point, copies, solved.spent, variance)
+            factor = max(_estimated(problem, point, kept, solved), least)
+        bad, failed = _judge(problem, point, copies, solved.spent, least)
         if np.array_equal(bad, ~kept):
             break
     residual = problem.residuals(point)
@@ -163,30 +168,36 @@ def fit(
     return _result(problem, point, residual, kept, copies, tuple(failed), solved, chi2, factor)
 
 
-def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, float]:
-    """The point where Gauss-Newton with Huber's weights comes to rest; variance factor and freedom spent there."""
+def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, Solved]:
+    """The point where Gauss-Newton with Huber's weights comes to rest; variance factor and last solution there."""
     components = problem.measurement.instrument.components
-    factor, spent = 1.0, 0.0
+    factor, spent, least = 1.0, 0.0, 1.0
     for step in range(STEPS):
         distances = problem.distances(point)
-        weights = huber_weights(distances, components, robust_factor(distances, components, spent, variance))
+        weights = huber_weights(distances, components, robust_factor(distances, components, spent, least))
         # amplitudes first: a wave or a lag without one is moved anywhere
         solved = (problem if step else problem.shapes_held()).solve(point, weights, factor)
         before, point, spent = point, problem.descended(point, solved.step, weights, factor), solved.spent
         if variance == "estimate":
-            factor = robust_factor(problem.distances(point), components, spent, variance)
+            least = _least(solved, len(distances) * components, variance)
+            factor = robust_factor(problem.distances(point), components, spent, least)
         if step and (solved.length < CONVERGED or point is before):
             break
-    return point, factor, spent
+    return point, factor, solved
+
+
+def _least(solved: Solved, scalars: int, variance: Variance) -> float:
+    """Least variance factor: the sheet's, unless there are observations enough to say that it is smaller."""
+    return LEAST if variance == "estimate" and scalars - solved.rank > SPARE * scalars else 1.0
 
 
 def _judge(
-    problem: Problem, point: Point, copies: np.ndarray, spent: float, variance: Variance
+    problem: Problem, point: Point, copies: np.ndarray, spent: float, least: float
 ) -> tuple[np.ndarray, list[str]]:
     """Rows not to be fitted, and the stations among them that failed as a whole."""
     components = problem.measurement.instrument.components
     distances = problem.distances(point)
-    bad = outlying(distances, components, robust_factor(distances[~copies], components, spent, variance)) & ~copies
+    bad = outlying(distances, components, robust_factor(distances[~copies], components, spent, least)) & ~copies
     failed = failed_stations(problem.measurement, bad)
     return bad | copies | np.isin(problem.measurement.groups, failed), failed
 

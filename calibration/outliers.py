@@ -34,14 +34,14 @@ FAILED = 0.5
 """Share of its rows found to be outliers, beyond which a station has failed."""
 
 
-def robust_factor(distances: Array, components: int, spent: float, variance: Variance) -> float:
-    """Variance factor that brings the median of squared distances `(n,)` to that of chi2; by the sheet at least 1.
+def robust_factor(distances: Array, components: int, spent: float, least: float) -> float:
+    """Variance factor, at least `least`, that brings the median of squared distances `(n,)` to that of chi2.
 
     spent: degrees of freedom that the fit took out of the residuals.
     """
     scalars = distances.size * components
     share = float(np.median(distances)) / float(stats.chi2.median(components)) * scalars / max(scalars - spent, 1.0)
-    return max(share, 1.0 if variance == "sheet" else float(np.finfo(float).tiny))
+    return max(share, least)
 
 
 def huber_weights(distances: Array, components: int, factor: float) -> Array:

@@ -63,6 +63,12 @@ class Solved(NamedTuple):
         eigenvalues = np.maximum(np.linalg.eigvalsh(self.information), 0.0)
         return float(np.sum(eigenvalues / (1.0 + eigenvalues))) + self.registered
 
+    @property
+    def rank(self) -> int:
+        """What the data could spend at most, were they without noise."""
+        values = np.linalg.eigvalsh(self.information)
+        return int(np.count_nonzero(values > UNSEEN * max(float(values.max(initial=0.0)), 1.0))) + self.registered
+
 
 @dataclass(frozen=True)
 class Problem:
