@@ -106,12 +106,12 @@ class Fit:
     @property
     def rms_um(self) -> float:
         """Of the residuals of the kept rows, per scalar; urad on rotary axes of an interferometer."""
-        return float(np.sqrt(np.mean(self.residual[self.kept] ** 2)) * 1e3)
+        return float(np.sqrt(np.mean((self.residual * self.measurement.per_micro)[self.kept] ** 2)))
 
     @property
     def max_um(self) -> float:
         """Largest residual of a kept row, over its components."""
-        return float(np.linalg.norm(self.residual[self.kept], axis=1).max() * 1e3)
+        return float(np.linalg.norm((self.residual * self.measurement.per_micro)[self.kept], axis=1).max())
 
     @property
     def outliers(self) -> np.ndarray:

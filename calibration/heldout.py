@@ -27,7 +27,7 @@ class HeldOut(NamedTuple):
     """What fits leave of rows that they have not seen."""
 
     rms_um: float
-    """Per scalar."""
+    """Per scalar; urad on rotary axes of an interferometer."""
     max_um: float
     blocks: int
     what: str
@@ -55,11 +55,11 @@ def held_out(
             return None
         # effects with memory need the rows in between
         missed[placed] = residuals(good, found.model, found.registration)[placed]
-    missed = missed[~np.isnan(missed[:, 0])]
+    missed = (missed * good.per_micro)[~np.isnan(missed[:, 0])]
     if len(missed) < len(good) / 2:
         return None
     rms, largest = np.sqrt(np.mean(missed**2)), np.linalg.norm(missed, axis=1).max()
-    return HeldOut(float(rms * 1e3), float(largest * 1e3), len(np.unique(labels)), what)
+    return HeldOut(float(rms), float(largest), len(np.unique(labels)), what)
 
 
 def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:

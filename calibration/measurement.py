@@ -94,6 +94,14 @@ class Measurement:
         assert self.state.target is not None
         return np.asarray(order[np.searchsorted(names, self.state.target, sorter=order)])
 
+    @property
+    def per_micro(self) -> Array:
+        """um per mm, urad per rad `(n, 1)`: what an observation is multiplied by for people."""
+        if self.axis is None:
+            return np.full((len(self), 1), 1e3)
+        turning = [axis.name for axis in self.machine.axes if axis.rotary]
+        return np.where(np.isin(self.axis, turning), 1e6, 1e3)[:, None]
+
     def rows(self, index: slice | np.ndarray) -> Measurement:
         """The measurement at some of its rows; approach and last move stay what they were."""
 

@@ -242,3 +242,10 @@ def test_a_period_is_found_from_half_a_percent_off(period):
     wave = Cyclic(component="X", axis="X", period=10.0, sine=(6.0,), cosine=(3.0,))
     found = with_effect(wave, Cyclic(component="X", axis="X", period=period, sine=(1.0,), cosine=(1.0,)))
     assert found.model.effects[-1].period == pytest.approx(10.0, abs=4 * found.model.effects[-1].u[0])
+
+
+def test_residuals_of_rotary_axes_are_told_in_urad():
+    found = calibrate(laser("dmu50", "C"), basis="cubic:6")
+    assert found.fit.rms_um == pytest.approx(0.3, rel=0.2)
+    assert 0.3 < found.held_out.rms_um < 1.0
+    assert 0.3 < found.fit.max_um < 2.0
