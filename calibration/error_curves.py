@@ -1,7 +1,8 @@
 """Curves through the six error motions of an axis, and its location errors taken out of them.
 
 The curves are fitted to all six at once, weighted by what the points say of them together. Degrees of polynomials are
-given, or chosen by the Bayesian information criterion (BIC). The gauge of the points (`rigid_motions`) takes from a
+given, or chosen by Akaike's information criterion (AIC): the Bayesian one leaves out what is smaller than the noise of
+a point, of which u then says nothing. The gauge of the points (`rigid_motions`) takes from a
 rotary axis what turns along with the component; what it takes from a polynomial is none, so polynomials of a rotary
 axis have a wobble of that kind beside them.
 """
@@ -14,6 +15,7 @@ from itertools import pairwise
 from typing import Literal, cast
 
 import numpy as np
+from scipy.stats import chi2 as chi2_distribution
 
 from calibration.rigid_motions import RigidMotions
 from kinematics.basis import Basis, BSpline, Legendre
@@ -22,8 +24,12 @@ from kinematics.errors import UserError
 from kinematics.machine import Axis
 from kinematics.transforms import Array
 
-HIGHEST_DEGREE = 8
-"""That is tried."""
+HIGHEST_DEGREE = 15
+"""That is tried, if the positions take it."""
+MISFIT = 1e-3
+"""Chance of a chi2 below which a curve is said to miss its points."""
+NO_SCATTER = 1e-6
+"""Share of the largest variance below which a combination of residuals has none."""
 LARGEST_WOBBLE = 1e3
 """um and urad: keeps a wobble that the polynomials nearly hold from growing against them."""
 
@@ -41,6 +47,11 @@ class Shape:
         """Parameters of each curve."""
         ends = np.cumsum([0, *(basis.size for basis in self.bases)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
+
+    @property
+    def degrees(self) -> tuple[int | None, ...]:
+        """Of the polynomials; None of tables."""
+        return tuple(basis.degree if isinstance(basis, Legendre) else None for basis in self.bases)
 
     @property
     def wobbles(self) -> tuple[Wobble, ...]:
@@ -90,6 +101,24 @@ class Curves:
 
 
 @dataclass(frozen=True)
+class Misfit:
+    """How far a curve misses its points, by the covariance of these."""
+
+    chi2: float
+    freedom: int
+
+    @property
+    def significant(self) -> bool:
+        """More than the points scatter."""
+        return self.freedom > 0 and float(chi2_distribution.sf(self.chi2, self.freedom)) < MISFIT
+
+    @property
+    def widening(self) -> float:
+        """Factor of the curve's standard uncertainty (Birge); 1 where the curve holds its points."""
+        return float(np.sqrt(max(self.chi2 / self.freedom, 1.0))) if self.significant else 1.0
+
+
+@dataclass(frozen=True)
 class AxisModel:
     """Effects of one axis, and how their parameters come from those of its curves."""
 
@@ -104,7 +133,7 @@ def tables(axis: Axis, positions: Array) -> Shape:
 
 
 def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int]) -> Shape:
-    """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others by BIC.
+    """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others by AIC.
 
     A straightness is a line at least, for its slope is the orientation of the axis.
     """
@@ -124,23 +153,28 @@ def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapp
     weights = _weights(motions)
     observed = np.append(weights @ motions.errors.reshape(-1), np.zeros(4 * axis.rotary))
 
-    def bic(of: Array) -> float:
+    def criterion(of: Array) -> float:
         shape = _legendre(axis, interval, of)
         rows = _rows(shape, positions, weights)
         left = observed - rows @ np.linalg.lstsq(rows, observed, rcond=1e-14)[0]
-        return float(left @ left) + shape.size * float(np.log(6 * n))
+        return float(left @ left) + 2.0 * shape.size
 
-    best, changed = bic(degrees), True
+    best, changed = criterion(degrees), True
     while changed:
         changed = False
         for j in open_:
-            for other in range(least[j], min(HIGHEST_DEGREE, n - 2) + 1):
+            for other in range(least[j], highest_degree(n) + 1):
                 trial = degrees.copy()
                 trial[j] = other
-                value = bic(trial) if other != degrees[j] else best
+                value = criterion(trial) if other != degrees[j] else best
                 if value < best - 1e-9:
                     best, degrees, changed = value, trial, True
     return _legendre(axis, interval, degrees)
+
+
+def highest_degree(n: int) -> int:
+    """That AIC may choose for n positions."""
+    return min(HIGHEST_DEGREE, n - 2)
 
 
 def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
@@ -149,6 +183,31 @@ def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
     rows = _rows(shape, positions, weights)
     estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
     return Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator)
+
+
+def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
+    """Of each curve at positions `(n,)`, mm or degrees; covariance `(6n, 6n)` of the error motions there."""
+    n = len(positions)
+    missing = np.eye(6 * n) - curves.design(positions) @ curves.estimator
+    residuals, scatter = missing @ motions.errors.reshape(-1), missing @ covariance @ missing.T
+    found = []
+    for component, basis in enumerate(curves.shape.bases):
+        left, own = residuals[component::6], scatter[component::6, component::6]
+        variances, directions = np.linalg.eigh(0.5 * (own + own.T))
+        floor = NO_SCATTER * max(variances[-1], covariance[component::6, component::6].max() * NO_SCATTER)
+        used = np.flatnonzero(variances > floor)[-max(n - basis.size, 0) :] if basis.size < n else np.array([], int)
+        chi2 = float(np.sum((directions[:, used].T @ left) ** 2 / variances[used]))
+        found.append(Misfit(chi2, len(used)))
+    return tuple(found)
+
+
+def widening(curves: Curves, found: tuple[Misfit, ...]) -> Array:
+    """Factors `(p,)` of the parameters' standard uncertainties; the wobble has that of the worst of its curves."""
+    factors = np.ones(len(curves.parameters))
+    for part, one in zip(curves.shape.parts, found, strict=True):
+        factors[part] = one.widening
+    factors[curves.shape.parts[-1].stop :] = max(one.widening for one in found)
+    return factors
 
 
 def _rows(shape: Shape, positions: Array, weights: Array) -> Array:

@@ -21,13 +21,24 @@ from typing import Literal
 import numpy as np
 
 from calibration import stations
-from calibration.error_curves import Curves, Shape, axis_model, constants_design, fit, polynomials, tables
+from calibration.error_curves import (
+    Curves,
+    Misfit,
+    Shape,
+    axis_model,
+    constants_design,
+    fit,
+    misfits,
+    polynomials,
+    tables,
+    widening,
+)
 from calibration.fit import with_covariance
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.rigid_motions import UNITS, RigidMotions, error_design, inverse, outward, solve
 from calibration.sight import seen_points
-from kinematics.effects import Effect
+from kinematics.effects import COMPONENTS, Effect
 from kinematics.errors import UserError
 from kinematics.machine import Axis, Machine
 from kinematics.model import ErrorModel, Provenance, reference
@@ -52,7 +63,7 @@ class Choice:
     kind: Kind = "polynomial"
     """Polynomials, or tables interpolated between the measured positions."""
     degrees: Mapping[str, int] = field(default_factory=dict)
-    """Of polynomials, by name: {"XX": 4}; others by BIC."""
+    """Of polynomials, by name: {"XX": 4}; others by AIC."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +85,8 @@ class AxisResult:
     location: Array
     """`(6,)`: location errors of a rotary axis; zero of a linear one."""
     curves: Curves
+    misfits: tuple[Misfit, ...]
+    """Of the six curves from the points."""
 
     @property
     def u(self) -> Array:
@@ -157,9 +170,11 @@ def identify(
         found[measurement.machine.axes[one.column].name] = _identify(measurement.machine, one, points, found, choice)
     _refuse_unknown(choice, found)
     notes = [] if points.freedom else ["every point was seen once: no repeatability, uncertainty by the sheet alone"]
+    results = {name: _result(measurement.machine, one, points) for name, one in found.items()}
+    notes += _missed(results)
     return ThreePoints(
-        {name: _result(measurement.machine, one, points) for name, one in found.items()},
-        _model(measurement, found, points),
+        results,
+        _model(measurement, found, results, points),
         points,
         tuple(notes),
         {name: points.positions[number] for name, number in on_bed.items()},
@@ -337,12 +352,29 @@ def _by_foot(machine: Machine, inner: _Found, series: _Series, pose: Pose, at_be
     return np.asarray((back.rotation @ pose.rotation @ moved).reshape(-1, 6) @ errors)
 
 
+def _missed(results: Mapping[str, AxisResult]) -> list[str]:
+    missed = [
+        f"E_{component}{name} ({one.chi2 / one.freedom:.2g})"
+        for name, result in results.items()
+        for component, one in zip(COMPONENTS, result.misfits, strict=True)
+        if one.significant
+    ]
+    if not missed:
+        return []
+    return [
+        f"{', '.join(missed)}: the curve misses its points by more than they scatter (chi2/dof), u widened by its "
+        "square root; --basis table holds them"
+    ]
+
+
 def _result(machine: Machine, found: _Found, points: stations.Points) -> AxisResult:
     series, motions, by_points = found.series, found.motions, found.motions.estimator @ found.by_points
     axis, inner = machine.axes[series.column], [a.side == machine.axes[series.column].side for a in machine.axes]
+    positions = series.positions / machine.scale[series.column]
+    covariance = by_points @ points.covariance @ by_points.T
     return AxisResult(
         axis,
-        series.positions / machine.scale[series.column],
+        positions,
         series.targets,
         {
             machine.names[i]: float(series.standing[i] / machine.scale[i])
@@ -350,14 +382,20 @@ def _result(machine: Machine, found: _Found, points: stations.Points) -> AxisRes
             if i != series.column
         },
         motions.errors,
-        by_points @ points.covariance @ by_points.T,
+        covariance,
         by_points @ points.repeatability_covariance @ by_points.T,
         motions.location @ motions.errors.reshape(-1),
         found.curves,
+        misfits(found.curves, positions, motions, covariance),
     )
 
 
-def _model(measurement: Measurement, found: Mapping[str, _Found], points: stations.Points) -> ErrorModel:
+def _model(
+    measurement: Measurement,
+    found: Mapping[str, _Found],
+    results: Mapping[str, AxisResult],
+    points: stations.Points,
+) -> ErrorModel:
     """All effects with their covariance."""
     machine = measurement.machine
     carrying = [name for name, one in found.items() if machine.axes[one.series.column].side == "tool"]
@@ -367,7 +405,8 @@ def _model(measurement: Measurement, found: Mapping[str, _Found], points: statio
     for name, one in found.items():
         axis = machine.axes[one.series.column]
         split = axis_model(axis, one.series.positions / machine.scale[one.series.column], one.curves, one.motions)
-        parameters, own = one.curves.parameters, one.parameters_by_points
+        parameters = one.curves.parameters
+        own = widening(one.curves, results[name].misfits)[:, None] * one.parameters_by_points
         if carrying and name == carrying[-1] and not axis.rotary:
             shift, shift_by_body = _tool_shift(measurement, one)
             add = constants_design(one.curves)

@@ -32,12 +32,13 @@ def three_points(
     ] = "polynomial",
     degree: Annotated[
         list[str] | None,
-        typer.Option("--degree", metavar="XX=4", help="Degree of a polynomial (E_XX); others by BIC. Repeatable."),
+        typer.Option("--degree", metavar="XX=4", help="Degree of a polynomial (E_XX); others by AIC. Repeatable."),
     ] = None,
     file_format: FormatName = "auto",
     header: HeaderLines = None,
     columns: ColumnMapName = None,
     plan: PlanFile = None,
+    tables: Annotated[bool, typer.Option("--tables", help="Print every position of every axis as well.")] = False,
     json: JsonFile = None,
 ) -> None:
     """Identify the six error motions of each axis from three or more targets on what it moves, one axis at a time."""
@@ -53,7 +54,7 @@ def three_points(
     with result(json) as results, result(str(output)) as file:
         file.write(encode_model(found.model))
         write_json(summary(found), results)
-    show(found, console if json == "-" else screen)
+    show(found, console if json == "-" else screen, tables)
 
 
 def _kind(basis: str) -> Kind:
@@ -92,6 +93,7 @@ def summary(found: ThreePoints) -> dict[str, Any]:
                 "errors": _columns(axis, axis.errors),
                 "u": _columns(axis, axis.u),
                 "u_type_a": _columns(axis, axis.u_a),
+                "curves": _curves(axis),
                 "ranges": {f.name: {"is": f.what, "value": f.value, "u": f.u, "unit": f.unit} for f in ranges(axis)},
                 "straightness": _straightness(axis),
             }
@@ -103,6 +105,17 @@ def summary(found: ThreePoints) -> dict[str, Any]:
 
 def _columns(axis: AxisResult, values: Any) -> dict[str, list[float]]:
     return {f"E_{letter}{axis.axis.name}": values[:, j].tolist() for j, letter in enumerate("XYZABC")}
+
+
+def _curves(axis: AxisResult) -> dict[str, Any]:
+    return {
+        f"E_{letter}{axis.axis.name}": {
+            "degree": degree,
+            "chi2_reduced": one.chi2 / one.freedom if one.freedom else None,
+            "u_widened_by": one.widening,
+        }
+        for letter, degree, one in zip("XYZABC", axis.curves.shape.degrees, axis.misfits, strict=True)
+    }
 
 
 def _straightness(axis: AxisResult) -> dict[str, Any]:
@@ -119,8 +132,8 @@ def _straightness(axis: AxisResult) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def show(found: ThreePoints, to: Console) -> None:
-    """The result for people."""
+def show(found: ThreePoints, to: Console, tables: bool = False) -> None:
+    """The result for people; `tables` with every position of every axis."""
     from rich.table import Table
 
     from calibration.three_points_figures import locations, squarenesses, straightnesses
@@ -132,7 +145,9 @@ def show(found: ThreePoints, to: Console) -> None:
             f"repeatability beyond it {points.repeatability_um:.2g} um"
         )
     for axis in found.axes.values():
-        to.print(_axis_table(axis))
+        to.print(_axis_summary(axis))
+        if tables:
+            to.print(_axis_table(axis))
         for name, lines in straightnesses(axis).items():
             values = ", ".join(f"{one.value:.2f} ± {one.u_value:.2f} ({one.line.kind})" for one in lines)
             to.print(f"straightness {name}: {values} um")
@@ -142,13 +157,36 @@ def show(found: ThreePoints, to: Console) -> None:
     to.print(table)
 
 
+def _axis_summary(axis: AxisResult) -> Any:
+    """One row of each error motion: its range over the positions, its curve and how that holds the points."""
+    from rich.table import Table
+
+    from calibration.three_points_figures import ranges
+
+    at = axis.positions
+    table = Table(
+        axis.axis.name, "range", "u (k=1)", "", "degree", "chi2/dof", "",
+        title=f"{axis.axis.name}: {len(at)} positions, {at[0]:g} to {at[-1]:g} {axis.axis.unit} ({_standing(axis)})",
+    )  # fmt: skip
+    for figure, degree, one in zip(ranges(axis), axis.curves.shape.degrees, axis.misfits, strict=True):
+        ratio = f"{one.chi2 / one.freedom:.2f}" if one.freedom else ""
+        shape = "table" if degree is None else str(degree)
+        table.add_row(figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, shape, ratio, figure.what)
+    return table
+
+
+def _standing(axis: AxisResult) -> str:
+    return ", ".join(f"{name} {at:g}" for name, at in axis.standing.items())
+
+
 def _axis_table(axis: AxisResult) -> Any:
     from rich.table import Table
 
     heads = [f"E_{letter}{axis.axis.name}" for letter in "XYZABC"]
-    standing = ", ".join(f"{name} {at:g}" for name, at in axis.standing.items())
     table = Table(
-        f"{axis.axis.name}, {axis.axis.unit}", *heads, title=f"{axis.axis.name} ({standing}); um, urad, ± u (k=1)"
+        f"{axis.axis.name}, {axis.axis.unit}",
+        *heads,
+        title=f"{axis.axis.name} ({_standing(axis)}); um, urad, ± u",
     )
     for at, errors, u in zip(axis.positions, axis.errors, axis.u, strict=True):
         table.add_row(f"{at:g}", *(f"{e:.1f} ± {s:.1f}" for e, s in zip(errors, u, strict=True)))
