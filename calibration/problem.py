@@ -148,7 +148,7 @@ class Problem:
     def _solved(self, normal: Normal, point: Point) -> Solved:
         size = point.registered
         scale, limited = self._scale()
-        scales = np.concatenate([_registration_scale(normal, size), scale])
+        scales = np.concatenate([_registration_scale(normal, point.registration), scale])
         matrix = normal.matrix * np.outer(scales, scales)
         right = normal.right * scales
         mixed = matrix[:size, size:]
@@ -183,9 +183,15 @@ class Problem:
         return np.where(moved <= bounds, (parameters + np.where(np.isfinite(bounds), bounds, 0.0)) / 2, moved)
 
 
-def _registration_scale(normal: Normal, size: int) -> Array:
-    """Units that make the diagonal of the registration's part 1."""
-    diagonal = np.diag(normal.matrix)[:size]
+def _registration_scale(normal: Normal, registration: Registration) -> Array:
+    """Units that make the diagonal of the registration's part 1; of turns with a lever below 1 mm less.
+
+    A station that saw one place shifts: no turn, however large, does the same to a lever of um.
+    """
+    diagonal = np.diag(normal.matrix)[: len(registration.names)].copy()
+    moves, shifts = (3, 2) if registration.planar else (6, 3)
+    poses = diagonal[: moves * len(registration.poses)].reshape(-1, moves)
+    poses[:, shifts:] = np.maximum(poses[:, shifts:], poses[:, :shifts].max(axis=1, keepdims=True))
     return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
 
 

@@ -249,3 +249,11 @@ def test_residuals_of_rotary_axes_are_told_in_urad():
     assert found.fit.rms_um == pytest.approx(0.3, rel=0.2)
     assert 0.3 < found.held_out.rms_um < 1.0
     assert 0.3 < found.fit.max_um < 2.0
+
+
+def test_a_station_that_saw_one_place_shifts():
+    model, measurement = tracked(stations=2)
+    rows = np.append(np.flatnonzero(measurement.state.station == "s1"), 300)
+    found = fit(measurement.rows(rows), zeroed(model))
+    assert found.failed == ()
+    assert found.residual[-1] == pytest.approx(0.0, abs=1e-6)
