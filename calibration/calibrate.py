@@ -15,7 +15,7 @@ from calibration.fit import Fit, fit
 from calibration.heldout import HeldOut, held_out
 from calibration.locations import split_locations, transformed
 from calibration.measurement import Measurement
-from calibration.models import BasisChoice, moving_axes, parse_basis, priors, rigid_model
+from calibration.models import BasisChoice, moving_axes, parse_basis, with_effects
 from calibration.normal import residuals
 from calibration.outliers import Variance, first_registration
 from calibration.resolution import Choice, choose
@@ -27,6 +27,8 @@ from kinematics.model import ErrorModel, Provenance, no_errors
 AUTO = "auto"
 AUTOMATIC_KINDS = ("b-spline", "cubic")
 """Kinds of basis that `auto` tries."""
+ROTARY_KIND = "fourier"
+"""What it takes for rotary axes: their errors repeat with the turn, and harmonics hold a shift of what they carry."""
 
 
 @dataclass(frozen=True)
@@ -59,27 +61,33 @@ def calibrate(
     basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. prior_scale: size of the error
     motions as a multiple of the typical one; None leaves it to the evidence where the basis is chosen, else 1.
     """
-    choice = _choice(measurement, basis, prior_scale, progress)
-    rigid = rigid_model(measurement, choice.bases)
-    model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
-    prior = priors(model)
-    prior[: len(rigid.parameters)] *= choice.prior_scale
+    choice = _choice(measurement, basis, effects, prior_scale, progress)
+    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
     before = _before(found)
     progress("what the data see")
     seen = visibility(found)
     progress("held-out residuals")
     held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
-    rms = float(np.sqrt(np.mean(before**2)) * 1e3)
-    largest = float(np.linalg.norm(before, axis=1).max() * 1e3)
+    rms = float(np.sqrt(np.mean(before**2)))
+    largest = float(np.linalg.norm(before, axis=1).max())
     return Calibration(found, _written(found), choice, seen, rms, largest, held)
 
 
-def _choice(measurement: Measurement, basis: str, prior_scale: float | None, progress: Callable[[str], None]) -> Choice:
+def _choice(
+    measurement: Measurement,
+    basis: str,
+    effects: Sequence[Effect],
+    prior_scale: float | None,
+    progress: Callable[[str], None],
+) -> Choice:
     axes = list(moving_axes(measurement))
     if basis == AUTO or basis.startswith(f"{AUTO}:"):
         kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
-        return choose(measurement, kinds, prior_scale, progress)
+        rotary_kind = ROTARY_KIND if basis == AUTO else None
+        return choose(
+            measurement, kinds, rotary_kind=rotary_kind, effects=effects, prior_scale=prior_scale, progress=progress
+        )
     if "=" not in basis:
         return Choice(dict.fromkeys(axes, parse_basis(basis)), prior_scale or 1.0)
     bases: dict[str, BasisChoice] = {}
@@ -96,10 +104,10 @@ def _choice(measurement: Measurement, basis: str, prior_scale: float | None, pro
 
 
 def _before(found: Fit) -> np.ndarray:
-    """Residuals `(kept, d)`, mm and rad, of the nominal machine with a registration of its own."""
+    """Residuals `(kept, d)`, um and urad, of the nominal machine with a registration of its own."""
     kept = found.measurement.rows(np.flatnonzero(found.kept))
     registration, _ = first_registration(kept)
-    return residuals(kept, no_errors(kept.machine), registration)
+    return np.asarray(residuals(kept, no_errors(kept.machine), registration) * kept.per_micro)
 
 
 def _written(found: Fit) -> ErrorModel:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -89,6 +89,22 @@ def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> E
     if not effects:
         raise UserError(f"{measurement.source}: no axis moves in these data")
     return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+
+
+def with_effects(
+    measurement: Measurement, bases: Mapping[str, BasisChoice], effects: Sequence[Effect], prior_scale: float
+) -> tuple[ErrorModel, np.ndarray]:
+    """The rigid model with effects besides, and priors `(parameters,)`; those of the error motions times a factor."""
+    rigid = rigid_model(measurement, bases)
+    model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
+    prior = priors(model)
+    prior[: len(rigid.parameters)] *= prior_scale
+    return model, prior
+
+
+def distinct_positions(measurement: Measurement, axis: str) -> int:
+    """At how many positions of an axis there are data, to 1 um or a thousandth of a degree."""
+    return len(np.unique(np.round(measurement.state.position(measurement.machine, axis), 3)))
 
 
 def priors(model: ErrorModel) -> np.ndarray:

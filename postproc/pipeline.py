@@ -28,6 +28,7 @@ from postproc.motions import Kind, Known, Motions
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic
+from postproc.reversals import feeds
 from postproc.setup import Setup
 from postproc.significance import uncertainties_um
 from postproc.source import CHUNK, ENCODING, Source, chunks
@@ -35,6 +36,8 @@ from postproc.take_up import TakeUps
 from postproc.travel import check_size, note_outside, refuse_outside
 from postproc.writer import Writer, Written
 
+BETWEEN = (0.25, 0.5, 0.75)
+"""Shares of the way of feed moves at which they are judged."""
 UNCERTAINTY_ROWS = 500
 """Moves of a chunk that the uncertainty of the prediction is worked out for."""
 
@@ -200,14 +203,16 @@ class Pipeline:
             )
 
     def _judge_between(self, motions: Motions, commanded: Motions) -> None:
-        """Half-way along straight feed moves, where nothing is corrected by itself."""
-        rows = motions.judged_start & (motions.kind == Kind.LINE)
+        """Along feed moves, where nothing is corrected by itself."""
+        rows = motions.judged_start & feeds(motions)
         if not rows.any():
             return
-        nominal = motions.in_machine((motions.start + motions.target) / 2)[rows]
-        actual = motions.in_machine((commanded.start + commanded.target) / 2)[rows]
-        states = self.after.last_states(rows)
-        strayed = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
+        states, strayed = self.after.last_states(rows), np.zeros(int(rows.sum()))
+        for share in BETWEEN:
+            nominal = motions.in_machine(motions.along(share))[rows]
+            actual = motions.in_machine(commanded.along(share))[rows]
+            here = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
+            strayed = np.maximum(strayed, here)
         self.report.between_ends.add(strayed)
         for row in np.flatnonzero(rows)[strayed > self.job.tolerance_um]:
             line = motions.blocks[motions.block[row]].line

@@ -14,7 +14,7 @@ from calibration.fit import Fit
 from calibration.normal import whitened, whiteners
 from calibration.pages import Section, Table, figure, page
 from kinematics.basis import Basis
-from kinematics.effects import ErrorMotion, LocationError
+from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.transforms import Array
 
 if TYPE_CHECKING:
@@ -44,6 +44,9 @@ def _sections(found: Calibration) -> Iterator[Section]:
         ]
         text = "Tool relative to workpiece, right-handed; of a table the line lies at minus the value."
         yield Section("Location errors", text, Table(("", "value", "U (k=2)", ""), rows))
+    others = [e for e in found.model.effects if not isinstance(e, (ErrorMotion, LocationError))]
+    if others:
+        yield Section("Other effects", table=_effect_table(others))
     yield Section(
         "Error motions",
         "Means and slopes that belong to location errors are taken out. Band: U (k=2).",
@@ -94,6 +97,15 @@ def _location_table(locations: Sequence[LocationError]) -> Table:
         for effect, unit in zip(locations, units, strict=True)
     ]
     return Table(("", "value", "U (k=2)", ""), rows)
+
+
+def _effect_table(effects: Sequence[Effect]) -> Table:
+    rows = [
+        (effect.name, parameter.name, f"{value:.3f}", f"{2 * u:.3f}", parameter.unit)
+        for effect in effects
+        for parameter, value, u in zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
+    ]
+    return Table(("", "", "value", "U (k=2)", ""), rows)
 
 
 def _motions(found: Calibration) -> str:

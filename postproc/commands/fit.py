@@ -9,19 +9,33 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
-from postproc.commands.shared import JsonFile, MachineName, machine_of, refuse_one_place, result, write_json
+from postproc.commands.shared import (
+    JsonFile,
+    MachineName,
+    check_places,
+    machine_of,
+    refuse_one_place,
+    result,
+    write_json,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.console import Console
 
     from calibration.calibrate import Calibration
     from calibration.fit import Fit
     from calibration.visibility import Visibility
+    from kinematics.effects import Effect
 
+MANY = 0.05
+"""Share of outliers beyond which they are none."""
 EPILOG = (
     "Examples:\n\n"
     "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
     "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
+    "`ncomp fit tracker.csv --machine cframe --effect backlash:axis=X,width=0 -o cal.json`\n\n"
     "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
 )
@@ -40,6 +54,14 @@ def fit(
             "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
         ),
     ] = "auto",
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            metavar="KIND:FIELD=VALUE,...",
+            help="Another effect of docs/effects.md to fit, from these values: backlash:axis=X,width=0. Repeatable.",
+        ),
+    ] = None,
     noise: Annotated[
         str,
         typer.Option(
@@ -68,11 +90,13 @@ def fit(
     determine is listed by name and keeps the uncertainty of what was expected beforehand.
     """
     from calibration.calibrate import calibrate
+    from calibration.effect_text import read_effects
     from kinematics.model import encode_model
     from postproc.terminal import console
     from postproc.terminal import output as screen
 
     refuse_one_place(json, str(output), "the calibration")
+    check_places((data, plan), (output, json, report))
     if noise not in ("sheet", "estimate"):
         raise UserError(f"--noise {noise}: sheet or estimate")
     found_machine = machine_of(machine)
@@ -81,6 +105,7 @@ def fit(
         found = calibrate(
             measurement,
             basis=basis,
+            effects=read_effects(effect or [], found_machine),
             variance="sheet" if noise == "sheet" else "estimate",
             prior_scale=prior_scale,
             hold_out=hold_out,
@@ -98,6 +123,7 @@ def fit(
 
 def summary(found: Calibration) -> dict[str, Any]:
     """The result for programs."""
+    from calibration.suspects import suspects
     from kinematics.effects import LocationError
 
     fitted, seen, held = found.fit, found.visibility, found.held_out
@@ -126,6 +152,7 @@ def summary(found: Calibration) -> dict[str, Any]:
         "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
         "prior_scale": found.choice.prior_scale,
         "log_evidence": fitted.log_evidence,
+        "depends_on": [{"what": s.what, "p_value": s.p_value, "hint": s.hint} for s in suspects(fitted)],
         "outliers": [measurement.where(int(row)) for row in fitted.outliers],
         "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
         "failed_stations": list(fitted.failed),
@@ -134,6 +161,10 @@ def summary(found: Calibration) -> dict[str, Any]:
             for e in found.model.effects
             if isinstance(e, LocationError)
         },
+        "effects": [
+            {"name": e.name, "parameters": e.by_key(e.parameters), "u": e.by_key(e.uncertainties)}
+            for e in besides(found.model.effects)
+        ],
         "calibration": found.model.id,
     }
 
@@ -142,6 +173,7 @@ def show(found: Calibration, to: Console) -> None:
     """The result for people."""
     from rich.table import Table
 
+    from calibration.suspects import suspects
     from kinematics.effects import LocationError
 
     fitted, seen, held = found.fit, found.visibility, found.held_out
@@ -167,9 +199,33 @@ def show(found: Calibration, to: Console) -> None:
             unit = "urad" if effect.angular else "um"
             lines.add_row(effect.name, f"{effect.value:.2f}", f"{effect.uncertainties[0]:.2f}", unit)
         to.print(lines)
+    _show_besides(found.model.effects, to)
     for (reason, remedy), names in _alike(seen).items():
         to.print(f"NOT VISIBLE  {', '.join(names)}: {reason}; {remedy}")
+    for suspect in suspects(fitted):
+        to.print(f"DEPENDS ON   the residuals depend on {suspect.what} (p = {suspect.p_value:.1g}): try {suspect.hint}")
+    if len(fitted.outliers) > MANY * len(measurement):
+        to.print("DOUBTFUL     so many rows disagree that they are no outliers: the model lacks something")
     _show_left_out(fitted, to)
+
+
+def besides(effects: Iterable[Effect]) -> list[Effect]:
+    """What is neither an error motion nor a location error."""
+    from kinematics.effects import ErrorMotion, LocationError
+
+    return [effect for effect in effects if not isinstance(effect, (ErrorMotion, LocationError))]
+
+
+def _show_besides(effects: Iterable[Effect], to: Console) -> None:
+    from rich.table import Table
+
+    table = Table("other effect", "parameter", "value", "u (k=1)")
+    for effect in besides(effects):
+        for i, (parameter, u) in enumerate(zip(effect.parameter_table, effect.uncertainties, strict=True)):
+            value = effect.parameters[i]
+            table.add_row("" if i else effect.name, f"{parameter.name}, {parameter.unit}", f"{value:.3f}", f"{u:.3f}")
+    if table.row_count:
+        to.print(table)
 
 
 def _alike(seen: Visibility) -> dict[tuple[str, str], list[str]]:

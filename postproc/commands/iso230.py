@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 import typer
 
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
-from postproc.commands.shared import JsonFile, MachineName, machine_of, refuse_one_place, result, write_json
+from postproc.commands.shared import (
+    JsonFile,
+    MachineName,
+    check_places,
+    machine_of,
+    refuse_one_place,
+    result,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,6 +58,7 @@ def iso230(
     from postproc.terminal import output as screen
 
     refuse_one_place(json, output, "the table")
+    check_places((data, plan), (output, json))
     tests = evaluate(read_data(data, machine_of(machine), format, header, columns, plan))
     with result(json) as results, result(output) as file:
         write_json({"axes": [test.json() for test in tests]}, results)

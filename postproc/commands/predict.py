@@ -11,6 +11,7 @@ from postproc.commands.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
+    check_places,
     machine_of,
     model_of,
     refuse_one_place,
@@ -55,6 +56,7 @@ def predict(
     from postproc.terminal import output as screen
 
     refuse_one_place(json, output, "the table")
+    check_places((points, calibration), (output, json))
     found = machine_of(machine)
     model = model_of(calibration, found)
     read = read_points(points, found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
@@ -65,6 +65,21 @@ def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
         raise UserError(f"--json - and {what} can't both go to standard output; name a file for one")
     if None not in (json, output) and json != "-" and Path(str(json)).resolve() == Path(str(output)).resolve():
         raise UserError(f"--json and --output both name {json}")
+
+
+def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Path | None]) -> None:
+    """Refuse outputs that can't be written, or that would take the place of an input, before any work is done."""
+    read = {Path(str(path)).resolve() for path in inputs if path not in (None, "-")}
+    for output in outputs:
+        if output in (None, "-"):
+            continue
+        path = Path(str(output))
+        if path.resolve() in read:
+            raise UserError(f"{output} is read here: it would be overwritten; name another file")
+        if path.is_dir():
+            raise UserError(f"can't write {output}: Is a directory")
+        if not path.parent.is_dir():
+            raise UserError(f"can't write {output}: no folder {path.parent}")
 
 
 @contextmanager
