@@ -111,7 +111,12 @@ class Fit:
     @property
     def max_um(self) -> float:
         """Largest residual of a kept row, over its components."""
-        return float(np.linalg.norm((self.residual * self.measurement.per_micro)[self.kept], axis=1).max())
+        return float(self.residual_um[self.kept].max())
+
+    @property
+    def residual_um(self) -> Array:
+        """Lengths `(n,)` of the residuals, um; urad on rotary axes of an interferometer."""
+        return np.asarray(np.linalg.norm(self.residual * self.measurement.per_micro, axis=1))
 
     @property
     def outliers(self) -> np.ndarray:

@@ -165,8 +165,9 @@ def _along_axes(fitted: Fit) -> str:
     machine = measurement.machine
     positions = measurement.state.positions[fitted.kept] / machine.scale
     moving = [i for i in range(len(machine.axes)) if np.ptp(positions[:, i]) > 0]
-    residual = fitted.residual[fitted.kept] * 1e3
-    typical = np.sqrt(np.diagonal(covariance(measurement), axis1=1, axis2=2))[fitted.kept].mean(axis=0) * 1e3
+    residual = (fitted.residual * measurement.per_micro)[fitted.kept]
+    noise = np.sqrt(np.diagonal(covariance(measurement), axis1=1, axis2=2)) * measurement.per_micro
+    typical = noise[fitted.kept].mean(axis=0)
     rows = _some(len(residual))
     with figure(2.7 * max(len(moving), 2), 2.2) as (canvas, drawn):
         for place, i in zip(canvas.subplots(1, len(moving), squeeze=False)[0], moving, strict=True):
@@ -195,7 +196,7 @@ def _points(place: Axes, x: Array, y: Array, component: int) -> None:
 
 
 def _left_out(fitted: Fit) -> Iterator[Sequence[str]]:
-    size = np.linalg.norm(fitted.residual, axis=1) * 1e3
+    size = fitted.residual_um
     reasons = (("outlier", fitted.outliers), ("copy of an earlier row", np.flatnonzero(fitted.copies)))
     for why, rows in reasons:
         for row in rows[:50].tolist():

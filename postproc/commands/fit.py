@@ -252,7 +252,7 @@ def _show_left_out(fitted: Fit, to: Console) -> None:
     measurement, most = fitted.measurement, 12
     for what, rows in (("outlier", fitted.outliers), ("copy of an earlier row", fitted.copies.nonzero()[0])):
         for row in rows[:most]:
-            size = float((fitted.residual[row] ** 2).sum() ** 0.5 * 1e3)
+            size = fitted.residual_um[row]
             to.print(f"left out     {measurement.where(int(row))}: {what}, {size:.1f} um from the rest")
         if len(rows) > most:
             to.print(f"left out     ... and {len(rows) - most} more ({what})")
