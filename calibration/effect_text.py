@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,9 @@ def _fields(text: str, where: str) -> dict[str, Any]:
     for entry in _split(rest):
         name, equals, value = entry.partition("=")
         if not equals:
-            raise UserError(f"{where}: {entry.strip()!r} is not of the form field=value")
+            last = list(fields)[-1]
+            lists = "" if last == "kind" else f"; lists are written {last}=[1,2]"
+            raise UserError(f"{where}: {entry.strip()!r} is not of the form field=value{lists}")
         try:
             fields[name.strip()] = msgspec.json.decode(value)
         except msgspec.DecodeError:
@@ -92,5 +95,13 @@ def _effect(content: Any, where: str) -> Effect:
         effect: Effect = msgspec.convert(fields, Effect)
     except msgspec.ValidationError as fault:
         names = (field.name for field in msgspec.structs.fields(KINDS[kind]) if field.name not in ("u", "note"))
-        raise UserError(f"{where}: {fault}; {kind} has {', '.join(names)}") from None
+        raise UserError(f"{where}: {fault}; {kind} has {', '.join(names)}{_of_lists(str(fault), fields)}") from None
     return effect
+
+
+def _of_lists(fault: str, fields: Mapping[str, Any]) -> str:
+    """How a list is written, for one that is none."""
+    field = re.search(r"Expected `array`.* at `\$\.(\w+)`", fault)
+    if field is None or isinstance(fields[field[1]], list):
+        return ""
+    return f"; lists are written {field[1]}=[{fields[field[1]]}]"

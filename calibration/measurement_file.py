@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
@@ -122,6 +122,19 @@ def uncertainty_keys(kind: type[Instrument]) -> list[str]:
     return [field.name for field in msgspec.structs.fields(kind) if field.name.startswith("u_")]
 
 
+def check_uncertainties(kind: str, values: Mapping[str, float], where: str, how: str) -> None:
+    """UserError unless an instrument's standard uncertainties, by header key, give its observations a finite weight.
+
+    `where` begins the message, and `how`, with a key put in, ends it.
+    """
+    for group in NEEDED[kind]:
+        if not any(values.get(key) for key in group):
+            raise UserError(
+                f"{where}: the standard uncertainty (k=1) of the {kind} is missing: "
+                f"state {' or '.join(group)} above zero ({how.format(group[0])})"
+            )
+
+
 def _instrument(table: Table, kind: str) -> Instrument:
     """The instrument with its uncertainties; UserError when the file does not say them."""
     values: dict[str, float] = {}
@@ -130,12 +143,7 @@ def _instrument(table: Table, kind: str) -> Instrument:
             (values[key],) = table.header_numbers(key, 1)
             if values[key] < 0:
                 table.header_fault(key, f"{values[key]:g} is negative")
-    for group in NEEDED[kind]:
-        if not any(values.get(key) for key in group):
-            raise UserError(
-                f"{table.source}: the standard uncertainty (k=1) of the {kind} is missing: "
-                f"state {' or '.join(group)} above zero (header line '# {group[0]}: ...')"
-            )
+    check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
     components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
     instrument: Instrument = msgspec.convert({"kind": kind, **values, **components}, Instrument)
     return instrument

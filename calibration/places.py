@@ -23,6 +23,8 @@ REFERENCE = 20.0
 CARRIERS: Mapping[str, Carrier] = {"target": "tool", "table": "table", "bed": "bed"}
 """What carries a target, by the first part of its header key."""
 STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}
+OF_A_PLAN = ("strategy", "minutes")
+"""Header keys that a plan has, and may keep when observations are written into it."""
 DIRECTIONS = {"+1": 1, "1": 1, "+": 1, "forward": 1, "-1": -1, "-": -1, "backward": -1}
 PLAIN_NAME = re.compile(r'[^\s,:"]+')
 SAME_POSITION = 1e-6
@@ -73,8 +75,9 @@ def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
 def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[str]) -> None:
     """Notes for header lines that nothing is done with."""
     for key, entry in table.entries.items():
-        if not known(key) and key.partition(".")[0] not in CARRIERS:
-            notes.append(f"line {entry.line}: header key {key!r} is not known, and not used")
+        if not known(key) and key not in OF_A_PLAN and key.partition(".")[0] not in CARRIERS:
+            where = f"line {entry.line}: header key {key!r}" if entry.line else f"--header {key}"
+            notes.append(f"{where} is not known, and not used")
     notes += [f"line {remark.line}: {remark.value!r} is no 'key: value', and not used" for remark in table.remarks]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import difflib
 import io
@@ -135,6 +136,7 @@ def read_table(path: Path, what: str) -> Table:
 def parse_table(data: bytes, source: str) -> Table:
     """The table in UTF-8 text with commas between cells; `source` names it in messages."""
     lines = text_lines(data, source)
+    refuse_empty(data, source)
     entries: dict[str, Entry] = {}
     remarks: list[Entry] = []
     for number, line in enumerate(lines, start=1):
@@ -146,6 +148,8 @@ def parse_table(data: bytes, source: str) -> Table:
     else:
         raise UserError(f"{source}: no line with the names of columns")
     names = tuple(name.strip() for name in next(csv.reader([line])))
+    if all(number_of(name) is not None for name in names):
+        raise UserError(f"{source}:{number}: no line with the names of columns above the numbers")
     if len(names) == 1 and (";" in line or "\t" in line):
         raise UserError(f"{source}:{number}: cells are to be separated by commas, numbers written with a point")
     for name in names:
@@ -195,6 +199,12 @@ def _check_row(row: str, where: str, wanted: int, delimiter: str) -> None:
     if count != wanted:
         hint = " (a decimal comma?)" if count > wanted and delimiter == "," else ""
         raise UserError(f"{where}: {count} cells, {wanted} columns have names{hint}")
+
+
+def refuse_empty(data: bytes, source: str) -> None:
+    """UserError for a file without anything but blanks."""
+    if not data.removeprefix(codecs.BOM_UTF8).strip():
+        raise UserError(f"{source} is empty")
 
 
 def text_lines(data: bytes, source: str) -> list[str]:

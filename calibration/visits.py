@@ -67,7 +67,7 @@ def _finished(way: Way, machine: Machine, strategy: str, choices: Choices, asked
     time, minutes = _times(machine, positions, before, choices.timing)
     state = replace(state, time=time, cycle=run - 1.0, target=np.array(list(choices.targets))[target])
     notes = []
-    if machine.rotary.any() and choices.rotary == "fixed" and strategy != "axes":
+    if machine.rotary.any() and choices.rotary == "fixed":
         stands = (f"{a.name} {p:g}" for a, p in zip(machine.axes, way.positions[0], strict=True) if a.rotary)
         notes.append(f"rotary axes stand still: {', '.join(stands)} deg (--rotary moves them)")
     return Plan(

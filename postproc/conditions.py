@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,10 +19,12 @@ from kinematics.files import read_input
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.numbers import given_number
+from postproc.numbers import given_number, given_once
 
 REFERENCE = 20.0
 """degC, from which temperatures count inside."""
+ABSOLUTE_ZERO = -273.15
+"""degC."""
 TEMPERATURE = "temp_"
 """What the column of a temperature begins with."""
 
@@ -39,6 +41,8 @@ class Conditions:
     """Up to now, its last row."""
     log: str = ""
     """The file that the past comes from."""
+    unread: tuple[str, ...] = ()
+    """Columns of the log that are neither time nor temperature."""
 
     def state(self, positions: Array, approach: Array | None = None) -> State:
         """The state at axis positions `(n, axes)`, mm and rad, come to in directions `approach` `(n, axes)`."""
@@ -62,6 +66,13 @@ class Conditions:
         said += [f"{name} {value:g} degC" for name, value in self.temperatures.items()]
         return ", ".join(said) + (", held over the program" if said else "")
 
+    def _in_log(self) -> str:
+        """What the log has, where it lacks something."""
+        if not self.log or self.past is None:
+            return ""
+        names = ["time_s", *(TEMPERATURE + name for name in self.past.temperatures)]
+        return f"; log {self.log} has {', '.join(names)}{_neither(self.unread)}"
+
     def notes(self, model: ErrorModel) -> list[str]:
         """What a user should know of how these conditions serve a model; UserError for what it needs and they lack."""
         of_machine = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
@@ -72,7 +83,7 @@ class Conditions:
                 used.add(sensor)
                 if sensor not in self.temperatures:
                     give = f"--temperature {sensor}=degC or --log"
-                    raise UserError(f"{effect.name} needs the temperature {sensor!r}: give {give}")
+                    raise UserError(f"{effect.name} needs the temperature {sensor!r}: give {give}{self._in_log()}")
                 if effect.HAS_MEMORY and "time" in effect.needs and self.past is None:
                     settled.append(effect.name)
             elif "time" in effect.needs and self.elapsed is None:
@@ -91,17 +102,20 @@ def make_conditions(
     """The conditions from the options of the command line, which overrule the last row of the log."""
     if elapsed is not None and not math.isfinite(elapsed):
         raise UserError(f"--elapsed {elapsed}: not a time")
-    given = dict(map(parse_temperature, temperatures))
+    if elapsed is not None and elapsed < 0:
+        raise UserError(f"--elapsed {elapsed:g}: negative")
+    given = given_once(map(parse_temperature, temperatures), "--temperature ")
     if log is None:
         return Conditions(elapsed, given)
-    time, columns = _read_log(log)
+    time, columns, unread = _read_log(log)
     if elapsed is not None:
         time = time - time[-1] + elapsed
     for name, value in given.items():
         columns.setdefault(name, np.full(len(time), value))[-1] = value
     kelvin = {name: values - REFERENCE for name, values in columns.items()}
     past = State(np.zeros((len(time), 0)), time=time, temperatures=kelvin)
-    return Conditions(float(time[-1]), {name: float(values[-1]) for name, values in columns.items()}, past, str(log))
+    last = {name: float(values[-1]) for name, values in columns.items()}
+    return Conditions(float(time[-1]), last, past, str(log), unread)
 
 
 def parse_temperature(text: str) -> tuple[str, float]:
@@ -109,11 +123,30 @@ def parse_temperature(text: str) -> tuple[str, float]:
     name, _, value = text.partition("=")
     if not name.strip() or not value.strip():
         raise UserError(f"--temperature {text}: expected e.g. spindle=31.5")
-    return name.strip(), given_number(value, f"--temperature {text}")
+    return name.strip(), degrees(value, f"--temperature {text}")
 
 
-def _read_log(path: Path) -> tuple[Array, dict[str, Array]]:
-    """Times `(n,)`, s, and by sensor the temperatures `(n,)`, degC, of a log; UserError with line and column."""
+def degrees(text: str, where: str) -> float:
+    """A temperature that a user gave, degC; UserError, beginning with `where`, for what is none."""
+    value = given_number(text, where)
+    if value < ABSOLUTE_ZERO:
+        raise UserError(f"{where}: {value:g} degC is below absolute zero ({ABSOLUTE_ZERO:g})")
+    return value
+
+
+def _neither(names: Sequence[str]) -> str:
+    """On columns of a log that are not read; empty for none."""
+    if not names:
+        return ""
+    verb = "is" if len(names) == 1 else "are"
+    return f"; columns are time_s and temp_NAME; {', '.join(names)} {verb} neither"
+
+
+def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
+    """Times `(n,)`, s, by sensor the temperatures `(n,)`, degC, of a log, and the columns that are neither.
+
+    UserError with line and column.
+    """
     try:
         text = read_input(path, "log").decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -122,21 +155,25 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array]]:
     line, header = next(rows, (1, []))
     names = [name.strip() for name in header]
     temperatures = [i for i, name in enumerate(names) if name.startswith(TEMPERATURE)]
+    unread = tuple(name for name in names if name and name != "time_s" and not name.startswith(TEMPERATURE))
     for name in ("time_s", *(names[i] for i in temperatures)):
         if names.count(name) != 1:
-            raise UserError(f"log {path}:{line}: {names.count(name) or 'no'} column {name}")
+            lacks = _neither(unread) if name not in names else ""
+            raise UserError(f"log {path}:{line}: {names.count(name) or 'no'} column {name}{lacks}")
     columns = [names.index("time_s"), *temperatures]
     values = []
     for line, row in rows:
         if len(row) != len(names):
             raise UserError(f"log {path}:{line}: {len(row)} values, the header has {len(names)} columns")
-        values.append([given_number(row[i], f"log {path}:{line}, column {names[i]}") for i in columns])
+        places = [f"log {path}:{line}, column {names[i]}" for i in columns]
+        readers = [given_number, *[degrees] * len(temperatures)]
+        values.append([read(row[i], at) for read, i, at in zip(readers, columns, places, strict=True)])
         if len(values) > 1 and values[-1][0] < values[-2][0]:
             raise UserError(f"log {path}:{line}, column time_s: runs back")
     if not values:
         raise UserError(f"log {path}: no rows")
     time, *courses = np.array(values).T
-    return time, {names[i].removeprefix(TEMPERATURE): t for i, t in zip(temperatures, courses, strict=True)}
+    return time, {names[i].removeprefix(TEMPERATURE): t for i, t in zip(temperatures, courses, strict=True)}, unread
 
 
 def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:

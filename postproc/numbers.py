@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TypeVar
 
 from kinematics.errors import UserError
+
+Value = TypeVar("Value")
 
 
 def decimals_for(resolution: float) -> int:
@@ -65,3 +69,13 @@ def given_number(text: str, where: str) -> float:
     if not math.isfinite(number):
         raise UserError(f"{where}: {text.strip()!r} is no number")
     return number
+
+
+def given_once(pairs: Iterable[tuple[str, Value]], option: str) -> dict[str, Value]:
+    """What a user gave by name; UserError, beginning with `option`, for a name that was given twice."""
+    found: dict[str, Value] = {}
+    for name, value in pairs:
+        if name in found:
+            raise UserError(f"{option}{name} is given twice")
+        found[name] = value
+    return found

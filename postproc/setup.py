@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
-from postproc.numbers import given_number
+from postproc.numbers import given_number, given_once
 from postproc.tool_table import ToolTable
 
 
@@ -23,6 +23,8 @@ class Setup:
     tools: dict[str, float] = field(default_factory=dict)
     used_offsets: dict[str, str] = field(default_factory=dict)
     used_tools: dict[str, str] = field(default_factory=dict)
+    given_tools: frozenset[str] = frozenset()
+    """Numbers of tools whose lengths were given one by one, not in a table."""
 
     def work_offset(self, name: str) -> tuple[float, ...]:
         """Offset of every machine axis, mm or degrees: what is added to a programmed position."""
@@ -35,6 +37,11 @@ class Setup:
         """Names of work offsets that were given for this run and not looked up: misspelt, perhaps."""
         return sorted(self.work_offsets.keys() - self.used_offsets.keys())
 
+    def unused_tools(self) -> list[str]:
+        """Notes on tool lengths that were given for this run and not looked up."""
+        left = sorted(self.given_tools - self.used_tools.keys(), key=int)
+        return [f"tool length T{number} was given and is not used" for number in left]
+
     def tool_length(self, number: int) -> float:
         """Length of a tool, mm, from the tool reference point to the tip."""
         key = str(number)
@@ -46,15 +53,24 @@ class Setup:
 def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float]]:
     """`G54=10,20,-5` or `G54=10,20,-5,C=30` as name and offsets; UserError says what is wrong with it."""
     name, _, values = text.partition("=")
+    if not name.strip() or not values.strip():
+        raise UserError(f"--work-offset {text}: expected G54=x,y,z")
     offsets: dict[str, float] = {}
+    unnamed = 0
     for i, entry in enumerate(values.split(",")):
-        axis, _, number = entry.rpartition("=")
+        axis, equals, number = entry.rpartition("=")
+        unnamed += not equals
         axis = axis.strip().upper() or ("XYZ"[i] if i < 3 else "")
         if axis not in machine.names:
             raise UserError(f"--work-offset {text}: no axis {axis or '(fourth value)'} on machine {machine.name}")
+        if axis in offsets:
+            raise UserError(f"--work-offset {text}: {axis} is given twice")
         offsets[axis] = given_number(number, f"--work-offset {text}")
-    if not name.strip():
-        raise UserError(f"--work-offset {text}: expected e.g. G54=10,20,-5")
+    wanted = sum(axis in machine.names for axis in "XYZ")
+    if 0 < unnamed < wanted:
+        raise UserError(
+            f"--work-offset {text}: expected G54=x,y,z, got {unnamed} of {wanted} values (or by name: G54=X=10)"
+        )
     return "".join(name.split()).upper(), offsets
 
 
@@ -62,8 +78,8 @@ def parse_tool_length(text: str) -> tuple[str, float]:
     """`T1=120.5` as number and length, mm; UserError says what is wrong with it."""
     name, _, value = text.partition("=")
     number = name.strip().upper().lstrip("T")
-    if not number.isdigit():
-        raise UserError(f"--tool-length {text}: expected e.g. T1=120.5")
+    if not number.isdecimal() or not value.strip():
+        raise UserError(f"--tool-length {text}: expected T1=mm")
     return str(int(number)), given_number(value, f"--tool-length {text}")
 
 
@@ -79,6 +95,11 @@ def make_setup(
         for axis in values:
             if axis not in machine.names:
                 raise UserError(f"tool table: work offset {name}: no axis {axis} on machine {machine.name}")
-    offsets = {**table.work_offsets, **dict(parse_work_offset(text, machine) for text in work_offsets)}
-    lengths = {**table.tools, **dict(map(parse_tool_length, tool_lengths))}
-    return Setup(machine, dict(offsets), lengths)
+    given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
+    lengths = given_once(map(parse_tool_length, tool_lengths), "--tool-length T")
+    return Setup(
+        machine,
+        {**table.work_offsets, **given},
+        {**table.tools, **lengths},
+        given_tools=frozenset(lengths),
+    )

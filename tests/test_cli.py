@@ -93,10 +93,12 @@ BAD_OPTIONS = {
     "later calibration": (["in.nc", "--machine", "gantry", "-c", "later.json"], "later.json: version 2"),
     "calibration off by mm": (["in.nc", "--machine", "gantry", "-c", "huge.json"], "this calibration can't be right"),
     "unknown dialect": (["in.nc", *GANTRY, "--dialect", "pascal"], "--dialect pascal: expected one of auto, iso"),
+    "work offset of too few values": (["in.nc", *GANTRY, "--work-offset", "G54=1"], "G54=1: expected G54=x,y,z, got 1 of 3"),
+    "time before zero": (["in.nc", *GANTRY, "--elapsed", "-5"], "--elapsed -5: negative"),
     "bad work offset": (["in.nc", *GANTRY, "--work-offset", "G54=1,x"], "--work-offset G54=1,x: 'x' is no number"),
     "work offset that is no number": (["in.nc", *GANTRY, "--work-offset", "G54=nan,0,0"], "'nan' is no number"),
     "work offset of no axis": (["in.nc", *GANTRY, "--work-offset", "G54=1,2,3,C=4"], "no axis C on machine gantry"),
-    "bad tool length": (["in.nc", *GANTRY, "--tool-length", "long"], "--tool-length long: expected e.g. T1=120.5"),
+    "bad tool length": (["in.nc", *GANTRY, "--tool-length", "long"], "--tool-length long: expected T1=mm"),
     "missing tool table": (["in.nc", *GANTRY, "--tool-table", "no.tbl"], "tool table no.tbl: No such file"),
     "bad tool table": (["in.nc", *GANTRY, "--tool-table", "in.nc"], "tool table in.nc:1: '%' is no LinuxCNC tool entry"),
     "json and program on one stream": (["in.nc", *GANTRY, "--json", "-", "-o", "-"], "can't both go to standard output"),
@@ -293,12 +295,13 @@ def test_setup_options(ncomp):
     Path("part.nc").write_text("G21 G90 T1 M6\nG55 G0 X10.0 Y10.0\nG43 H2 Z10.0\n")
     result = ncomp(
         "part.nc", *GANTRY, "--work-offset", "G55=100,200,300", "--work-offset", "G56=1,2,3",
-        "--tool-table", "tools.json", "--tool-length", "T2=70", "--json", "-", "-o", "out.nc",
+        "--tool-table", "tools.json", "--tool-length", "T2=70", "--tool-length", "T3=1", "--json", "-", "-o", "out.nc",
     )  # fmt: skip
     data = json.loads(result.out)
     assert data["work_offsets"] == {"G54": "0 (default)", "G55": "X 100, Y 200, Z 300"}
     assert data["tools"] == {"1": "50", "2": "70"}
     assert "work offset G56 was given and is not used" in data["notes"]
+    assert [note for note in data["notes"] if "tool length" in note] == ["tool length T3 was given and is not used"]
 
 
 def test_travel_option(ncomp):

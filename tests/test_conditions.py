@@ -165,7 +165,8 @@ def test_every_effect_of_a_machine_serves_in_a_program():
 
 BAD_LOGS = [
     ("", "no column time_s"),
-    ("time,temp_a\n0,20\n", ":1: no column time_s"),
+    ("time,temp_a\n0,20\n", ":1: no column time_s; columns are time_s and temp_NAME; time is neither"),
+    ("time_s,temp_a\n0,-300\n", ":2, column temp_a: -300 degC is below absolute zero"),
     ("time_s,temp_a,temp_a\n0,20,20\n", ":1: 2 column temp_a"),
     ("time_s,temp_a\n", "no rows"),
     ("time_s,temp_a\n0,20\n1\n", ":3: 1 values, the header has 2 columns"),
@@ -191,7 +192,10 @@ def test_bad_logs(log, text, message):
         (["spindle"], None, "--temperature spindle: expected e.g. spindle=31.5"),
         (["=5"], None, "--temperature =5: expected"),
         (["spindle=warm"], None, "--temperature spindle=warm: 'warm' is no number"),
+        (["spindle=-300"], None, "--temperature spindle=-300: -300 degC is below absolute zero"),
+        (["a=20", "a=21"], None, "--temperature a is given twice"),
         ((), float("nan"), "--elapsed nan: not a time"),
+        ((), -5.0, "--elapsed -5: negative"),
     ],
 )
 def test_bad_options(temperatures, elapsed, message):
@@ -202,6 +206,12 @@ def test_bad_options(temperatures, elapsed, message):
 def test_a_log_that_is_not_there(tmp_path):
     with pytest.raises(UserError, match=r"log .*no\.csv: No such file"):
         make_conditions(log=tmp_path / "no.csv")
+
+
+def test_a_log_that_lacks_a_column_says_what_it_has(log):
+    conditions = make_conditions(log=log("time_s,temp_bed,scale\n0,20,21\n"))
+    with pytest.raises(UserError, match=r"needs the temperature 'scale'.*has time_s, temp_bed; columns are time_s and temp_NAME; scale is neither"):  # fmt: skip
+        corrected(model_of(GANTRY, DriftWithSensor(component="Z", sensor="scale", coefficient=-6.0)), conditions)
 
 
 def test_json_of_conditions_is_json():

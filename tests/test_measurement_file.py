@@ -217,6 +217,7 @@ def test_encodings_and_ends_of_lines(read):
 def test_what_is_taken_for_granted_is_noted(read):
     m = read(
         "# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 5\n# operator: NN\n# u_rnge_um: 3\n# a remark\n"
+        "# strategy: grid\n# minutes: 25.0\n"
         "time_s,X,x,y,z\n5,10,1,2,3\n4,5001,1,2,3\n"
     )
     assert m.notes == (
@@ -226,7 +227,7 @@ def test_what_is_taken_for_granted_is_noted(read):
         "line 6: 'a remark' is no 'key: value', and not used",
         "no target in the header: taken to sit in the tool reference point (spindle nose)",
         "no column of Y, Z: taken to stand at home (Y 0, Z 1500 mm)",
-        "line 9: time goes back; rows are taken in the order they stand in",
+        "line 11: time goes back; rows are taken in the order they stand in",
         "X leaves its travel 0..5000 mm by 1",
     )
     assert m.targets == {"1": Target((0, 0, 0))}
@@ -310,7 +311,9 @@ def test_broken_files(read, text, changes, words):
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"", "m.csv: no line with the names of columns"),
+        (b"", "m.csv is empty"),
+        (b"\xef\xbb\xbf \r\n\n", "m.csv is empty"),
+        (b"# machine: gantry\n1,2,3.5\n4,5,6\n", "m.csv:2: no line with the names of columns above the numbers"),
         (b"# machine: gantry\n\n", "m.csv: no line with the names of columns"),
         (TRACKER.split("\n0.0", maxsplit=1)[0].encode(), "m.csv: no rows below the names of columns"),
         (TRACKER.replace(",", ";").encode(), "m.csv:8: cells are to be separated by commas, numbers written with a point"),

@@ -345,7 +345,7 @@ def test_outside_travel_after_correction():
 def test_travel_is_checked_in_machine_axes():
     machine = load("gantry")
     with pytest.raises(UserError, match=r"X would go to 5000.5000 mm as programmed"):
-        correct("G54 G0 X0.5\n", machine, offsets=["G54=5000"])
+        correct("G54 G0 X0.5\n", machine, offsets=["G54=X=5000"])
     with pytest.raises(UserError, match=r"Z would go to 1600.0000 mm as programmed"):
         correct("G43 H1 G0 Z1500\n", machine, tools=["T1=100"])
     with pytest.raises(UserError, match=r"X would go to -1.0000 mm as programmed"):
@@ -410,7 +410,7 @@ def test_notes():
     ("option", "name", "values"),
     [
         ("G54=10,20,-5", "G54", {"X": 10, "Y": 20, "Z": -5}),
-        ("g55 = 1, 2", "G55", {"X": 1, "Y": 2}),
+        ("g55 = 1, 2,3", "G55", {"X": 1, "Y": 2, "Z": 3}),
         ("G54.1 P3=1,,3".replace(",,", ",0,"), "G54.1P3", {"X": 1, "Y": 0, "Z": 3}),
         ("1=X=5,C=-30", "1", {"X": 5, "C": -30}),
         ("G54=1,2,3,C=30", "G54", {"X": 1, "Y": 2, "Z": 3, "C": 30}),
@@ -421,14 +421,43 @@ def test_work_offset_option(option, name, values):
 
 
 @pytest.mark.parametrize(
-    "option", ["G54", "G54=", "=1,2,3", "G54=a", "G54=1,2,3,4", "G54=1,U=4", "G54=nan", "G54=1,inf", "G54=1,,3", ""]
+    ("option", "words"),
+    [
+        ("G54", "expected G54=x,y,z"),
+        ("foo", "expected G54=x,y,z"),
+        ("", "expected G54=x,y,z"),
+        ("G54=", "expected G54=x,y,z"),
+        ("=1,2,3", "expected G54=x,y,z"),
+        ("G54=1", "expected G54=x,y,z, got 1 of 3 values"),
+        ("G54=-30,-20", "expected G54=x,y,z, got 2 of 3 values"),
+        ("G54=1,C=5", "got 1 of 3 values"),
+        ("G54=1,2,3,X=5", "X is given twice"),
+        ("G54=a", "'a' is no number"),
+        ("G54=1,2,3,4", "no axis"),
+        ("G54=1,U=4", "no axis U"),
+        ("G54=nan", "is no number"),
+        ("G54=1,inf", "is no number"),
+        ("G54=1,,3", "is no number"),
+    ],
 )
-def test_bad_work_offset_option(option):
-    with pytest.raises(UserError, match=r"^--work-offset"):
+def test_bad_work_offset_option(option, words):
+    with pytest.raises(UserError, match=rf"^--work-offset {re.escape(option)}: .*{words}"):
         make_setup(load("dmu50"), [option])
 
 
-@pytest.mark.parametrize("option", ["T1", "T1=", "T=5", "TX=5", "T1=a", "T1=nan", "T1=-inf", ""])
+@pytest.mark.parametrize(
+    ("offsets", "lengths", "words"),
+    [
+        (["G54=1,2,3", "g54 = 4,5,6"], [], "--work-offset G54 is given twice"),
+        ([], ["T1=80", "t01=90"], "--tool-length T1 is given twice"),
+    ],
+)
+def test_the_same_given_twice(offsets, lengths, words):
+    with pytest.raises(UserError, match=words):
+        make_setup(load("dmu50"), offsets, lengths)
+
+
+@pytest.mark.parametrize("option", ["T1", "T1=", "80", "T=5", "TX=5", "T1=a", "T1=nan", "T1=-inf", ""])
 def test_bad_tool_length_option(option):
     with pytest.raises(UserError, match=r"^--tool-length"):
         make_setup(load("dmu50"), [], [option])
@@ -436,10 +465,15 @@ def test_bad_tool_length_option(option):
 
 def test_options_overrule_the_tool_table():
     table = ToolTable({"1": 100.0, "3": 7.0}, {"G54": {"X": 1.0}, "G55": {"X": 2.0}})
-    setup = make_setup(load("dmu50"), ["G54=9"], ["T1=5", "t02=6.5"], table)
+    setup = make_setup(load("dmu50"), ["G54=X=9"], ["T1=5", "t02=6.5"], table)
     assert setup.work_offsets == {"G54": {"X": 9.0}, "G55": {"X": 2.0}}
     assert [setup.tool_length(n) for n in (1, 2, 3, 4)] == [5, 6.5, 7, 0]
     assert setup.used_tools == {"1": "5", "2": "6.5", "3": "7", "4": "0 (default)"}
+    assert setup.unused_tools() == []
+    assert make_setup(load("dmu50"), [], ["T10=5", "T9=6"], table).unused_tools() == [
+        "tool length T9 was given and is not used",
+        "tool length T10 was given and is not used",
+    ]
 
 
 @settings(max_examples=30)

@@ -421,7 +421,7 @@ def test_formats_are_recognised(write):
     assert FORMATS == ("auto", "ncomp", "rtl", "iso230-table", "cmm", "delimited")
 
 
-@pytest.mark.parametrize("text", ["", "1 2 3\n4 5 6\n", "a,b\n1,2\n", b"\x89PNG\r\n\x1a\n\0\0", "G0 X1\n"])
+@pytest.mark.parametrize("text", ["1 2 3\n4 5 6\n", "a,b\n1,2\n", b"\x89PNG\r\n\x1a\n\0\0", "G0 X1\n"])
 def test_other_files(write, text):
     with pytest.raises(UserError, match=r"not a format that is known: ncomp \(measurement file.*delimited"):
         read_any(write(text), GANTRY)
@@ -565,3 +565,13 @@ def test_column_map_of_the_documentation(write):
     plan = write("point,X,Y,Z\np1,1,2,3\n", "plan.csv")
     m = read_any(write("c,S,p1,1,2,3\n"), GANTRY, columns=str(write(text, "m.toml")), plan=plan)
     assert m.state.positions.tolist() == [[1, 2, 3]]
+
+
+def test_given_header_keys_and_empty_files(write):
+    text = (
+        "# machine: gantry\n# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 5\nX,Y,Z,x,y,z\n1,2,3,4,5,6\n"
+    )
+    assert "--header foo is not known, and not used" in read_any(write(text), GANTRY, header={"foo": "1"}).notes
+    for nothing in ("", " \n\n"):
+        with pytest.raises(UserError, match="is empty"):
+            read_any(write(nothing), GANTRY)

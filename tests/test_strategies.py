@@ -385,6 +385,14 @@ def test_command(ncomp):  # noqa: F811
     assert ncomp(*arguments, "-o", "-").out == ncomp(*arguments, "-o", "-", "--seed", "0").out
 
 
+@pytest.mark.parametrize("strategy", ["axes", "grid"])
+def test_rotary_axes_that_stand_still_are_noted(ncomp, strategy):  # noqa: F811
+    arguments = ("plan", "--machine", "dmu50", "--strategy", strategy, "-o", "p.csv")
+    assert "rotary axes stand still: C 0, B 0 deg" in ncomp(*arguments).err
+    swept = ncomp(*arguments, "--rotary", "swept", "--range", "C=0:90").err
+    assert "stand still" not in swept
+
+
 def test_klartext_command(ncomp):  # noqa: F811
     options = ("--rotary", "simultaneous", "--approach", "negative", "--target", "t1=0,0,-120", "--target", "t2=9,4,-8")
     for offset in ((), ("--work-offset", "1=10,20,30")):
@@ -400,6 +408,9 @@ def test_klartext_command(ncomp):  # noqa: F811
 
 BAD = {
     "unknown strategy": (["--strategy", "spiral"], "unknown strategy 'spiral'"),
+    "no such file": (["--strategy", "no.csv"], "--strategy no.csv: there is no such file"),
+    "dialect of no program": (["--strategy", "grid", "--dialect", "fanuc"], "--dialect is of the program: give --nc too"),
+    "rapid of no program": (["--strategy", "grid", "--rapid"], "--rapid is of the program: give --nc too"),
     "points": (["--strategy", "grid", "--points", "many"], "--points many: expected a number"),
     "range": (["--strategy", "grid", "--range", "X=a:b"], "--range X=a:b: 'a:b' is not 2 numbers"),
     "range of no axis": (["--strategy", "grid", "--range", "B=0:1"], "has no axis B"),

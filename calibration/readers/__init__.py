@@ -16,7 +16,7 @@ from calibration.measurement import Measurement
 from calibration.measurement_file import measurement_of
 from calibration.readers import cmm, delimited, etalon, iso230_table, renishaw
 from calibration.readers.text import given_entries, old_text
-from calibration.table import Table, parse_table
+from calibration.table import Table, parse_table, refuse_empty
 from kinematics.errors import UserError
 from kinematics.files import read_input
 from kinematics.machine import Machine
@@ -60,6 +60,7 @@ def read_any(
     data, given = read_input(path, "measurement file"), dict(header or {})
     if format not in FORMATS:
         raise UserError(f"format {format!r} is none of {', '.join(FORMATS)}")
+    refuse_empty(data, str(path))
     if columns is not None and format == "auto":
         format = "delimited"
     elif format == "auto":

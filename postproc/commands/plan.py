@@ -53,8 +53,11 @@ def plan(
         typer.Option("--nc", metavar="PLAN.nc", rich_help_panel=PROGRAM, help="Write the program that goes there."),
     ] = None,
     dialect: Annotated[
-        str, typer.Option(rich_help_panel=PROGRAM, help="iso (LinuxCNC: G53, G4 P in s), fanuc or heidenhain.")
-    ] = "iso",
+        str | None,
+        typer.Option(
+            rich_help_panel=PROGRAM, help="iso (LinuxCNC: G53, G4 P in s), fanuc or heidenhain; default: iso."
+        ),
+    ] = None,
     work_offset: Annotated[
         str | None,
         typer.Option(
@@ -74,6 +77,10 @@ def plan(
 
     if nc is not None and (nc == output or (nc == "-" and output == "-")):
         raise UserError(f"--nc and --output both name {nc}")
+    if nc is None:
+        for option, given in (("dialect", dialect), ("work-offset", work_offset), ("rapid", rapid or None)):
+            if given is not None:
+                raise UserError(f"--{option} is of the program: give --nc too")
     found = machine_of(machine)
     choices = options.choices_of(
         found,
@@ -98,7 +105,7 @@ def plan(
     with result(nc) as program, result(output) as table:
         write_plan(made, table)
         if nc is not None:
-            program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect))
+            program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect or "iso"))
     console.print(f"{made.summary}")
 
 

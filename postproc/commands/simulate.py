@@ -12,6 +12,7 @@ import typer
 from kinematics.errors import UserError
 from postproc.commands import strategy as options
 from postproc.commands.shared import MachineName, machine_of, result
+from postproc.numbers import given_once
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from calibration.instruments import Instrument
     from calibration.measurement import Measurement
     from calibration.plan import Plan
+    from kinematics.effects import Effect
     from kinematics.machine import Machine
     from kinematics.model import ErrorModel
     from kinematics.state import State
@@ -35,6 +37,8 @@ SETUP_S = 1200.0
 """To move a tracker; virtual calibration paper, 3.2."""
 AWAY_MM = 1500.0
 """From the volume to a tracker of which nothing is said."""
+NEAREST_MM = 1.0
+"""A target closer to a tracker has no direction."""
 LONG = 200_000
 """Observations from which progress is shown."""
 
@@ -157,6 +161,7 @@ def simulate(
     """Simulate a measurement of a machine with known errors, which moves by its exact kinematics."""
     import numpy as np
 
+    from calibration.effect_text import read_effects
     from calibration.measurement_file import write_measurement
     from calibration.simulate import Faults, observe, read_out, spoil, with_temperatures
     from kinematics.model import encode_model
@@ -175,10 +180,12 @@ def simulate(
     found = machine_of(machine)
     # one stream each, so that another instrument measures the same machine
     draws = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
-    model = _model(found, errors, calibration, location, effect or [], draws[0])
+    told = read_effects(effect or [], found)
+    model = _model(found, errors, calibration, location, told, draws[0])
     sensor = _instrument(instrument, uncertainty or [], planar)
     plan = _plan(found, strategy, points, spacing, ranges, margin, rotary, order, runs, target, target_order, seed)
     state, poses = _placed(plan, instrument, tracker or [], draws[1])
+    _check_names(told, plan, state)
     state = with_temperatures(state, _courses(temperature or [])) if temperature else state
     standing = _standing(stands_on)
     rows = _reached(plan, state, sensor, poses, standing, elevation, incidence)
@@ -190,6 +197,8 @@ def simulate(
             found, model, state.rows(rows), sensor, draws[2], poses, plan.targets, stands_on=standing,
             axis=axis if instrument == "interferometer" else None, run=run, noise_scale=noise, progress=progress,
         )  # fmt: skip
+    if poses is not None:
+        _check_distance(measured)
     measured, spoiled = spoil(read_out(measured), Faults(outliers, duplicates=duplicates, missing=missing), draws[3])
     _check_left(measured)
     with result(truth) as truth_file, result(output) as file:
@@ -206,11 +215,10 @@ def _model(
     errors: str | None,
     calibration: Path | None,
     location: float,
-    effects: list[str],
+    effects: list[Effect],
     rng: np.random.Generator,
 ) -> ErrorModel:
     """The virtual machine."""
-    from calibration.effect_text import read_effects
     from calibration.truth import DEFAULT, model_of, random_location_errors, random_truth, read_half_widths
     from kinematics.model import read_model
 
@@ -221,32 +229,27 @@ def _model(
         found += random_truth(machine, rng, widths).effects
     if location:
         found += random_location_errors(machine, rng, location)
-    return model_of(machine, [*found, *read_effects(effects, machine)])
+    return model_of(machine, [*found, *effects])
 
 
 def _instrument(kind: str, uncertainties: list[str], planar: bool) -> Instrument:
-    import msgspec
-
-    from calibration.instruments import Instrument
+    from calibration.measurement_file import KINDS, check_uncertainties, uncertainty_keys
 
     if kind not in SHEETS:
         raise UserError(f"--instrument {kind}: expected one of {', '.join(SHEETS)}")
-    values: dict[str, object] = dict(SHEETS[kind])
-    if uncertainties:
-        values = {}
-        for text in uncertainties:
-            name, _, value = text.partition("=")
-            (number,) = options.numbers(value, 1, f"--uncertainty {text}")
-            if number < 0:
-                raise UserError(f"--uncertainty {text}: negative")
-            values[name.strip()] = number
-    if kind == "part":
-        values["components"] = 2 if planar else 3
-    try:
-        found: Instrument = msgspec.convert({"kind": kind, **values}, Instrument)
-    except msgspec.ValidationError as fault:
-        raise UserError(f"--uncertainty: {fault}; {kind} has {', '.join(SHEETS[kind])}") from None
-    return found
+    known = uncertainty_keys(KINDS[kind])
+    given: list[tuple[str, float]] = []
+    for text in uncertainties:
+        name, _, value = text.partition("=")
+        if name.strip() not in known:
+            raise UserError(f"--uncertainty {text}: {kind} has {', '.join(known)}")
+        (number,) = options.numbers(value, 1, f"--uncertainty {text}")
+        if number < 0:
+            raise UserError(f"--uncertainty {text}: negative")
+        given.append((name.strip(), number))
+    values = given_once(given, "--uncertainty ") if given else SHEETS[kind]
+    check_uncertainties(kind, values, "--uncertainty", "-u {}=...")
+    return KINDS[kind](**values, **({"components": 2 if planar else 3} if kind == "part" else {}))  # type: ignore[arg-type]
 
 
 def _plan(
@@ -268,6 +271,8 @@ def _plan(
     from postproc.terminal import say
 
     if strategy.lower().endswith(".csv") or Path(strategy).is_file():
+        if not Path(strategy).exists():
+            raise UserError(f"--strategy {strategy}: there is no such file")
         if any(option is not None for option in (points, spacing, ranges, targets)):
             raise UserError(f"{strategy} says already where to measure, and with which targets")
         plan = read_plan(Path(strategy), machine)
@@ -328,15 +333,47 @@ def _standing(text: str) -> Literal["workpiece", "bed"]:
 def _courses(texts: list[str]) -> dict[str, tuple[float, float]]:
     """Start and end of temperatures, K from 20 degC."""
     from calibration.places import PLAIN_NAME, REFERENCE
+    from postproc.conditions import degrees
 
-    found = {}
+    found = []
     for text in texts:
+        where = f"--temperature {text}"
         name, _, course = text.partition("=")
-        if not PLAIN_NAME.fullmatch(name):
-            raise UserError(f"--temperature {text}: expected name=start:end, e.g. spindle=20:28.5")
-        start, end = options.numbers(course, 2, f"--temperature {text}", ":")
-        found[name] = (start - REFERENCE, end - REFERENCE)
-    return found
+        ends = course.split(":")
+        if not PLAIN_NAME.fullmatch(name) or len(ends) != 2:
+            raise UserError(f"{where}: expected NAME=start:end, e.g. spindle=20:28.5")
+        start, end = (degrees(each, where) for each in ends)
+        found.append((name, (start - REFERENCE, end - REFERENCE)))
+    return given_once(found, "--temperature ")
+
+
+def _check_names(effects: list[Effect], plan: Plan, state: State) -> None:
+    """UserError for an effect of a target or a station that the measurement does not have."""
+    import numpy as np
+
+    known = {"target": list(plan.targets), "station": []}
+    if state.station is not None:
+        known["station"] = np.unique(state.station).tolist()
+    for effect in effects:
+        for what, names in known.items():
+            name = getattr(effect, what, None)
+            if name is not None and name not in names:
+                there = f"known are {', '.join(names)}" if names else "there is none"
+                raise UserError(f"--effect {effect.name}: no {what} {name!r}; {there}")
+
+
+def _check_distance(measured: Measurement) -> None:
+    """UserError for a target inside the tracker."""
+    import numpy as np
+
+    far = np.linalg.norm(measured.observed, axis=1) >= NEAREST_MM
+    if not far.all():
+        row = int(np.argmin(far))
+        assert measured.state.station is not None
+        raise UserError(
+            f"--tracker: observation {row + 1} is closer than {NEAREST_MM:g} mm to the tracker at "
+            f"{measured.state.station[row]}; it can't stand there"
+        )
 
 
 def _reached(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -163,6 +164,9 @@ def plan_of(machine: Machine, strategy: str, points: str | None, spacing: float 
     from calibration.strategies import plan
     from postproc.terminal import say
 
+    if strategy.lower().endswith(".csv"):
+        there = "a plan already, for ncomp simulate" if Path(strategy).exists() else "there is no such file"
+        raise UserError(f"--strategy {strategy}: {there}")
     made = plan(machine, strategy, _counts(points), spacing, choices)
     for note in made.notes:
         say("note", note)
