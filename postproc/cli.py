@@ -150,6 +150,7 @@ def correct(
     with result(json) as results:
         with progress_of(source.size, "correcting") as progress, result(output) as file:
             report = Pipeline(job).run(file, progress)
+        report.notes += setup.unused_tools()
         write_json(report.json(), results)
     show_report(report)
 
