@@ -2,8 +2,8 @@
 
     python benchmarks/solving.py [--rows 500000]
 
-Both get the same measurement of a gantry with 300 parameters. One step is compared with one pseudo-inverse, at sizes that
-it can still do; the whole fit takes several steps, finds outliers and the covariance.
+Both get the same measurement of a gantry with 300 parameters. One step is compared with one pseudo-inverse, at sizes
+that it can still do; the whole fit takes several steps, finds outliers and the covariance.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from postproc.commands.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
+    check_places,
     machine_of,
     model_of,
     refuse_one_place,
@@ -139,6 +140,8 @@ def correct(
     from postproc.terminal import progress_of, show_report
 
     refuse_one_place(json, output, "the program")
+    check_places((program, calibration, tool_table, log), (json,))
+    check_places((calibration, tool_table, log), (output,))  # a program may be replaced by its corrected self
     found = machine_of(machine)
     model = model_of(calibration, found)
     chosen = _classes(classes, found)
@@ -189,6 +192,7 @@ def verify_command(
     from postproc.terminal import console, output, say, show_classes, show_verdict
     from postproc.verify import merged, read_motions, verify
 
+    check_places((program, corrected, calibration, tool_table, log), (json,))
     found = machine_of(machine)
     model = model_of(calibration, found)
     setup = _setup(found, work_offset, tool_length, tool_table)

@@ -79,7 +79,8 @@ def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Pa
         if path.is_dir():
             raise UserError(f"can't write {output}: Is a directory")
         if not path.parent.is_dir():
-            raise UserError(f"can't write {output}: no folder {path.parent}")
+            why = "Not a directory" if path.parent.exists() else "No such file or directory"
+            raise UserError(f"can't write {output}: {why}")
 
 
 @contextmanager

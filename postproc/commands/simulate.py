@@ -11,7 +11,7 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands import strategy as options
-from postproc.commands.shared import MachineName, machine_of, result
+from postproc.commands.shared import MachineName, check_places, machine_of, result
 from postproc.numbers import given_once
 
 if TYPE_CHECKING:
@@ -169,6 +169,7 @@ def simulate(
 
     if truth is not None and truth == output:
         raise UserError(f"--truth and --output both name {output}")
+    check_places((strategy, calibration), (output, truth))
     options.check_finite(
         location=location,
         incidence=incidence,
