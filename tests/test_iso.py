@@ -80,7 +80,7 @@ GOLDEN = {
     ),
     "extended work offsets": (
         "G54.1 P7 G0 X1 Y1 Z1\nG54 P8 X1\nG59.3 X1\nG54 X1\n",
-        {"offsets": ["G54.1P7=10", "G54.1 P8=20", "G59.3=30", "g54=40"]},
+        {"offsets": ["G54.1P7=X=10", "G54.1 P8=X=20", "G59.3=X=30", "g54=X=40"]},
         [(RAPID, 11, 1, 1), (RAPID, 21, 1, 1), (RAPID, 31, 1, 1), (RAPID, 41, 1, 1)],
     ),
     "tool length": (
