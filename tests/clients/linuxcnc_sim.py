@@ -106,6 +106,10 @@ class SimulatorError(Exception):
     """LinuxCNC did not do what was asked; the text is what it said."""
 
 
+class Crashed(SimulatorError):
+    """One of LinuxCNC's own processes did."""
+
+
 def available() -> bool:
     """Whether the simulator is on this computer."""
     modules = (any(MODULES.glob(f"{name}.*.so")) for name in ("linuxcnc", "_hal"))
@@ -128,13 +132,10 @@ def run(config: Config, program: str, *, feed_override: float = 1.0, timeout: fl
 
 def _simulate(config: Config, timeout: float, job: dict[str, Any], files: Mapping[str, str] | None = None) -> Samples:
     """What LinuxCNC did. Its own Python module crashes now and then while it starts or stops: such a run is repeated."""
-    for left in reversed(range(ATTEMPTS)):
-        try:
+    for _ in range(ATTEMPTS - 1):
+        with contextlib.suppress(Crashed):
             return _simulate_once(config, timeout, dict(job), files)
-        except SimulatorError as fault:
-            if not left or "Segmentation fault" not in str(fault):
-                raise
-    raise AssertionError("unreachable")
+    return _simulate_once(config, timeout, dict(job), files)
 
 
 def _simulate_once(config: Config, timeout: float, job: dict[str, Any], files: Mapping[str, str] | None) -> Samples:
@@ -304,7 +305,8 @@ def _execute(folder: Path, timeout: float) -> None:
         messages = ["ended before its work was done" if ended else f"did not end within {timeout:.0f} s"]
     if messages:
         lines = (line.strip() for line in said.splitlines() if not CHATTER.match(line))
-        raise SimulatorError("LinuxCNC: " + "\n  ".join(dict.fromkeys([*messages, *lines])))
+        kind = Crashed if "Segmentation fault" in said else SimulatorError
+        raise kind("LinuxCNC: " + "\n  ".join(dict.fromkeys([*messages, *lines])))
 
 
 def _call(command: Sequence[str], environment: Mapping[str, str], folder: Path, timeout: float) -> tuple[str, bool]:
