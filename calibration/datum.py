@@ -66,12 +66,9 @@ def mean_line(basis: Basis) -> Line:
 
 def error_motions(model: ErrorModel) -> Iterator[tuple[ErrorMotion, slice]]:
     """The error motions of a model, with the columns of their parameters."""
-    start = 0
-    for effect in model.effects:
-        size = len(effect.parameters)
+    for effect, part in zip(model.effects, model.slices, strict=True):
         if isinstance(effect, ErrorMotion):
-            yield effect, slice(start, start + size)
-        start += size
+            yield effect, part
 
 
 def null_space(information: Array) -> Array:
@@ -131,7 +128,11 @@ def _rules(machine: Machine, model: ErrorModel) -> Array:
         line = mean_line(effect.basis)
         axis = machine.axes[machine.index(effect.axis)]
         wanted = []
-        if effect.component in _along(effect) if axis.rotary else not (effect.axis in last and effect.angular):
+        if (
+            effect.component in along_own_line(effect.axis)
+            if axis.rotary
+            else not (effect.axis in last and effect.angular)
+        ):
             wanted.append(line.mean)
         if effect.name in DATUM_SLOPES:
             wanted.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))
@@ -169,9 +170,9 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
                 yield row
 
 
-def _along(effect: ErrorMotion) -> str:
+def along_own_line(axis: str) -> str:
     """Shift along and turn about the line of a rotary axis."""
-    own = own_component(effect.axis)
+    own = own_component(axis)
     return own + "XYZ"["ABC".index(own)]
 
 

@@ -9,7 +9,7 @@ pseudo-inverse instead, whose finite uncertainties of such parameters mean nothi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -170,7 +170,22 @@ def fit(
             break
     residual = problem.residuals(point)
     chi2 = float(np.sum(problem.whitened(residual)[kept] ** 2))
-    return _result(problem, point, residual, kept, copies, tuple(failed), solved, chi2, factor)
+    found = Fit(
+        measurement,
+        problem.at(point.parameters),
+        point.registration,
+        residual,
+        kept,
+        copies,
+        tuple(failed),
+        np.array(model.parameters),
+        problem.prior,
+        solved,
+        chi2,
+        factor,
+    )
+    covariance = problem.covariance(solved, found.chi2_reduced if found.doubtful else 1.0)
+    return replace(found, model=found.model.with_parameters(point.parameters, covariance))
 
 
 def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, Solved]:
@@ -222,56 +237,6 @@ def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) ->
         )
 
 
-def _result(
-    problem: Problem,
-    point: Point,
-    residual: Array,
-    kept: np.ndarray,
-    copies: np.ndarray,
-    failed: tuple[str, ...],
-    solved: Solved,
-    chi2: float,
-    factor: float,
-) -> Fit:
-    """The fit, its covariance widened where the residuals are larger than the sheet allows."""
-    model = problem.at(point.parameters)
-    found = Fit(
-        problem.measurement,
-        model,
-        point.registration,
-        residual,
-        kept,
-        copies,
-        failed,
-        np.array(problem.model.parameters),
-        problem.prior,
-        solved,
-        chi2,
-        factor,
-    )
-    widened = found.chi2_reduced if found.doubtful else 1.0
-    return _with_covariance(found, problem.covariance(solved, widened))
-
-
 def _some(rows: np.ndarray) -> np.ndarray:
     """At most ENOUGH_ROWS of the rows, evenly spread."""
     return rows if len(rows) <= ENOUGH_ROWS else rows[np.linspace(0, len(rows) - 1, ENOUGH_ROWS).astype(int)]
-
-
-def _with_covariance(found: Fit, covariance: Array) -> Fit:
-    from dataclasses import replace
-
-    return replace(found, model=with_covariance(found.model, covariance))
-
-
-def with_covariance(model: ErrorModel, covariance: Array) -> ErrorModel:
-    """The model with a covariance `(p, p)` of its parameters, and the standard uncertainties that it holds."""
-    import msgspec
-
-    u = np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
-    effects, values = [], model.parameters.tolist()
-    for effect in model.effects:
-        size = len(effect.parameters)
-        effects.append(effect.with_parameters(values[:size], u[:size]))
-        values, u = values[size:], u[size:]
-    return msgspec.structs.replace(model, effects=tuple(effects), covariance=tuple(map(tuple, covariance.tolist())))

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
-import msgspec
 import numpy as np
 
 from calibration import equations
 from calibration.measurement import Measurement
 from calibration.registration import Registration
 from kinematics.errors import UserError
-from kinematics.model import ErrorModel, Observation
+from kinematics.model import Design, ErrorModel, Observation
 from kinematics.transforms import Array, blocks
 
 CERTAIN = 1e-6
@@ -26,14 +24,11 @@ class Normal:
 
     matrix: Array
     right: Array
-    registered: int
-    """Number of parameters of the registration."""
 
     @classmethod
-    def zero(cls, registered: int, parameters: int) -> Normal:
+    def zero(cls, size: int) -> Normal:
         """No rows yet."""
-        size = registered + parameters
-        return cls(np.zeros((size, size)), np.zeros(size), registered)
+        return cls(np.zeros((size, size)), np.zeros(size))
 
     def add(self, design: Array, residual: Array) -> None:
         """Add whitened rows: design `(rows, parameters)`, residual `(rows,)`."""
@@ -70,7 +65,7 @@ def gather(
     measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array, residual: Array
 ) -> Normal:
     """The normal equations of all rows; `residual` `(n, d)` is whitened already."""
-    normal = Normal.zero(len(registration.names), len(model.parameters))
+    normal = Normal.zero(len(registration.names) + len(model.parameters))
     for rows, design in designs(measurement, model, registration, whitener):
         normal.add(design, residual[rows].reshape(-1))
     return normal
@@ -79,35 +74,13 @@ def gather(
 def designs(
     measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array
 ) -> Iterator[tuple[slice, Array]]:
-    """Blocks of rows with their whitened design `(rows * d, registration + parameters)`.
-
-    Effects with memory get their columns from all rows at once.
-    """
-    machine, registered = measurement.machine, len(registration.names)
-    plain, plain_columns = _only(model, [not effect.HAS_MEMORY for effect in model.effects])
-    late, late_columns = _only(model, [effect.HAS_MEMORY for effect in model.effects])
-    order = np.argsort(np.concatenate([plain_columns, late_columns]))
-    late_design = np.zeros((len(measurement), measurement.instrument.components, 0))
-    if late.effects:
-        transform = equations.transform(measurement, registration)
-        late_design = late.observation_design(machine, measurement.state, transform)
+    """Blocks of rows with their whitened design `(rows * d, registration + parameters)`."""
+    of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
     for rows in blocks(len(measurement)):
         part, white = measurement.rows(rows), whitener[rows]
-        parts = [
-            white @ equations.registration_design(part, registration),
-            plain.observation_design(machine, part.state, white @ equations.transform(part, registration)),
-        ]
-        if late.effects:
-            parts.append(white @ late_design[rows])
-            parts[1:] = [np.concatenate(parts[1:], axis=2)[:, :, order]]
-        design = np.concatenate(parts, axis=2)
-        yield rows, design.reshape(-1, registered + len(order))
-
-
-def effect_columns(model: ErrorModel) -> list[slice]:
-    """The columns of each effect's parameters."""
-    ends = np.cumsum([0, *(len(effect.parameters) for effect in model.effects)]).tolist()
-    return [slice(a, b) for a, b in pairwise(ends)]
+        own = white @ equations.registration_design(part, registration)
+        design = np.concatenate([own, of_model.of(rows, white @ equations.transform(part, registration))], axis=2)
+        yield rows, design.reshape(-1, design.shape[2])
 
 
 def residuals(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
@@ -119,13 +92,3 @@ def residuals(measurement: Measurement, model: ErrorModel, registration: Registr
         own = Observation(effects.errors[rows], effects.shift[rows])
         result[rows] = part.observed - equations.expected(part, registration, own)
     return result
-
-
-def _only(model: ErrorModel, keep: list[bool]) -> tuple[ErrorModel, np.ndarray]:
-    """The model with some of its effects, and the numbers of their parameters."""
-    chosen = [i for i, wanted in enumerate(keep) if wanted]
-    columns = effect_columns(model)
-    numbers = [np.arange(columns[i].start, columns[i].stop) for i in chosen]
-    effects = tuple(model.effects[i] for i in chosen)
-    part = msgspec.structs.replace(model, effects=effects, covariance=None)
-    return part, np.concatenate([*numbers, np.zeros(0)]).astype(int)

@@ -18,7 +18,7 @@ from kinematics.deviation import exact_deviation
 from kinematics.error_transform import place_transform
 from kinematics.errors import UserError
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
+from kinematics.model import Design, ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array, blocks
 
@@ -73,34 +73,9 @@ def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) 
     Of all rows at once only the error motions are held, and the columns of effects with memory.
     """
     errors = model.errors(machine, state)
-    remembered = _Remembered(model, machine, state)
+    design = Design(model, machine, state, with_instrument=False)
     for rows in blocks(len(state)):
         q = state.positions[rows]
         deviation = exact_deviation(machine, q, errors[rows], tool[rows]).position
         transform = place_transform(machine, q, tool[rows])[:, :3]
-        yield Predicted(rows, deviation * MM, remembered.uncertainty(rows, state.rows(rows), transform) * MM)
-
-
-class _Remembered:
-    """Standard uncertainties of a block of rows, of effects too whose columns depend on the rows before it."""
-
-    def __init__(self, model: ErrorModel, machine: Machine, state: State) -> None:
-        self._model, self._machine = model, machine
-        own = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
-        self._columns = {id(effect): list(effect.columns(machine, state)) for effect in own if effect.HAS_MEMORY}
-
-    def uncertainty(self, rows: slice, part: State, transform: Array) -> Array:
-        """`(n, 3)`, mm."""
-        if not self._columns:
-            return self._model.standard_uncertainty(self._machine, part, transform)
-        design = self._model.design(self._machine, part, transform)
-        places, start = len(self._machine.axes) + 2, 0  # axes, tool, instrument
-        for effect in self._model.effects:
-            stop = start + len(effect.parameters)
-            if id(effect) in self._columns:
-                design[:, :, start:stop] = sum(
-                    transform[:, :, 6 * (place % places) + component, None] * values[rows, None, :]
-                    for place, component, values in self._columns[id(effect)]
-                )
-            start = stop
-        return self._model.propagated(design)
+        yield Predicted(rows, deviation * MM, model.propagated(design.of(rows, transform)) * MM)

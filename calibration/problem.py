@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from scipy import linalg
 
@@ -96,12 +95,7 @@ class Problem:
 
     def at(self, parameters: Array) -> ErrorModel:
         """The model with these parameters."""
-        left, effects = parameters.tolist(), []
-        for effect in self.model.effects:
-            size = len(effect.parameters)
-            effects.append(effect.with_parameters(left[:size], effect.u))
-            left = left[size:]
-        return msgspec.structs.replace(self.model, effects=tuple(effects), covariance=None)
+        return self.model.with_parameters(parameters)
 
     def residuals(self, point: Point) -> Array:
         """Observed minus expected `(n, d)`, mm and rad."""

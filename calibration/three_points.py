@@ -33,7 +33,6 @@ from calibration.error_curves import (
     tables,
     widening,
 )
-from calibration.fit import with_covariance
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.rigid_motions import UNITS, RigidMotions, error_design, inverse, outward, solve
@@ -415,17 +414,11 @@ def _model(
         effects += split.effects
         values.append(split.matrix @ parameters)
         by_points.append(split.matrix @ own)
-    left = np.concatenate(values).tolist()
-    filled = []
-    for effect in effects:
-        size = len(effect.parameters)
-        filled.append(effect.with_parameters(left[:size]))
-        left = left[size:]
     inputs = {measurement.source: measurement.fingerprint} if measurement.fingerprint else {}
     made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), "three-point identification", inputs)
-    model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(filled))
+    model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
     every = np.concatenate(by_points)
-    return with_covariance(model, every @ points.covariance @ every.T)
+    return model.with_parameters(np.concatenate(values), every @ points.covariance @ every.T)
 
 
 def _tool_shift(measurement: Measurement, found: _Found) -> tuple[Array, Array]:

@@ -9,6 +9,7 @@ import numpy as np
 from calibration.reference_lines import Kind, Straightness, straightness
 from calibration.three_points import AxisResult, ThreePoints
 from kinematics.effects import COMPONENTS, LocationError, unit_of
+from kinematics.effects.base import own_component
 
 LINES: tuple[Kind, ...] = ("least-squares", "end-point", "minimum-zone")
 
@@ -26,7 +27,7 @@ class Figure:
 
 def kind_of(result: AxisResult, component: int) -> str:
     """What ISO 230-1 calls an error motion."""
-    own = component % 3 == "XYZABC".index(_letter(result)) % 3
+    own = component % 3 == COMPONENTS.index(own_component(result.axis.name)) % 3
     if result.axis.rotary:
         return ("axial" if own else "radial") if component < 3 else ("angular positioning" if own else "tilt")
     return ("positioning" if own else "straightness") if component < 3 else "angular"
@@ -69,12 +70,10 @@ def locations(found: ThreePoints) -> list[Figure]:
 
 def squarenesses(found: ThreePoints) -> list[Figure]:
     """Squareness of Y to X (E_C0Y - E_C0X), Z to X and Z to Y, right-handed, with their uncertainty."""
-    place, start = {}, 0
-    for effect in found.model.effects:
-        if isinstance(effect, LocationError):
-            place[effect.name] = start
-        start += len(effect.parameters)
-    covariance, values = np.array(found.model.covariance), found.model.parameters
+    model = found.model
+    located = zip(model.effects, model.slices, strict=True)
+    place = {effect.name: part.start for effect, part in located if isinstance(effect, LocationError)}
+    covariance, values = np.array(model.covariance), model.parameters
     figures = []
     for first, second, about in (("X", "Y", "C"), ("X", "Z", "B"), ("Y", "Z", "A")):
         names = [f"E_{about}0{second}", f"E_{about}0{first}"]
@@ -84,7 +83,3 @@ def squarenesses(found: ThreePoints) -> list[Figure]:
             what = f"{second} to {first}: {' - '.join(names)}"
             figures.append(Figure(f"E_{about}(0{first}){second}", what, float(values[a] - values[b]), u, "urad"))
     return figures
-
-
-def _letter(result: AxisResult) -> str:
-    return {"U": "X", "V": "Y", "W": "Z"}.get(result.axis.name[0], result.axis.name[0])

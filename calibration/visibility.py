@@ -10,7 +10,6 @@ import numpy as np
 
 from calibration.datum import gauge, null_space
 from calibration.fit import Fit
-from calibration.normal import effect_columns
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
@@ -50,8 +49,6 @@ class Visibility:
     """Directions that no measurement can show: they are fixed by the datum."""
     blind: tuple[Blind, ...]
     """What this measurement does not see and another could."""
-    survival: dict[str, float]
-    """By effect: share of its signal that survives the rest of the model and the registration."""
 
     @property
     def not_visible(self) -> list[str]:
@@ -73,13 +70,12 @@ def visibility(fit: Fit) -> Visibility:
         size - null.shape[1],
         conventional.shape[1],
         tuple(_named(fit, null, conventional)),
-        _survival(fit),
     )
 
 
 def _named(fit: Fit, null: Array, conventional: Array) -> list[Blind]:
     """The null directions that are not conventional, by the effects they lie in: one, two, then the rest together."""
-    effects, columns = fit.model.effects, effect_columns(fit.model)
+    effects, columns = fit.model.effects, fit.model.slices
     found: list[Blind] = []
     explained = conventional
     for number in (1, 2):
@@ -141,19 +137,3 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     if len(used) < len(measurement.targets):
         return "some targets were never measured"
     return "positions in which the axes move independently of each other, over their whole travel, would show it"
-
-
-def _survival(fit: Fit) -> dict[str, float]:
-    information, whole = fit.solved.information, fit.solved.machine_information
-    shares = {}
-    for effect, part in zip(fit.model.effects, effect_columns(fit.model), strict=True):
-        signal = float(np.trace(whole[part, part]))
-        own = np.arange(part.start, part.stop)
-        others = np.delete(np.arange(len(information)), own)
-        mixed = information[np.ix_(own, others)]
-        values, vectors = np.linalg.eigh(information[np.ix_(others, others)])
-        seen = values > 1e-9 * max(float(values.max(initial=0.0)), 1.0)
-        absorbed = mixed @ vectors[:, seen] / np.sqrt(values[seen])
-        left = float(np.trace(information[np.ix_(own, own)])) - float(np.sum(absorbed**2))
-        shares[effect.name] = float(np.sqrt(max(left, 0.0) / signal)) if signal > 0 else 0.0
-    return shares

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -74,6 +75,22 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         """All parameters, in the order of the effects and in their units."""
         return np.array([p for effect in self.effects for p in effect.parameters])
 
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Where the parameters of each effect stand among all."""
+        ends = np.cumsum([0, *(len(effect.parameters) for effect in self.effects)]).tolist()
+        return tuple(slice(low, high) for low, high in pairwise(ends))
+
+    def with_parameters(self, values: Array, covariance: Array | None = None) -> ErrorModel:
+        """The model with other parameters `(p,)` and covariance `(p, p)`; without one, each effect keeps its u."""
+        u = None if covariance is None else np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        effects = tuple(
+            effect.with_parameters(values[part].tolist(), effect.u if u is None else u[part].tolist())
+            for effect, part in zip(self.effects, self.slices, strict=True)
+        )
+        rows = None if covariance is None else tuple(map(tuple, covariance.tolist()))
+        return msgspec.structs.replace(self, effects=effects, covariance=rows)
+
     def age_days(self, now: datetime.datetime) -> float:
         """Days since the calibration was made."""
         return (now - self.provenance.made_at).total_seconds() / 86400.0
@@ -86,7 +103,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         effects = tuple(effect for effect, stays in zip(self.effects, kept, strict=True) if stays)
         covariance = None
         if self.covariance is not None:
-            rows = np.repeat(kept, [len(effect.parameters) for effect in self.effects])
+            rows = np.repeat(kept, [part.stop - part.start for part in self.slices])
             covariance = tuple(map(tuple, np.array(self.covariance)[np.ix_(rows, rows)].tolist()))
         return msgspec.structs.replace(self, effects=effects, covariance=covariance)
 
@@ -108,7 +125,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
         transform `(n, rows, (axes + 1) * 6)`, as `place_transform`. Columns of the instrument's parameters are zero.
         """
-        return self._design(machine, state, transform, with_instrument=False)
+        return Design(self, machine, state, with_instrument=False).of(slice(None), transform)
 
     def observation_design(self, machine: Machine, state: State, transform: Array) -> Array:
         """Derivatives `(n, rows, parameters)` of `transform` times all that is in `observation`.
@@ -116,22 +133,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         transform `(n, rows, (axes + 1) * 6 + 3)`: behind the columns of the error motions those of the shift of the
         observed point.
         """
-        return self._design(machine, state, transform, with_instrument=True)
-
-    def _design(self, machine: Machine, state: State, transform: Array, *, with_instrument: bool) -> Array:
-        places = len(machine.axes) + 2
-        width = 6 * (places - 1) + 3 * with_instrument
-        if transform.shape[2] != width:
-            raise ValueError(f"transform has {transform.shape[2]} columns, {machine.name} takes {width}")
-        design = np.zeros((*transform.shape[:2], len(self.parameters)))
-        start = 0
-        for effect in self.effects:
-            block = design[:, :, start : start + len(effect.parameters)]
-            start += block.shape[2]
-            if with_instrument or effect.ACTS_ON != "instrument":
-                for place, component, values in effect.columns(machine, state):
-                    block += transform[:, :, 6 * (place % places) + component, None] * values[:, None, :]
-        return design
+        return Design(self, machine, state, with_instrument=True).of(slice(None), transform)
 
     def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
         """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
@@ -155,6 +157,39 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 if excess > ROUNDING:
                     beyond[effect.name] = max(excess, beyond.get(effect.name, 0.0))
         return beyond
+
+
+class Design:
+    """Derivatives by the parameters of a model, a block of rows at a time.
+
+    Columns of effects with memory, which depend on the rows before a block, are made from all rows, once. Those of the
+    instrument's parameters are zero without the instrument.
+    """
+
+    def __init__(self, model: ErrorModel, machine: Machine, state: State, *, with_instrument: bool) -> None:
+        self._machine, self._state, self._parameters = machine, state, sum(len(e.parameters) for e in model.effects)
+        self._width = 6 * (len(machine.axes) + 1) + 3 * with_instrument
+        chosen = [
+            (effect, part)
+            for effect, part in zip(model.effects, model.slices, strict=True)
+            if with_instrument or effect.ACTS_ON != "instrument"
+        ]
+        self._now = [(effect, part) for effect, part in chosen if not effect.HAS_MEMORY]
+        self._remembered = [(list(e.columns(machine, state)), part) for e, part in chosen if e.HAS_MEMORY]
+
+    def of(self, rows: slice, transform: Array) -> Array:
+        """`(n, k, parameters)` at some rows; `transform` `(n, k, width)` as `ErrorModel.design` takes it there."""
+        if transform.shape[2] != self._width:
+            raise ValueError(f"transform has {transform.shape[2]} columns, {self._machine.name} takes {self._width}")
+        state, places = self._state if rows == slice(None) else self._state.rows(rows), len(self._machine.axes) + 2
+        design = np.zeros((*transform.shape[:2], self._parameters))
+        for effect, part in self._now:
+            for place, component, values in effect.columns(self._machine, state):
+                design[:, :, part] += transform[:, :, 6 * (place % places) + component, None] * values[:, None, :]
+        for columns, part in self._remembered:
+            for place, component, values in columns:
+                design[:, :, part] += transform[:, :, 6 * (place % places) + component, None] * values[rows, None, :]
+        return design
 
 
 def no_errors(machine: Machine) -> ErrorModel:

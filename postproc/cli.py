@@ -129,9 +129,8 @@ def correct(
 ) -> None:
     """Correct a program: every block end where it should be, by the machine's error model.
 
-    Only coordinate words change, blocks are added where play is taken up, and a comment that names machine and
-    calibration. What ncomp does not fully
-    understand is refused: exit status 2, no output.
+    Only coordinate words change; blocks are added where play is taken up, and a comment that names machine and
+    calibration. What ncomp does not fully understand is refused: exit status 2, no output.
     """
     from postproc.conditions import make_conditions
     from postproc.dialects import find_dialect

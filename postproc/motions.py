@@ -118,11 +118,6 @@ class Motions:
         return inner
 
     @property
-    def judged_start(self) -> NDArrayBool:
-        """Rows `(n,)` that also start from such a position, so that the way between is known."""
-        return np.asarray(self._said(self.known_start) & self.judged)
-
-    @property
     def turning(self) -> NDArrayBool:
         """Feed moves `(n,)` that turn rotary axes and leave the tool where it is in programmed coordinates.
 

@@ -28,7 +28,7 @@ from postproc.motions import Kind, Known, Motions
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic
-from postproc.reversals import feeds
+from postproc.reversals import INNER
 from postproc.setup import Setup
 from postproc.significance import uncertainties_um
 from postproc.source import CHUNK, ENCODING, Source, chunks
@@ -36,8 +36,6 @@ from postproc.take_up import TakeUps
 from postproc.travel import check_size, note_outside, refuse_outside
 from postproc.writer import Writer, Written
 
-BETWEEN = (0.25, 0.5, 0.75)
-"""Shares of the way of feed moves at which they are judged."""
 UNCERTAINTY_ROWS = 500
 """Moves of a chunk that the uncertainty of the prediction is worked out for."""
 
@@ -204,11 +202,11 @@ class Pipeline:
 
     def _judge_between(self, motions: Motions, commanded: Motions) -> None:
         """Along feed moves, where nothing is corrected by itself."""
-        rows = motions.judged_start & feeds(motions)
+        rows = motions.judged_ways
         if not rows.any():
             return
         states, strayed = self.after.last_states(rows), np.zeros(int(rows.sum()))
-        for share in BETWEEN:
+        for share in INNER:
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
             here = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
