@@ -17,7 +17,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from calibration.equations import covariance
@@ -186,6 +185,7 @@ def _chi2(bundle: _Bundle, weights: Array, positions: Array, poses: Registration
 
 def _repeatability(bundle: _Bundle, sheet: Array, positions: Array, poses: Registration, freedom: int) -> float:
     """Variance, mm2, of each coordinate beyond the sheet with which chi2 is its degrees of freedom at these points."""
+    from scipy.optimize import brentq
 
     def excess(variance: float) -> float:
         return _chi2(bundle, _inverses(sheet + variance * np.eye(3)), positions, poses) - freedom

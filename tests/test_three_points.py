@@ -396,3 +396,24 @@ def test_the_command(tmp_path: Path):
     assert "; um, urad" in CliRunner().invoke(app, [*call, "--tables"]).output
     with pytest.raises(UserError, match="--basis spline"):
         CliRunner().invoke(app, [*call, "--basis", "spline"], catch_exceptions=False)
+
+
+@pytest.mark.parametrize("option", ["-o", "--json"])
+def test_an_output_does_not_replace_an_input(command, tmp_path: Path, option: str):
+    for name in ("data.csv", "plan.csv"):
+        (tmp_path / name).write_text("nothing that could be read")
+        outputs = {"-o": "cal.json"} | {option: f"./{name}"}
+        given = [part for pair in outputs.items() for part in pair]
+        done = command("three-points", "data.csv", "-m", "dmu50", "--plan", "plan.csv", *given)
+        assert done.status == 2
+        assert f"{name} is read here: it would be overwritten" in done.err
+        assert (tmp_path / name).read_text() == "nothing that could be read"
+
+
+@pytest.mark.parametrize("place", ["-", "same.json"])
+def test_results_do_not_go_where_the_calibration_goes(command, tmp_path: Path, place: str):
+    (tmp_path / "data.csv").write_text("nothing that could be read")
+    done = command("three-points", "data.csv", "-m", "dmu50", "-o", place, "--json", place)
+    assert done.status == 2
+    assert "--json" in done.err
+    assert [path.name for path in tmp_path.iterdir()] == ["data.csv"]

@@ -9,7 +9,15 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
-from postproc.commands.shared import JsonFile, MachineName, machine_of, result, write_json
+from postproc.commands.shared import (
+    JsonFile,
+    MachineName,
+    check_places,
+    machine_of,
+    refuse_one_place,
+    result,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -47,6 +55,8 @@ def three_points(
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
+    refuse_one_place(json, str(output), "the calibration")
+    check_places((data, plan), (output, json))
     measurement = read_data(data, machine_of(machine), file_format, header, columns, plan)
     found = identify(measurement, Choice(_kind(basis), _degrees(degree or [])))
     for note in found.notes:
