@@ -7,11 +7,12 @@ E_YX 6.6 -> 1.3, E_ZZ slightly worse at its peak, E_XY and E_ZY worse.
 Every draw is another machine and other noise. The error motions are polynomials of the thesis' degrees, drawn at
 random, scaled to the peaks it quotes; what it does not quote is marked chosen in PEAKS. AT960: 15 um + 6 um/m across
 the beam and 0.4 um + 0.3 um/m along it are maximum permissible errors; half of each is taken as standard uncertainty.
-Errors are those of the spindle nose along the three lines through X0 Y0 Z0, zero at the first position, in the frame
-that the first measurement set. True: without noise. Measured: on a second measurement with noise of its own, from the
-same stations; six reflectors on the bed, the datums of both, keep the frame. Above noise: a peak beyond twice its
-standard uncertainty; 80 %: of those, the draws that lose that much (true). A measured 0.00 is a curve in which BIC
-finds nothing.
+The linear axes are measured and compensated PASSES times, four rounds each, then verified; the published procedure
+does it once. Errors are those of the spindle nose along the three lines through X0 Y0 Z0, zero at the first position,
+in the frame that the first measurement set. True: without noise. Measured: on one more measurement with noise of its
+own, from the same stations; six reflectors on the bed, the datums of all, keep the frame. Above noise: a peak beyond
+twice its standard uncertainty; 80 %: of those, the draws that lose that much (true). A measured 0.00 is a curve in
+which AIC finds nothing.
 """
 
 from __future__ import annotations
