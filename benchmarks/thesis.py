@@ -41,7 +41,7 @@ from kinematics.forward import forward, tool_point
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Observation, Provenance, reference
 from kinematics.state import State
-from kinematics.transforms import IDENTITY, Array, Pose, rotation_vector_matrix
+from kinematics.transforms import IDENTITY, Array, Pose, by_turn, rotation_vector_matrix
 
 SEED = 20210611
 AT960 = LaserTracker(u_range_um=0.2, u_range_um_per_m=0.15, u_angle_um=7.5, u_angle_um_per_m=3.0)
@@ -358,9 +358,7 @@ def _volume(machine: Machine, truth: ErrorModel, model: ErrorModel, rng: np.rand
     for commanded in (nominal, _compensated(machine, model, nominal)):
         errors = truth.errors(machine, State(commanded))
         away = (exact_deviation(machine, commanded, errors).position + tool_point(machine, commanded) - points) * 1e3
-        clamp = np.concatenate(
-            [np.broadcast_to(np.eye(3), (500, 3, 3)), np.cross(np.eye(3), points[:, None, :]).swapaxes(1, 2)], axis=2
-        ).reshape(-1, 6)
+        clamp = np.concatenate([np.broadcast_to(np.eye(3), (500, 3, 3)), by_turn(points)], axis=2).reshape(-1, 6)
         left = away.reshape(-1) - clamp @ np.linalg.lstsq(clamp, away.reshape(-1), rcond=None)[0]
         rms.append(float(np.sqrt(np.mean(np.sum(left.reshape(-1, 3) ** 2, axis=1)))))
     return rms[0], rms[1]

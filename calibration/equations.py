@@ -18,7 +18,7 @@ from kinematics.deviation import exact_deviation
 from kinematics.error_transform import place_transform
 from kinematics.forward import axis_frames
 from kinematics.model import Observation
-from kinematics.transforms import Array, turn
+from kinematics.transforms import Array, by_turn, turn
 
 IN_LINE = 1.0
 """mm: points nearer to a line do not say how the instrument is turned about it."""
@@ -93,7 +93,7 @@ def registration_design(measurement: Measurement, registration: Registration) ->
         own = np.zeros((n, 3, 6))
         rows = groups == group
         own[rows, :, :3] = np.eye(3)
-        own[rows, :, 3:] = np.cross(np.eye(3), (points[rows] - centre)[:, None, :]).swapaxes(1, 2)
+        own[rows, :, 3:] = by_turn(points[rows] - centre)
         columns.append(own[:, :, [0, 1, 5]] if registration.planar else own)
     turns = registration.rotations(measurement) @ carried(measurement) if registration.targets else None
     numbers = {name: i for i, name in enumerate(measurement.targets)}

@@ -60,7 +60,7 @@ def _incidence(measurement: Measurement, poses: Mapping[str, Pose], points: Arra
     angle, groups = np.empty(len(points)), measurement.groups
     back = np.swapaxes(carried(measurement), 1, 2)
     for station, pose in poses.items():
-        origin = -(pose.rotation[0].T @ pose.translation[0])
+        origin = pose.inverse().translation[0]
         beam = origin - points
         beam /= np.linalg.norm(beam, axis=1, keepdims=True)
         own = turn(back, beam)

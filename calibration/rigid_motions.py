@@ -21,7 +21,7 @@ import numpy as np
 
 from kinematics.forward import axis_pose, error_centre, error_pose
 from kinematics.machine import Axis
-from kinematics.transforms import Array, Pose, turn
+from kinematics.transforms import Array, Pose, by_turn
 
 ROUNDS = 20
 CONVERGED = 1e-11
@@ -53,13 +53,7 @@ class RigidMotions:
 def outward(axis: Axis, q: Array, errors: Array) -> Pose:
     """Poses `(n,)` of what the axis carries, as seen from the side of the bed; errors `(n, 6)`, mm and rad."""
     link, error = axis_pose(axis, q), error_pose(axis, q, errors)
-    return error @ link if axis.side == "tool" else inverse(link @ error)
-
-
-def inverse(pose: Pose) -> Pose:
-    """The inverse transforms."""
-    back = np.swapaxes(pose.rotation, 1, 2)
-    return Pose(back, -turn(back, pose.translation))
+    return error @ link if axis.side == "tool" else (link @ error).inverse()
 
 
 def error_design(axis: Axis, q: Array, points: Array) -> Array:
@@ -79,7 +73,7 @@ def solve(axis: Axis, q: Array, points: Array, weights: Array) -> RigidMotions:
     n, k = points.shape[:2]
     none = np.zeros((n, 6))
     nominal = outward(axis, q, none)
-    body = np.mean([inverse(nominal).apply(points[:, j]) for j in range(k)], axis=1)
+    body = np.mean([nominal.inverse().apply(points[:, j]) for j in range(k)], axis=1)
     carried = _carried(nominal, body)
     design = np.zeros((n, k, 3, 6 * n + 3 * k))
     by_error = error_design(axis, q, carried) * UNITS
@@ -113,11 +107,10 @@ def _carried(pose: Pose, body: Array) -> Array:
 def _free(axis: Axis, q: Array, carried: Array, nominal: Pose) -> Array:
     """The gauge `(6n, 6)`: error motions, um and urad, that displace the points as a displacement on the component."""
     n, k = carried.shape[:2]
-    centre = inverse(nominal).apply(carried.mean(axis=1))[:, None, :]
-    on_body = np.stack([inverse(nominal).apply(carried[:, j]) for j in range(k)], axis=1) - centre
-    moved = np.concatenate(
-        [np.broadcast_to(np.eye(3), (n, k, 3, 3)), np.cross(np.eye(3), on_body[..., None, :]).swapaxes(2, 3)], axis=3
-    )
+    back = nominal.inverse()
+    centre = back.apply(carried.mean(axis=1))[:, None, :]
+    on_body = np.stack([back.apply(carried[:, j]) for j in range(k)], axis=1) - centre
+    moved = np.concatenate([np.broadcast_to(np.eye(3), (n, k, 3, 3)), by_turn(on_body)], axis=3)
     moved = nominal.rotation[:, None] @ moved * UNITS
     by_error = (error_design(axis, q, carried) * UNITS).reshape(n, 3 * k, 6)
     return np.concatenate([np.linalg.lstsq(by_error[i], moved[i].reshape(-1, 6), rcond=None)[0] for i in range(n)])

@@ -15,7 +15,7 @@ from calibration.measurement import Measurement
 from kinematics.error_transform import place_transform
 from kinematics.forward import forward
 from kinematics.machine import NDArrayBool
-from kinematics.transforms import Array, Pose, turn
+from kinematics.transforms import Array
 
 
 class Sight(NamedTuple):
@@ -38,7 +38,7 @@ def seen_points(measurement: Measurement, errors: Array | None, tool: Array) -> 
     for sight in _sights(measurement):
         mine = None if errors is None else np.where(sight.seen[:, None], errors[sight.rows], 0.0)
         pose = forward(measurement.machine, _positions(measurement, sight), mine)
-        points[sight.rows] = _back(pose).apply(tool[sight.rows]) if sight.against else pose.apply(tool[sight.rows])
+        points[sight.rows] = pose.inverse().apply(tool[sight.rows]) if sight.against else pose.apply(tool[sight.rows])
     return points
 
 
@@ -49,7 +49,7 @@ def seen_transform(measurement: Measurement, tool: Array) -> Array:
     for sight in _sights(measurement):
         positions, target = _positions(measurement, sight), tool[sight.rows]
         if sight.against:
-            back = _back(forward(machine, positions))
+            back = forward(machine, positions).inverse()
             part = -back.rotation @ place_transform(machine, positions, back.apply(target))[:, :3]
         else:
             part = place_transform(machine, positions, target)[:, :3]
@@ -62,7 +62,7 @@ def carried(measurement: Measurement) -> Array:
     rotation = np.empty((len(measurement), 3, 3))
     for sight in _sights(measurement):
         pose = forward(measurement.machine, _positions(measurement, sight))
-        rotation[sight.rows] = (_back(pose) if sight.against else pose).rotation
+        rotation[sight.rows] = (pose.inverse() if sight.against else pose).rotation
     return rotation
 
 
@@ -83,9 +83,3 @@ def _sights(measurement: Measurement) -> Iterator[Sight]:
 def _positions(measurement: Measurement, sight: Sight) -> Array:
     """Axis positions `(rows, axes)`; axes that are not seen stand at zero."""
     return np.where(sight.seen[:-1], measurement.state.positions[sight.rows], 0.0)
-
-
-def _back(pose: Pose) -> Pose:
-    """The inverse transforms."""
-    rotation = np.swapaxes(pose.rotation, 1, 2)
-    return Pose(rotation, -turn(rotation, pose.translation))

@@ -23,7 +23,7 @@ from calibration.equations import covariance
 from calibration.measurement import Measurement
 from calibration.registration import Registration, rigid
 from kinematics.errors import UserError
-from kinematics.transforms import Array
+from kinematics.transforms import Array, Pose, by_turn
 
 ROUNDS = 20
 CONVERGED = 1e-9
@@ -146,7 +146,7 @@ def _seen_from(bundle: _Bundle, poses: Registration) -> Array:
     """First positions `(n, 3)`: means of what the stations see."""
     rotation = poses.rotations(bundle.measurement)
     shift = np.array([poses.poses[group].translation[0] for group in bundle.measurement.groups.tolist()])
-    back = ((bundle.measurement.observed - shift)[:, None, :] @ rotation)[:, 0]
+    back = Pose(rotation, shift).inverse().apply(bundle.measurement.observed)
     total = np.zeros((bundle.size, 3))
     np.add.at(total, bundle.point, back)
     return np.asarray(total / np.bincount(bundle.point, minlength=bundle.size)[:, None])
@@ -203,7 +203,7 @@ def _designs(bundle: _Bundle, positions: Array, poses: Registration) -> list[tup
     arms = poses.seen(measurement, positions[bundle.point]) - centres[station]
     by_pose = np.empty((len(measurement), 3, 6))
     by_pose[:, :, :3] = np.eye(3)
-    by_pose[:, :, 3:] = np.cross(np.eye(3), arms[:, None, :]).swapaxes(1, 2)
+    by_pose[:, :, 3:] = by_turn(arms)
     own = 3 * bundle.point[:, None] + np.arange(3)
     pose = 3 * bundle.size + 6 * station[:, None] + np.arange(6)
     return [(own, poses.rotations(measurement)), (pose, by_pose)]

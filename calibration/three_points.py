@@ -35,7 +35,7 @@ from calibration.error_curves import (
 )
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
-from calibration.rigid_motions import UNITS, RigidMotions, error_design, inverse, outward, solve
+from calibration.rigid_motions import UNITS, RigidMotions, error_design, outward, solve
 from calibration.sight import seen_points
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.errors import UserError
@@ -304,7 +304,7 @@ def _identify(
     axis = machine.axes[series.column]
     at_bed = points.positions[series.numbers.reshape(-1)]
     feet, foot = _feet(machine, series, before)
-    back = inverse(foot)
+    back = foot.inverse()
     weights = back.rotation @ points.information[series.numbers.reshape(-1)] @ foot.rotation
     n, k = series.numbers.shape
     motions = solve(axis, series.positions, back.apply(at_bed).reshape(n, k, 3), weights.reshape(n, k, 3, 3))
@@ -346,7 +346,7 @@ def _by_foot(machine: Machine, inner: _Found, series: _Series, pose: Pose, at_be
     """How far all points move `(3kn, 3 points)` at the foot of this axis by what is known of one further in."""
     axis, i = machine.axes[inner.series.column], inner.series.column
     q = series.standing[[i]]
-    moved = error_design(axis, q, inverse(pose).apply(at_bed)[None])[0] * UNITS
+    moved = error_design(axis, q, pose.inverse().apply(at_bed)[None])[0] * UNITS
     errors = inner.curves.design(q / machine.scale[i]) @ inner.parameters_by_points
     return np.asarray((back.rotation @ pose.rotation @ moved).reshape(-1, 6) @ errors)
 

@@ -11,7 +11,7 @@ from kinematics.forward import tool_point
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
-from kinematics.transforms import Array
+from kinematics.transforms import Array, by_turn
 
 
 class VolumetricError(NamedTuple):
@@ -33,7 +33,7 @@ def aligned(deviation: Array, points: Array) -> Array:
     motions = np.empty((len(points), 3, 6))
     motions[:, :, :3] = np.eye(3)
     # a turn w moves p by w x p; in units of the volume's size, so that turns and shifts are of one order
-    motions[:, :, 3:] = np.cross(np.eye(3), centred[:, None, :] / size).swapaxes(1, 2)
+    motions[:, :, 3:] = by_turn(centred / size)
     columns = motions.reshape(-1, 6)
     fitted = np.linalg.lstsq(columns, deviation.reshape(-1), rcond=1e-12)[0]
     return np.asarray(deviation - (columns @ fitted).reshape(-1, 3))

@@ -26,7 +26,7 @@ from kinematics.errors import UserError
 from kinematics.files import fingerprint, write_whole
 from kinematics.forward import forward
 from kinematics.machine import Machine
-from kinematics.transforms import Array, turn
+from kinematics.transforms import Array, by_turn, turn
 
 
 class Derived(Protocol):
@@ -68,7 +68,7 @@ def place_transform(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0,
     tips = np.broadcast_to(np.atleast_2d(np.asarray(tool, float)), (len(rotation), 3))
     own = np.zeros((len(rotation), 6, 6))
     own[:, :3, :3] = own[:, 3:, 3:] = rotation
-    own[:, :3, 3:] = rotation @ np.cross(np.eye(3), tips[:, None, :]).swapaxes(1, 2)
+    own[:, :3, 3:] = rotation @ by_turn(tips)
     return np.concatenate([error_transform(machine, q, tool), own], axis=2)
 
 

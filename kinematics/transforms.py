@@ -33,6 +33,11 @@ class Pose(NamedTuple):
         """Transform points `(n, 3)` or `(3,)`, mm."""
         return turn(self.rotation, points) + self.translation
 
+    def inverse(self) -> Pose:
+        """The transforms back."""
+        back = np.swapaxes(self.rotation, 1, 2)
+        return Pose(back, -turn(back, self.translation))
+
 
 IDENTITY = Pose(np.eye(3)[None], np.zeros((1, 3)))
 
@@ -40,6 +45,11 @@ IDENTITY = Pose(np.eye(3)[None], np.zeros((1, 3)))
 def turn(rotation: Array, vectors: ArrayLike) -> Array:
     """Rotate vectors `(n, 3)` or `(3,)` by rotations `(n, 3, 3)`, row by row."""
     return np.asarray((rotation @ np.atleast_2d(np.asarray(vectors, float))[..., None])[..., 0])
+
+
+def by_turn(arms: Array) -> Array:
+    """Derivatives `(..., 3, 3)`, per rad, of points by a small turn of their body; arms `(..., 3)` from its centre."""
+    return np.cross(np.eye(3), arms[..., None, :]).swapaxes(-1, -2)
 
 
 def rotation_about(direction: ArrayLike, angle: ArrayLike) -> Array:

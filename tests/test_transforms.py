@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from kinematics.transforms import (
     IDENTITY,
     Pose,
+    by_turn,
     rotation_about,
     rotation_vector,
     rotation_vector_matrix,
@@ -93,6 +94,26 @@ def test_composition_applies_the_right_pose_first(seed, n):
     for same in (a @ IDENTITY, IDENTITY @ a):
         assert (same.rotation == a.rotation).all()
         assert (same.translation == a.translation).all()
+
+
+@given(seed, st.integers(1, 4))
+def test_the_inverse_leads_back(seed, n):
+    rng = np.random.default_rng(seed)
+    pose, points = random_pose(rng, n), rng.normal(0, 500, (n, 3))
+    assert np.abs(pose.inverse().apply(pose.apply(points)) - points).max() < 1e-11
+    for same, own in zip(pose.inverse().inverse(), pose, strict=True):
+        assert np.abs(same - own).max() < 1e-11
+    for none, identity in zip(pose @ pose.inverse(), IDENTITY, strict=True):
+        assert np.abs(none - identity).max() < 1e-11
+
+
+@given(vector, st.lists(vector, min_size=1, max_size=4))
+def test_derivatives_by_a_small_turn(direction, arms):
+    arms = np.array(arms)
+    turned = turn(rotation_vector_matrix(1e-6 * direction), arms) - arms
+    assert by_turn(arms).shape == (len(arms), 3, 3)
+    assert np.abs(by_turn(arms) @ (1e-6 * direction) - turned).max() < 3e-12
+    assert (by_turn(arms[:, None]) == by_turn(arms)[:, None]).all()
 
 
 def test_one_row_serves_for_all():

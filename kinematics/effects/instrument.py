@@ -27,7 +27,7 @@ from kinematics.effects.base import (
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.state import State
-from kinematics.transforms import Array
+from kinematics.transforms import Array, by_turn
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -212,7 +212,7 @@ def _moved(points: Array, weight: Array) -> Iterator[Columns]:
     """A weighted small motion of the instrument: three shifts (um), three turns about its origin (urad)."""
     values = np.empty((len(points), 3, 6))
     values[:, :, :3] = -np.eye(3) * UM
-    values[:, :, 3:] = -np.cross(np.eye(3), points[:, None, :]).swapaxes(1, 2) * URAD
+    values[:, :, 3:] = -by_turn(points) * URAD
     yield from _observed(values * weight[:, None, None])
 
 
