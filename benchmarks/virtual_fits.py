@@ -1,6 +1,6 @@
 """Calibrations of virtual machines, judged by their truth: chi2, coverage of the stated uncertainties, efficiency.
 
-    python benchmarks/calibration.py [--draws 200]
+    python benchmarks/virtual_fits.py [--draws 200]
 
 For each machine and draw: random errors, a noisy measurement, the basis chosen by its evidence, a fit.
 Deviations are compared on a grid of positions that were not measured, after rigid alignment of the difference, since no
@@ -19,7 +19,7 @@ import machines
 from calibration.fit import Fit, fit
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement, Target
-from calibration.models import rigid_model
+from calibration.models import with_effects
 from calibration.resolution import choose
 from calibration.simulate import observe, random_truth, tracker_pose
 from calibration.strategies import evaluation_grid, plan
@@ -111,7 +111,8 @@ def one(name: str, draw: int) -> Judged:
     truth = random_truth(machine, rng)
     measurement = measure(case, machine, truth, rng)
     choice = choose(measurement, ("b-spline", "cubic"))
-    found = fit(measurement, rigid_model(measurement, choice.bases), prior=choice.prior(measurement))
+    model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)
+    found = fit(measurement, model, prior=prior)
     tool = next(iter(case.targets.values())).position
     return judge(machine, truth, found, evaluation_grid(machine, 5), tool)
 

@@ -19,6 +19,7 @@ from calibration.models import BasisChoice, moving_axes, parse_basis, with_effec
 from calibration.normal import residuals
 from calibration.outliers import Variance, first_registration
 from calibration.resolution import Choice, choose
+from calibration.suspects import Suspect, suspects
 from calibration.visibility import Visibility, visibility
 from kinematics.effects import Effect
 from kinematics.errors import UserError
@@ -43,6 +44,8 @@ class Calibration:
     before_rms_um: float
     """Residual of the nominal machine, registered."""
     before_max_um: float
+    suspects: tuple[Suspect, ...]
+    """What the residuals depend on."""
     held_out: HeldOut | None
 
 
@@ -71,7 +74,7 @@ def calibrate(
     held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
     rms = float(np.sqrt(np.mean(before**2)))
     largest = float(np.linalg.norm(before, axis=1).max())
-    return Calibration(found, _written(found), choice, seen, rms, largest, held)
+    return Calibration(found, _written(found), choice, seen, rms, largest, tuple(suspects(found)), held)
 
 
 def _choice(

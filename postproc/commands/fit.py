@@ -123,7 +123,6 @@ def fit(
 
 def summary(found: Calibration) -> dict[str, Any]:
     """The result for programs."""
-    from calibration.suspects import suspects
     from kinematics.effects import LocationError
 
     fitted, seen, held = found.fit, found.visibility, found.held_out
@@ -152,7 +151,7 @@ def summary(found: Calibration) -> dict[str, Any]:
         "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
         "prior_scale": found.choice.prior_scale,
         "log_evidence": fitted.log_evidence,
-        "depends_on": [{"what": s.what, "p_value": s.p_value, "hint": s.hint} for s in suspects(fitted)],
+        "depends_on": [{"what": s.what, "p_value": s.p_value, "hint": s.hint} for s in found.suspects],
         "outliers": [measurement.where(int(row)) for row in fitted.outliers],
         "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
         "failed_stations": list(fitted.failed),
@@ -173,7 +172,6 @@ def show(found: Calibration, to: Console) -> None:
     """The result for people."""
     from rich.table import Table
 
-    from calibration.suspects import suspects
     from kinematics.effects import LocationError
 
     fitted, seen, held = found.fit, found.visibility, found.held_out
@@ -202,7 +200,7 @@ def show(found: Calibration, to: Console) -> None:
     _show_besides(found.model.effects, to)
     for (reason, remedy), names in _alike(seen).items():
         to.print(f"NOT VISIBLE  {', '.join(names)}: {reason}; {remedy}")
-    for suspect in suspects(fitted):
+    for suspect in found.suspects:
         to.print(f"DEPENDS ON   the residuals depend on {suspect.what} (p = {suspect.p_value:.1g}): try {suspect.hint}")
     if len(fitted.outliers) > MANY * len(measurement):
         to.print("DOUBTFUL     so many rows disagree that they are no outliers: the model lacks something")
