@@ -17,7 +17,6 @@ from calibration.measurement import Measurement, with_moves
 from calibration.places import (
     CARRIERS,
     PLAIN_NAME,
-    REFERENCE,
     Places,
     allow_columns,
     by_kind,
@@ -31,6 +30,7 @@ from kinematics.effects.base import UM, URAD
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
+from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 
 KINDS: dict[str, type[Instrument]] = {"laser-tracker": LaserTracker, "interferometer": Interferometer, "part": Part}

@@ -15,11 +15,9 @@ from calibration.table import Table
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
-from kinematics.state import State
+from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
 
-REFERENCE = 20.0
-"""degC that temperatures count from."""
 CARRIERS: Mapping[str, Carrier] = {"target": "tool", "table": "table", "bed": "bed"}
 """What carries a target, by the first part of its header key."""
 STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}

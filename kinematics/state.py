@@ -13,6 +13,9 @@ from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 
+REFERENCE = 20.0
+"""degC that temperatures count from."""
+
 
 @dataclass(frozen=True)
 class State:

@@ -17,12 +17,10 @@ import numpy as np
 from kinematics.errors import UserError
 from kinematics.files import read_input
 from kinematics.model import ErrorModel
-from kinematics.state import State
+from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
 from postproc.numbers import given_number, given_once
 
-REFERENCE = 20.0
-"""degC, from which temperatures count inside."""
 ABSOLUTE_ZERO = -273.15
 """degC."""
 TEMPERATURE = "temp_"

@@ -9,9 +9,7 @@ import numpy as np
 
 from calibration.prediction import Predicted
 from postproc.report import Statistic
-
-COVERAGE = 2.0
-"""k at which a deviation counts as significant."""
+from postproc.significance import COVERAGE
 
 
 @dataclass

@@ -14,7 +14,7 @@ from kinematics.state import State
 from kinematics.transforms import Array
 
 COVERAGE = 2.0
-"""k: an improvement counts as significant above so many standard uncertainties."""
+"""k: an improvement, or a deviation, counts as significant above so many standard uncertainties."""
 
 
 @dataclass

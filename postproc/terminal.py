@@ -24,9 +24,9 @@ LONG = 1_000_000
 
 
 @contextmanager
-def progress_of(total: int, what: str) -> Iterator[Callable[[int], None]]:
-    """A function to call with the bytes done; a bar on a terminal for long work, nothing in a pipe."""
-    if total < LONG or not console.is_terminal:
+def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
+    """A function to call with what is done of a total; a bar on a terminal from `long` on, nothing in a pipe."""
+    if total < long or not console.is_terminal:
         yield lambda _: None
         return
     from rich.progress import Progress

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -165,7 +164,7 @@ def simulate(
     from calibration.measurement_file import write_measurement
     from calibration.simulate import Faults, observe, read_out, spoil, with_temperatures
     from kinematics.model import encode_model
-    from postproc.terminal import console, say
+    from postproc.terminal import console, progress_of, say
 
     if truth is not None and truth == output:
         raise UserError(f"--truth and --output both name {output}")
@@ -193,7 +192,7 @@ def simulate(
     repeat = len(state) // len(plan)
     axis = None if plan.axis is None else np.tile(plan.axis, repeat)[rows]
     run = np.tile(plan.run, repeat)[rows]
-    with _progress(len(state)) as progress:
+    with progress_of(len(state), "simulating", LONG) as progress:
         measured = observe(
             found, model, state.rows(rows), sensor, draws[2], poses, plan.targets, stands_on=standing,
             axis=axis if instrument == "interferometer" else None, run=run, noise_scale=noise, progress=progress,
@@ -333,7 +332,8 @@ def _standing(text: str) -> Literal["workpiece", "bed"]:
 
 def _courses(texts: list[str]) -> dict[str, tuple[float, float]]:
     """Start and end of temperatures, K from 20 degC."""
-    from calibration.places import PLAIN_NAME, REFERENCE
+    from calibration.places import PLAIN_NAME
+    from kinematics.state import REFERENCE
     from postproc.conditions import degrees
 
     found = []
@@ -410,21 +410,6 @@ def _reached(
     if not seen.rows.any():
         raise UserError("the tracker sees none of the points from where it stands")
     return np.flatnonzero(seen.rows)
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[int], None]]:
-    """A bar on a terminal for long work."""
-    from postproc.terminal import console
-
-    if total < LONG or not console.is_terminal:
-        yield lambda _: None
-        return
-    from rich.progress import Progress
-
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("simulating", total=total)
-        yield lambda done: bar.advance(task, done)
 
 
 def _check_left(measured: Measurement) -> None:
