@@ -12,6 +12,7 @@ import numpy as np
 from calibration.measurement import SPINDLE_NOSE, Carrier, Target, with_moves
 from calibration.registration import rigid
 from calibration.table import Table
+from calibration.velocity import velocities
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
@@ -108,6 +109,8 @@ def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
     )
     if "nominal_x" not in table.names:
         state = with_moves(state)
+        velocity = _velocity(table, machine, positions, optional.get("feed"), notes)
+        state = replace(state, velocity=velocity)
     state = replace(state, approach=_approach(table, machine, state.approach))
     _note_travel(machine, positions, notes)
     stands_on = _stands_on(table)
@@ -300,6 +303,39 @@ def _actual(table: Table, machine: Machine) -> Array | None:
     return actual
 
 
+def _velocity(table: Table, machine: Machine, positions: Array, feed: Array | None, notes: list[str]) -> Array | None:
+    """Velocity `(n, axes)`, mm/s and rad/s; None without a feed."""
+    if feed is None:
+        return None
+    if np.any(feed < 0.0):
+        table.fault(int(np.argmax(feed < 0.0)), "feed", "below 0; a machine that stands has 0")
+    begins, told = np.zeros(len(table), bool), np.zeros(positions.shape)
+    for column in table.texts([name for name in ("run", "axis", "station") if name in table.names]).values():
+        begins |= np.append(True, column[1:] != column[:-1])
+    if "direction" in table.names:
+        own = np.arange(len(table)), axis_columns(table, machine)
+        told[own] = _signs(table)
+        begins |= np.append(True, np.any(told[1:] != told[:-1], axis=1))
+    velocity, lost = velocities(machine, positions, feed, begins, told)
+    if lost.any():
+        line = table.lines[np.argmax(lost)]
+        notes.append(
+            f"line {line}: a feed, but the axes stand where they stood and go nowhere: taken to stand still"
+            f"{f' ({lost.sum()} such rows)' if lost.sum() > 1 else ''}"
+        )
+    return velocity
+
+
+def _signs(table: Table) -> Array:
+    """Column `direction` `(n,)`, -1 or 1."""
+    words = table.texts(["direction"])["direction"]
+    unknown = np.flatnonzero(~np.isin(words, list(DIRECTIONS)))
+    if len(unknown):
+        row = int(unknown[0])
+        table.fault(row, "direction", f"{str(words[row])!r} is none of {', '.join(DIRECTIONS)}")
+    return np.array([DIRECTIONS[word] for word in words.tolist()], float)
+
+
 def _approach(table: Table, machine: Machine, from_order: Array | None) -> Array | None:
     """Direction of approach `(n, axes)`: as the file says, where it does not from the order of rows.
 
@@ -315,13 +351,7 @@ def _approach(table: Table, machine: Machine, from_order: Array | None) -> Array
             table.fault(int(wrong[0]), name, f"{column[wrong[0]]:g} is not -1, 0 or 1")
         approach[:, machine.index(name.removeprefix("dir_"))] = column
     if "direction" in table.names:
-        words = table.texts(["direction"])["direction"]
-        unknown = np.flatnonzero(~np.isin(words, list(DIRECTIONS)))
-        if len(unknown):
-            row = int(unknown[0])
-            table.fault(row, "direction", f"{str(words[row])!r} is none of {', '.join(DIRECTIONS)}")
-        signs = np.array([DIRECTIONS[word] for word in words.tolist()])
-        approach[np.arange(len(table)), axis_columns(table, machine)] = signs
+        approach[np.arange(len(table)), axis_columns(table, machine)] = _signs(table)
     return approach
 
 

@@ -64,8 +64,8 @@ def observe(
     poses: of a tracker, by station, from what it stands on to its own frame (see `tracker_pose`); of a part its
     alignment, which is drawn where none is given. axis and run `(n,)`: of an interferometer; each run reads zero where
     it begins. A state that does not say them gets approach and last moves from the order of its rows, the first target,
-    the first station, and stands still. noise_scale: what the instrument's noise is in terms of its sheet; 0 is none.
-    `progress` is called with numbers of rows done.
+    the first station, and stands still (no velocity, no acceleration). noise_scale: what the instrument's noise is in
+    terms of its sheet; 0 is none. `progress` is called with numbers of rows done.
     """
     blank = _blank(machine, instrument, state, poses, targets, stands_on, axis, run)
     registration = _registration(blank, poses, rng)
@@ -171,7 +171,11 @@ def _blank(
     if state.station is None and isinstance(instrument, LaserTracker):
         state = replace(state, station=np.full(n, next(iter(poses)) if poses else "1"))
     still = np.broadcast_to(0.0, state.positions.shape)
-    state = replace(state, velocity=still, acceleration=still)
+    state = replace(
+        state,
+        velocity=still if state.velocity is None else state.velocity,
+        acceleration=still if state.acceleration is None else state.acceleration,
+    )
     nothing = np.zeros((n, instrument.components))
     return Measurement(machine, instrument, state, nothing, targets, stands_on, axis, run)
 

@@ -266,7 +266,7 @@ BROKEN = [
     (TRACKER, [(",Z,", ",A,")], "m.csv:8 column A: not known"),
     (TRACKER, [(",Z,", ",X,")], "m.csv:8 column X: twice"),
     (TRACKER, [(",Z,", ",,")], "m.csv:8 column : without a name"),
-    (TRACKER, [(",z,", ",feed,")], "m.csv:8 laser-tracker: column z missing, found time_s, X, Y, Z, target, x, y, feed, temp_scale"),
+    (TRACKER, [(",z,", ",point,")], "m.csv:8 laser-tracker: column z missing, found time_s, X, Y, Z, target, x, y, point, temp_scale"),
     (TRACKER, [("389.2", "nan")], "m.csv:10 column x: 'nan' is no number"),
     (TRACKER, [("389.2", "-inf")], "m.csv:10 column x: '-inf' is no number"),
     (TRACKER, [("389.2", "1e999")], "m.csv:10 column x: '1e999' is no number"),
@@ -432,7 +432,7 @@ def measurements(draw, exact: bool = True):
     zero = draw(vectors) if kind == "part" else (0.0, 0.0, 0.0)
     return Measurement(
         machine, instrument, state, observed, targets, stands_on, axis, run,
-        actual=maybe(positions), feed=maybe(column), part_zero=zero,
+        actual=maybe(positions), feed=maybe(lambda: np.abs(column())), part_zero=zero,
     )  # fmt: skip
 
 
