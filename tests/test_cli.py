@@ -1,5 +1,6 @@
 """The command line: what goes wrong ends with one line and no file, what goes right with status 0."""
 
+import ast
 import json
 import os
 import re
@@ -454,6 +455,15 @@ def test_as_a_process(tmp_path):
         assert process.wait(60) == 1
         assert process.stderr is not None
         assert b"Traceback" not in process.stderr.read()
+
+
+def test_help_comes_without_heavy_libraries():
+    shown = "import sys; sys.argv = ['ncomp', '--help']\nfrom postproc.cli import run\ntry: run()\nexcept SystemExit: pass\n"
+    names = "print({name.partition('.')[0] for name in sys.modules}, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", shown + names], capture_output=True, text=True, check=True, timeout=60)
+    loaded = ast.literal_eval(done.stderr)
+    assert "typer" in loaded
+    assert not loaded & {"numpy", "scipy", "sympy", "matplotlib", "lark"}
 
 
 def test_backlash_and_temperatures(ncomp, tmp_path):

@@ -1,0 +1,110 @@
+"""`ncomp correct`, the main job: a program in, its corrected self out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinematics.errors import UserError
+from postproc.commands.program import (
+    ConditionsLog,
+    DialectName,
+    Elapsed,
+    Program,
+    Temperatures,
+    ToolLengths,
+    ToolTable,
+    WorkOffsets,
+    setup_of,
+)
+from postproc.commands.shared import (
+    CalibrationName,
+    JsonFile,
+    MachineName,
+    check_places,
+    machine_of,
+    model_of,
+    refuse_one_place,
+    result,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp part.nc --machine dmu50 -o part_c.nc`\n\n"
+    "`ncomp part.h --machine mill.toml --calibration cal.json --work-offset 1=12.5,-80,210 --tool-length T5=96.3 "
+    "-o part_c.h`\n\n"
+    "`ncomp part.nc --machine mill.toml --calibration cal.json --temperature spindle=31.5 --elapsed 3600 "
+    "-o part_c.nc`\n\n"
+    "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte"
+)
+
+
+def correct(
+    program: Program,
+    machine: MachineName,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="OUT.nc", help="Corrected program; - for standard output.")
+    ] = "-",
+    calibration: CalibrationName = None,
+    dialect: DialectName = "auto",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    no_travel_check: Annotated[
+        bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")
+    ] = False,
+    classes: Annotated[
+        str | None,
+        typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
+    ] = None,
+    tolerance_um: Annotated[
+        float, typer.Option("--tolerance-um", min=0.0, help="Note feed moves that stray farther between their ends.")
+    ] = 1.0,
+    temperature: Temperatures = None,
+    elapsed: Elapsed = None,
+    log: ConditionsLog = None,
+    force: Annotated[bool, typer.Option("--force", help="Correct a program that ncomp has corrected already.")] = False,
+    json: JsonFile = None,
+) -> None:
+    """Correct a program: every block end where it should be, by the machine's error model.
+
+    Only coordinate words change; blocks are added where play is taken up, and a comment that names machine and
+    calibration. What ncomp does not fully understand is refused: exit status 2, no output.
+    """
+    from postproc.conditions import make_conditions
+    from postproc.dialects import find_dialect
+    from postproc.pipeline import Job, Pipeline
+    from postproc.source import open_source
+    from postproc.terminal import progress_of, show_report
+
+    refuse_one_place(json, output, "the program")
+    check_places((program, calibration, tool_table, log), (json,))
+    check_places((calibration, tool_table, log), (output,))  # a program may be replaced by its corrected self
+    found = machine_of(machine)
+    model = model_of(calibration, found)
+    chosen = _classes(classes, found)
+    source = open_source(program)
+    setup = setup_of(found, work_offset, tool_length, tool_table)
+    language = find_dialect(dialect, source.name, source.text_head)
+    conditions = make_conditions(temperature or (), elapsed, log)
+    job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um, conditions)
+    with result(json) as results:
+        with progress_of(source.size, "correcting") as progress, result(output) as file:
+            report = Pipeline(job).run(file, progress)
+        report.notes += setup.unused_tools()
+        write_json(report.json(), results)
+    show_report(report)
+
+
+def _classes(text: str | None, machine: Machine) -> frozenset[str] | None:
+    from kinematics.classes import ORIENTATION, parse_classes
+
+    chosen = None if text is None else parse_classes(text)
+    if chosen and ORIENTATION in chosen and not machine.rotary.any():
+        raise UserError(f"--classes {text}: machine {machine.name} has no rotary axis to correct the orientation with")
+    return chosen

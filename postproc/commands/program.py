@@ -1,0 +1,55 @@
+"""How commands read NC programs: their common options, and the set-up that these make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+    from postproc.setup import Setup
+
+
+def _dialect_names() -> list[str]:
+    from postproc.dialects import NAMES
+
+    return list(NAMES)
+
+
+Program = Annotated[str, typer.Argument(metavar="IN.nc", help="NC program; - for standard input.")]
+DialectName = Annotated[
+    str, typer.Option("--dialect", help="auto, iso, siemens or heidenhain.", autocompletion=_dialect_names)
+]
+WorkOffsets = Annotated[
+    list[str] | None,
+    typer.Option("--work-offset", metavar="G54=x,y,z", help="Work offset, mm; rotary: G54=x,y,z,C=deg. Repeatable."),
+]
+ToolLengths = Annotated[
+    list[str] | None, typer.Option("--tool-length", metavar="T1=mm", help="Length of a tool. Repeatable.")
+]
+ToolTable = Annotated[
+    Path | None,
+    typer.Option("--tool-table", metavar="FILE", help='Tool lengths: LinuxCNC tool.tbl or JSON {"1": 120.5}.'),
+]
+Temperatures = Annotated[
+    list[str] | None,
+    typer.Option("--temperature", metavar="NAME=degC", help="Of a sensor, while the program runs. Repeatable."),
+]
+Elapsed = Annotated[
+    float | None,
+    typer.Option("--elapsed", metavar="s", help="Since time zero of thermal effects, when the program starts."),
+]
+ConditionsLog = Annotated[
+    Path | None,
+    typer.Option("--log", metavar="FILE.csv", help="Columns time_s and temp_NAME, degC, up to the program's start."),
+]
+
+
+def setup_of(machine: Machine, offsets: list[str] | None, lengths: list[str] | None, table: Path | None) -> Setup:
+    """What the control knows of a program's work offsets and tools; UserError for what is none."""
+    from postproc.setup import make_setup
+    from postproc.tool_table import read_tool_table
+
+    return make_setup(machine, offsets or (), lengths or (), read_tool_table(table) if table else None)

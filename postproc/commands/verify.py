@@ -1,0 +1,88 @@
+"""`ncomp verify`: two programs in, the tool point's error before and after out."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from postproc.commands.program import (
+    ConditionsLog,
+    DialectName,
+    Elapsed,
+    Program,
+    Temperatures,
+    ToolLengths,
+    ToolTable,
+    WorkOffsets,
+    setup_of,
+)
+from postproc.commands.shared import (
+    CalibrationName,
+    JsonFile,
+    MachineName,
+    check_places,
+    machine_of,
+    model_of,
+    result,
+    write_json,
+)
+
+EPILOG = "Example:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`"
+
+
+def verify(
+    program: Program,
+    corrected: Annotated[str, typer.Argument(metavar="OUT.nc", help="The corrected program.")],
+    machine: MachineName,
+    calibration: CalibrationName = None,
+    dialect: DialectName = "auto",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    classes: Annotated[
+        bool, typer.Option("--classes", help="Also show what each ISO/TR 16907 class would leave of the errors.")
+    ] = False,
+    tolerance_um: Annotated[
+        float, typer.Option("--tolerance-um", min=0.0, help="That of the correction: half of it is no reversal.")
+    ] = 1.0,
+    temperature: Temperatures = None,
+    elapsed: Elapsed = None,
+    log: ConditionsLog = None,
+    json: JsonFile = None,
+) -> None:
+    """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
+    from postproc.class_table import class_table
+    from postproc.conditions import make_conditions
+    from postproc.dialects import find_dialect
+    from postproc.judge import standing_notes
+    from postproc.mark import calibration_of
+    from postproc.source import open_source
+    from postproc.terminal import console, output, say, show_classes, show_verdict
+    from postproc.verify import merged, read_motions
+    from postproc.verify import verify as judged
+
+    check_places((program, corrected, calibration, tool_table, log), (json,))
+    found = machine_of(machine)
+    model = model_of(calibration, found)
+    setup = setup_of(found, work_offset, tool_length, tool_table)
+    conditions = make_conditions(temperature or (), elapsed, log)
+    notes = standing_notes(model, conditions)
+    motions = []
+    for name in (program, corrected):
+        source = open_source(name)
+        language = find_dialect(dialect, source.name, source.text_head)
+        motions.append(merged(read_motions(source, language, found, setup)))
+    verdict = judged(motions[0], motions[1], model, conditions, tolerance_um)
+    for note in notes:
+        say("note", note)
+    marked = calibration_of(source)
+    if marked != model.id.upper():
+        say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
+    table = class_table(motions[0], model, conditions) if classes else []
+    with result(json) as results:
+        write_json(verdict.json() | {"classes": [left.json() for left in table]}, results)
+    to = console if json == "-" else output
+    show_verdict(verdict, to)
+    if table:
+        show_classes(table, to)
