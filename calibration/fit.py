@@ -63,10 +63,10 @@ class Fit:
     """True `(n,)` for rows that repeat an earlier one to the last digit."""
     failed: tuple[str, ...]
     """Stations left out as a whole."""
-    start: Array
-    """Parameters `(p,)` that the priors are about."""
+    away: Array
+    """Distances `(p,)` of the parameters from where they started, in units of their priors; 0 of those without."""
     prior: Array
-    """Prior standard deviations `(p,)`; infinite for none."""
+    """Prior standard deviations `(p,)`, infinite for none; or a root `(p, p)` of their covariance."""
     solved: Solved
     chi2: float
     """Squares of the whitened residuals of the kept rows, by the instrument's sheet."""
@@ -127,8 +127,7 @@ class Fit:
     @property
     def log_evidence(self) -> float:
         """Log marginal likelihood, up to a constant of the data: what fits, what priors and Occam charge for it."""
-        limited = np.isfinite(self.prior)
-        own = float(np.sum(((self.model.parameters - self.start)[limited] / self.prior[limited]) ** 2))
+        own = float(np.sum(self.away**2))
         scale = self.observations * float(np.log(self.variance_factor))
         return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
 
@@ -143,9 +142,9 @@ def fit(
 ) -> Fit:
     """Fit all parameters of `model`, starting from their present values, and the registration.
 
-    prior `(p,)`: standard deviations of the parameters about their start; default: the typical sizes of the table of
-    effects. `variance="estimate"` scales the instrument's covariance to what the residuals show, for a sheet that is
-    in doubt or unknown. UserError when the data can't be fitted at all.
+    prior: standard deviations `(p,)` of the parameters about their start, or a root `(p, p)` of their covariance;
+    default: the typical sizes of the table of effects. `variance="estimate"` scales the instrument's covariance to what
+    the residuals show, for a sheet that is in doubt or unknown. UserError when the data can't be fitted at all.
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
     refuse_lines(measurement)
@@ -178,7 +177,7 @@ def fit(
         kept,
         copies,
         tuple(failed),
-        np.array(model.parameters),
+        problem.away(point.parameters),
         problem.prior,
         solved,
         chi2,

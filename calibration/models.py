@@ -74,21 +74,23 @@ def moving_axes(measurement: Measurement) -> dict[str, Interval]:
 
 
 def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:
-    """Six error motions, all zero, of each axis that moves in the data; `bases` by axis.
-
-    An interferometer sees along the axis that it measures: of that the positioning error, and its backlash.
-    """
-    effects: list[Effect] = []
-    for axis, interval in moving_axes(measurement).items():
-        basis = bases[axis].over(interval)
-        zero = (0.0,) * basis.size
-        if isinstance(measurement.instrument, Interferometer):
-            effects += [ErrorMotion(own_component(axis), axis, basis, zero, u=zero), Backlash(axis, 0.0)]
-        else:
-            effects += [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+    """What `axis_effects` has of each axis that moves in the data; `bases` by axis."""
+    effects = [effect for axis in moving_axes(measurement) for effect in axis_effects(measurement, axis, bases[axis])]
     if not effects:
         raise UserError(f"{measurement.source}: no axis moves in these data")
     return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+
+
+def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
+    """What is fitted of one axis that moves: its six error motions, all zero.
+
+    An interferometer sees along the axis that it measures: of that the positioning error, and its backlash.
+    """
+    basis = choice.over(moving_axes(measurement)[axis])
+    zero = (0.0,) * basis.size
+    if isinstance(measurement.instrument, Interferometer):
+        return [ErrorMotion(own_component(axis), axis, basis, zero, u=zero), Backlash(axis, 0.0)]
+    return [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
 
 
 def with_effects(

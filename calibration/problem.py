@@ -78,6 +78,7 @@ class Problem:
     """At its start."""
     white: Array
     prior: Array
+    """Standard deviations `(p,)` about the start, infinite for none; or a root L `(p, p)` of their covariance L L'."""
 
     @classmethod
     def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
@@ -91,7 +92,9 @@ class Problem:
     def shapes_held(self) -> Problem:
         """The problem whose periods and time constants stay what they are."""
         linear = [quantity.linear for effect in self.model.effects for quantity in effect.parameter_table]
-        return replace(self, prior=np.where(linear, self.prior, HELD))
+        if self.prior.ndim == 1:
+            return replace(self, prior=np.where(linear, self.prior, HELD))
+        return replace(self, prior=self.prior * np.outer(linear, linear) + np.diag(np.where(linear, 0.0, HELD)))
 
     def at(self, parameters: Array) -> ErrorModel:
         """The model with these parameters."""
@@ -116,7 +119,7 @@ class Problem:
 
     def objective(self, point: Point, weights: Array, factor: float) -> float:
         """What is minimised, with these weights `(n,)` and the sheet's variances times `factor`."""
-        away = self._away(point)
+        away = self.away(point.parameters)
         return float(weights @ self.distances(point)) / factor + float(away @ away)
 
     def descended(self, point: Point, step: Array, weights: Array, factor: float) -> Point:
@@ -131,45 +134,53 @@ class Problem:
         residual = self.whitened(self.residuals(point)) * root[:, None]
         white = self.white * root[:, None, None]
         normal = gather(self.measurement, self.at(point.parameters), point.registration, white, residual)
-        return self._solved(normal, point)
+        return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
         """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
-        scale, limited = self._scale()
+        root, limited = self._root()
         inverse = np.linalg.inv(solved.information / widened + np.diag(limited))
-        return np.asarray((inverse + inverse.T) / 2 * np.outer(scale, scale))
+        return _times(_times((inverse + inverse.T) / 2, root.T).T, root.T)
 
-    def _solved(self, normal: Normal, point: Point) -> Solved:
+    def solution(self, normal: Normal, point: Point) -> Solved:
+        """The solution of normal equations that were gathered at a point, priors included."""
         size = point.registered
-        scale, limited = self._scale()
-        scales = np.concatenate([_registration_scale(normal, point.registration), scale])
-        matrix = normal.matrix * np.outer(scales, scales)
-        right = normal.right * scales
-        mixed = matrix[:size, size:]
-        inverse, rank, spread = _inverse(matrix[:size, :size])
-        information = matrix[size:, size:] - mixed.T @ inverse @ mixed
+        root, limited = self._root()
+        scales = _registration_scale(normal, point.registration)
+        own = normal.matrix[:size, :size] * np.outer(scales, scales)
+        mixed = _times(normal.matrix[:size, size:], root) * scales[:, None]
+        machine = _times(_times(normal.matrix[size:, size:], root).T, root)
+        right = np.concatenate([normal.right[:size] * scales, _times(normal.right[size:], root)])
+        inverse, rank, spread = _inverse(own)
+        information = machine - mixed.T @ inverse @ mixed
         information = (information + information.T) / 2
-        inner = right[size:] - mixed.T @ inverse @ right[:size] - self._away(point)
+        inner = right[size:] - mixed.T @ inverse @ right[:size] - self.away(point.parameters)
         # what neither the data nor a prior hold does not move
         with_prior = information + np.diag(limited + UNSEEN * (1.0 + np.diag(information)))
         factor = linalg.cho_factor(with_prior, lower=True)
         parameters = linalg.cho_solve(factor, inner)
         registration = inverse @ (right[:size] - mixed @ parameters)
-        inside = np.concatenate([registration, parameters])
         length = float(np.sqrt(parameters @ with_prior @ parameters / max(len(parameters), 1)))
-        log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales[:size])))
-        reduction = float(right @ inside)
-        return Solved(inside * scales, length, information, matrix[size:, size:], rank, reduction, log_determinant)
+        log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales)))
+        reduction = float(right @ np.concatenate([registration, parameters]))
+        step = np.concatenate([registration * scales, _times(parameters, root.T)])
+        return Solved(step, length, information, machine, rank, reduction, log_determinant)
 
-    def _scale(self) -> tuple[Array, Array]:
-        """Unit of each parameter in the solution, its prior's where it has one; and 1 where it has one, else 0."""
+    def away(self, parameters: Array) -> Array:
+        """Distances `(p,)` of parameters from their start, in units of their priors; 0 of those without."""
+        root, limited = self._root()
+        moved = parameters - self.model.parameters
+        return np.asarray((moved / root if root.ndim == 1 else np.linalg.solve(root, moved)) * limited)
+
+    def _root(self) -> tuple[Array, Array]:
+        """Parameters in units of their priors times this are their own: `(p,)`, or `(p, p)` from the left.
+
+        And 1 `(p,)` of those with a prior, 0 of others.
+        """
+        if self.prior.ndim == 2:
+            return self.prior, np.ones(len(self.prior))
         limited = np.isfinite(self.prior)
         return np.where(limited, self.prior, 1.0), limited.astype(float)
-
-    def _away(self, point: Point) -> Array:
-        """Distances `(p,)` of the parameters from their start, in units of their priors; 0 of those without."""
-        scale, limited = self._scale()
-        return np.asarray((point.parameters - np.array(self.model.parameters)) / scale * limited)
 
     def _inside(self, parameters: Array, step: Array) -> Array:
         bounds = np.array([q.lower for effect in self.model.effects for q in effect.parameter_table])
@@ -187,6 +198,11 @@ def _registration_scale(normal: Normal, registration: Registration) -> Array:
     poses = diagonal[: moves * len(registration.poses)].reshape(-1, moves)
     poses[:, shifts:] = np.maximum(poses[:, shifts:], poses[:, :shifts].max(axis=1, keepdims=True))
     return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
+
+
+def _times(block: Array, root: Array) -> Array:
+    """The block times the root, which may be the diagonal `(p,)` of one."""
+    return np.asarray(block * root if root.ndim == 1 else block @ root)
 
 
 def _inverse(matrix: Array) -> tuple[Array, int, float]:

@@ -8,15 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
+import msgspec
 import numpy as np
 
+from calibration import equations
 from calibration.fit import Fit, Progress, fit
 from calibration.measurement import Measurement
-from calibration.models import BasisChoice, distinct_positions, moving_axes, with_effects
+from calibration.models import BasisChoice, axis_effects, distinct_positions, moving_axes, parse_basis, with_effects
+from calibration.normal import Normal, residuals, whitened, whiteners
 from calibration.problem import Point, Problem
 from kinematics.effects import Effect
 from kinematics.errors import UserError
+from kinematics.model import Design, no_errors
+from kinematics.transforms import Array
 
 SIZES: Mapping[str, tuple[int, ...]] = {
     "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
@@ -34,6 +40,12 @@ FINE = 24
 """Nodes of the first fit."""
 ROWS = 5000
 """At most so many rows, evenly spread, decide."""
+KEPT = 6
+"""Parts whose columns are kept, beside the blocks."""
+Part = tuple[str, str]
+"""Axis and basis, or one of the two others."""
+REGISTRATION: Part = ("", "registration")
+BESIDES: Part = ("", "besides")
 
 
 @dataclass(frozen=True)
@@ -60,12 +72,13 @@ def choose(
     rotary_kind: str | None = None,
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
+    finest: int = 48,
     progress: Progress = lambda _: None,
 ) -> Choice:
     """The choice with the greatest evidence, all axes in the same kind of basis, one of `kinds`.
 
     rotary_kind: another kind for rotary axes. effects: what is fitted besides. A given prior_scale stays. No axis gets
-    more parameters than there are positions of it. A first fit finds outliers, registration and, where the sheet
+    more parameters than there are positions of it, and no linear one more than `finest`. A first fit finds outliers, registration and, where the sheet
     promises too much, the size of the noise. UserError for a kind that there is not.
     """
     unknown = [kind for kind in kinds if kind not in SIZES]
@@ -73,16 +86,10 @@ def choose(
         raise UserError(f"basis auto:{unknown[0]}: there is none of that kind ({', '.join(SIZES)})")
     axes = list(moving_axes(measurement))
     most = {axis: distinct_positions(measurement, axis) for axis in axes}
+    most |= {axis: min(number, finest) for axis, number in most.items() if axis[0] not in "ABC"}
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, most[axis]))) for axis in axes}
     first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance="estimate")
-    known: dict[str, float] = {}
-
-    def evidence(choice: Choice) -> float:
-        key = repr(choice)
-        if key not in known:
-            known[key] = _evidence(first, choice, effects)
-        return known[key]
-
+    evidence = Evidence(first, effects)
     parts = [*axes, *([PRIOR] if prior_scale is None else [])]
     found = []
     for kind in kinds:
@@ -111,18 +118,65 @@ def _climb(
             return best
 
 
-def _evidence(first: Fit, choice: Choice, effects: Sequence[Effect]) -> float:
-    """Log marginal likelihood, up to a constant of the data, to first order about the first registration."""
-    factor = max(first.variance_factor, 1.0)
-    rows = np.flatnonzero(first.kept)
-    some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
-    model, prior = with_effects(first.measurement, choice.bases, effects, choice.prior_scale)
-    problem = Problem.of(first.measurement.rows(some), model, prior)
-    # what is fitted besides stays as the first fit found it, and may move from there
-    parameters = np.zeros(len(model.parameters))
-    besides = sum(len(effect.parameters) for effect in effects)
-    parameters[len(parameters) - besides :] = first.model.parameters[len(first.prior) - besides :]
-    point = Point(parameters, first.registration)
-    solved = problem.solve(point, np.ones(len(some)), factor)
-    squares = float(np.sum(problem.distances(point))) / factor
-    return -0.5 * (squares - solved.reduction + solved.log_determinant)
+class Evidence:
+    """Log marginal likelihood of choices, up to a constant of the data, to first order about a first fit.
+
+    The normal equations of a choice are put together from blocks, one for each pair of its parts (registration, each
+    axis in its basis, what is fitted besides): each block is made once, however many choices share it.
+    """
+
+    def __init__(self, first: Fit, effects: Sequence[Effect]) -> None:
+        rows = np.flatnonzero(first.kept)
+        some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
+        self._measurement, self._registration = first.measurement.rows(some), first.registration
+        self._factor = max(first.variance_factor, 1.0)
+        self._effects = tuple(effects)
+        # what is fitted besides stays as the first fit found it, and may move from there
+        besides = sum(len(effect.parameters) for effect in effects)
+        self._besides = first.model.parameters[len(first.prior) - besides :]
+        self._white = whiteners(self._measurement) / np.sqrt(self._factor)
+        self._transform = self._white @ equations.transform(self._measurement, self._registration)
+        at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
+        left = residuals(self._measurement, at_start.with_parameters(self._besides), self._registration)
+        self._residual = whitened(self._white, left).reshape(-1)
+        self._columns = lru_cache(maxsize=KEPT)(self._made)
+        self._blocks: dict[tuple[Part, Part], Array] = {}
+        self._known: dict[str, float] = {}
+
+    def __call__(self, choice: Choice) -> float:
+        """The evidence of a choice."""
+        key = repr(choice)
+        if key not in self._known:
+            self._known[key] = self._evidence(choice)
+        return self._known[key]
+
+    def _evidence(self, choice: Choice) -> float:
+        model, prior = with_effects(self._measurement, choice.bases, self._effects, choice.prior_scale)
+        parts: list[Part] = [REGISTRATION, *((axis, str(choice.bases[axis])) for axis in choice.bases), BESIDES]
+        matrix = np.block([[self._block(a, b) for b in parts] for a in parts])
+        right = np.concatenate([self._residual @ self._columns(part) for part in parts])
+        parameters = np.zeros(len(prior))
+        parameters[len(prior) - len(self._besides) :] = self._besides
+        problem = Problem(self._measurement, model, self._white, prior)
+        solved = problem.solution(Normal(matrix, right), Point(parameters, self._registration))
+        return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
+
+    def _block(self, a: Part, b: Part) -> Array:
+        if (a, b) not in self._blocks:
+            self._blocks[a, b] = self._columns(a).T @ self._columns(b)
+            self._blocks[b, a] = self._blocks[a, b].T
+        return self._blocks[a, b]
+
+    def _made(self, part: Part) -> Array:
+        """Whitened derivatives `(n * d, parameters)` by the parameters of a part."""
+        machine, state = self._measurement.machine, self._measurement.state
+        if part == REGISTRATION:
+            columns = self._white @ equations.registration_design(self._measurement, self._registration)
+        else:
+            axis, basis = part
+            own = self._effects if part == BESIDES else axis_effects(self._measurement, axis, parse_basis(basis))
+            model = msgspec.structs.replace(no_errors(machine), effects=tuple(own))
+            if part == BESIDES:
+                model = model.with_parameters(self._besides)
+            columns = Design(model, machine, state, with_instrument=True).of(slice(None), self._transform)
+        return np.asarray(columns.reshape(len(self._residual), -1))
