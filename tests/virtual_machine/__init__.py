@@ -9,6 +9,8 @@ measurement file: NumPy and the standard library are all it imports. Data go one
                                      designs.py
     Cause                            machine_causes.py, instrument_causes.py
     Setup -> CSV                     observe.py, sheet.py    poses of the tracker, what it sees, noise
+    kind, machine, seed -> Draw      draws.py       a question of the exam
+    Draw -> Result                   exam.py, scoring.py     asked of the command, its files judged
 
 **Size of a cause** (`observe.scale_to`): the RMS over all rows that see the tool of the length of the displacement that
 it brings to the observed point is f times the standard uncertainty of the mean of one position, the RMS over rows and

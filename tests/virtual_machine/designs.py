@@ -27,6 +27,8 @@ class Place:
     targets: Mapping[str, tuple[float, float, float]]
     origins: tuple[tuple[float, float, float], ...]
     """Where the tracker can stand, mm, workpiece frame: outside the volume."""
+    near: tuple[tuple[float, float, float], ...]
+    """As near as it can stand, so that the beam turns far."""
     references: tuple[tuple[float, float, float], ...]
     """Nests on the table."""
     positions: int
@@ -39,6 +41,7 @@ PLACES = {
         Tracker(0.5, 0.3, 3.0, 1.0),
         {"t1": (0.0, 0.0, -200.0), "t2": (300.0, 150.0, -450.0), "t3": (-250.0, 300.0, -300.0)},
         ((-1500.0, 1500.0, 300.0), (2600.0, -1800.0, 500.0), (4200.0, 4600.0, 200.0)),
+        ((2500.0, -600.0, 300.0), (-600.0, 1500.0, 900.0), (4200.0, 3600.0, 300.0)),
         ((200.0, 300.0, -400.0), (4800.0, 400.0, -400.0), (2500.0, 2800.0, -400.0)),
         110,
     ),
@@ -46,6 +49,7 @@ PLACES = {
         Tracker(0.5, 0.3, 2.0, 1.0),
         THREE,
         ((-900.0, 200.0, 100.0), (350.0, -900.0, 300.0), (1100.0, 1000.0, 0.0)),
+        ((300.0, -350.0, 100.0), (-350.0, 225.0, 250.0), (800.0, 750.0, 100.0)),
         ((20.0, 30.0, -250.0), (580.0, 40.0, -250.0), (300.0, 440.0, -250.0)),
         110,
     ),
@@ -53,6 +57,7 @@ PLACES = {
         Tracker(0.5, 0.3, 2.0, 1.0),
         THREE,
         ((1400.0, 400.0, -200.0), (-900.0, 1200.0, 300.0), (-300.0, -1400.0, 600.0)),
+        ((900.0, 250.0, 150.0), (-500.0, 800.0, 100.0), (-200.0, -900.0, 300.0)),
         ((240.0, 0.0, -30.0), (-120.0, 200.0, -30.0), (-120.0, -200.0, -30.0)),
         150,
     ),
@@ -151,6 +156,21 @@ def in_motion(chain: Chain, rng: np.random.Generator, *, lines: int = 3, points:
     return _on_the_clock(session, rng)
 
 
+def hexahedron(chain: Chain, rng: np.random.Generator, *, edge: int, inside: int) -> Session:
+    """The twelve edges of a three-axis volume, so many positions each, and random ones; one target, in the spindle nose."""
+    low, high = np.array([axis.travel for axis in chain.axes]).T
+    ladder = np.linspace(0.0, 1.0, edge)
+    edges = []
+    for along, (first, second) in itertools.product(range(3), itertools.product((0.0, 1.0), repeat=2)):
+        line = np.empty((edge, 3))
+        line[:, along], line[:, (along + 1) % 3], line[:, (along + 2) % 3] = ladder, first, second
+        edges.append(line)
+    shares = np.concatenate([np.unique(np.concatenate(edges), axis=0), rng.uniform(size=(inside, 3))])
+    positions = np.round(low + rng.permutation(shares) * (high - low), 3)
+    session = Session(chain, positions, np.full(len(positions), "t1"), {"t1": np.zeros(3)})
+    return _on_the_clock(session, rng)
+
+
 def along_one(chain: Chain, rng: np.random.Generator, axis: str, *, points: int = 60, runs: int = 3) -> Session:
     """An interferometer's runs: one linear axis forward and backward, the others in the middle, rotary ones at 0.
 
@@ -174,10 +194,10 @@ def along_one(chain: Chain, rng: np.random.Generator, axis: str, *, points: int 
     return _on_the_clock(session, rng)
 
 
-def stands(chain: Chain, rng: np.random.Generator) -> dict[str, Stand]:
+def stands(chain: Chain, rng: np.random.Generator, *, near: bool = False) -> dict[str, Stand]:
     """A tracker's stands s1, s2, ... round the machine, nearly upright, facing anywhere."""
-    found = {}
-    for i, origin in enumerate(PLACES[chain.name].origins):
+    found, place = {}, PLACES[chain.name]
+    for i, origin in enumerate(place.near if near else place.origins):
         turn = np.array([*rng.normal(scale=2e-3, size=2), rng.uniform(-np.pi, np.pi)])
         found[f"s{i + 1}"] = Stand(np.array(origin) + rng.normal(scale=20.0, size=3), turn)
     return found

@@ -108,9 +108,9 @@ class AngleHarmonic(Cause):
         return _cartesian(azimuth, elevation + too_much, length)
 
     def answer(self) -> Answer:
-        """Named with its circle and harmonic."""
-        fields = {"circle": self.circle, "harmonic": self.harmonic}
-        return Answer(("tracker-angle",), (), fields, {"sine_urad": (self.sine,), "cosine_urad": (self.cosine,)})
+        """Named with its circle."""
+        sizes = {"sine_urad": (self.sine,), "cosine_urad": (self.cosine,)}
+        return Answer(("tracker-angle",), (), {"circle": self.circle}, sizes)
 
 
 @dataclass(frozen=True)

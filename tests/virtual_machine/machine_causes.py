@@ -147,18 +147,21 @@ class Tilt(Cause):
 
 @dataclass(frozen=True)
 class Sag(Cause):
-    """A beam that sags in the middle of its guide, the more, the farther out another axis carries its weight."""
+    """A beam that sags in the middle of its guide, the more, the farther out another axis carries its weight.
+
+    The machine was levelled with the other axis in the middle, so that neither the mean sag nor a slope is left.
+    """
 
     LINEAR: ClassVar[tuple[str, ...]] = ("depth",)
     axis: str
     other: str
     depth: float = 1.0
-    """um, in the middle, the other axis at its upper end; below zero down."""
+    """um, between middle and ends of the guide, the other axis at its upper end; below zero down."""
 
     def errors(self, session: Session) -> Array:
-        """4 u (1 - u) v, of shares u and v of the two travels."""
+        """(4 u (1 - u) - 2/3) (2 v - 1), of shares u and v of the two travels."""
         u, v = (self._share(session, name) for name in (self.axis, self.other))
-        return of_axis(session, self.axis, 2, self.depth * UM * 4 * u * (1 - u) * v)
+        return of_axis(session, self.axis, 2, self.depth * UM * (4 * u * (1 - u) - 2 / 3) * (2 * v - 1))
 
     @staticmethod
     def _share(session: Session, name: str) -> Array:
@@ -166,13 +169,10 @@ class Sag(Cause):
         return np.asarray((session.place(name) - low) / (high - low))
 
     def answer(self) -> Answer:
-        """Named with either axis, since the product is one of both; the part that no error motion holds is P2 P1.
-
-        4 u (1 - u) = 2/3 (1 - P2), v = (1 + P1) / 2.
-        """
-        return Answer(
-            ("cross-axis",), (self.axis, self.other), {"component": "Z"}, {"coefficient": (-self.depth / 3.0,)}
-        )
+        """Named with either axis, since the product, -2/3 P2(u) P1(v), is one of both."""
+        size = {f"coefficient of P2 {self.axis}": (-2.0 * self.depth / 3.0,)}
+        fields = {"component": "Z", "both axes": {self.axis, self.other}}
+        return Answer(("cross-axis",), (self.axis, self.other), fields, size)
 
 
 @dataclass(frozen=True)

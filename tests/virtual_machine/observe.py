@@ -109,6 +109,28 @@ def scale_to(setup: Setup, cause: C, times: float) -> C:
     return cause.scaled(times * noise_of_mean(setup) / float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))))
 
 
+def aligned(moved: Array, points: Array, groups: np.ndarray) -> Array:
+    """What is left `(n, 3)` of displacements at points, both mm, when each group is shifted and turned to fit best."""
+    left = moved.copy()
+    for group in np.unique(groups):
+        rows = groups == group
+        centred = points[rows] - points[rows].mean(axis=0)
+        size = np.abs(centred).max()
+        turns = np.cross(np.eye(3)[None], centred[:, None] / size)
+        columns = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=1)
+        design = columns.transpose(0, 2, 1).reshape(-1, 6)
+        wanted = moved[rows].reshape(-1)
+        left[rows] = (wanted - design @ np.linalg.lstsq(design, wanted, rcond=None)[0]).reshape(-1, 3)
+    return left
+
+
+def share_left(setup: Setup, cause: Cause) -> float:
+    """Share of a cause's displacement, RMS, that the registration of the stations leaves to be seen."""
+    moved, rows = displacement(setup, cause), setup.session.on_tool
+    left = aligned(moved[rows], without_noise(setup)[rows], setup.session.stations[rows])
+    return float(np.sqrt(np.mean(left**2) / np.mean(moved[rows] ** 2)))
+
+
 @dataclass(frozen=True)
 class Laser:
     """An interferometer: standard uncertainties (k = 1), um and um per m from the start of a run."""
