@@ -46,15 +46,15 @@ def held_out(
     labels, what = blocks_of(good)
     missed = np.full_like(good.observed, np.nan)
     for label in np.unique(labels):
-        placed = (labels == label) & _placed(good, labels != label)
-        if not placed.any():
+        told = (labels == label) & placed(good, labels != label)
+        if not told.any():
             continue
         try:
             found = fit(good.rows(np.flatnonzero(labels != label)), model, prior=prior, variance=variance)
         except UserError:  # the others are no measurement on their own
             return None
         # effects with memory need the rows in between
-        missed[placed] = residuals(good, found.model, found.registration)[placed]
+        missed[told] = residuals(good, found.model, found.registration)[told]
     missed = (missed * good.per_micro)[~np.isnan(missed[:, 0])]
     if len(missed) < len(good) / 2:
         return None
@@ -68,10 +68,15 @@ def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
     Runs where there are three or more; of an interferometer every eighth position, the neighbours of a gap being known;
     else cells of space.
     """
-    if measurement.axis is not None:
-        return _every_eighth(measurement), "sets of positions"
     if measurement.run is not None and measurement.instrument.components > 1 and len(np.unique(measurement.run)) > 2:
         return np.unique(measurement.run, return_inverse=True)[1], "runs"
+    return cells(measurement)
+
+
+def cells(measurement: Measurement) -> tuple[np.ndarray, str]:
+    """Labels `(n,)` of cells of space, whatever the runs; of an interferometer of sets of positions."""
+    if measurement.axis is not None:
+        return _every_eighth(measurement), "sets of positions"
     labels = np.zeros(len(measurement), int)
     positions = measurement.state.positions / np.maximum(np.ptp(measurement.state.positions, axis=0), 1e-9)
     while labels.max() + 1 < CELLS:
@@ -99,12 +104,12 @@ def _every_eighth(measurement: Measurement) -> np.ndarray:
     return labels
 
 
-def _placed(measurement: Measurement, others: np.ndarray) -> np.ndarray:
+def placed(measurement: Measurement, others: np.ndarray) -> np.ndarray:
     """True `(n,)` for rows whose set-up, and target on table or bed, the `others` saw often enough."""
     few = POSE if measurement.instrument.components > 1 else 1
-    placed = np.ones(len(measurement), bool)
+    told = np.ones(len(measurement), bool)
     known = np.array([target.known for target in measurement.targets.values()])
     for labels, needed in ((measurement.groups, True), (measurement.target_number, ~known[measurement.target_number])):
         _, number = np.unique(labels, return_inverse=True)
-        placed &= (np.bincount(number, others)[number] >= few) | ~np.asarray(needed)
-    return placed
+        told &= (np.bincount(number, others)[number] >= few) | ~np.asarray(needed)
+    return told

@@ -25,7 +25,7 @@ IN_SPAN = 1e-9
 
 
 def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, ...], Array]:
-    """Effects with the location errors in front, all parameters zero; and the matrix `(q, p)` from the old parameters.
+    """Effects with the location errors, still zero, in front; and the matrix `(q, p)` to their parameters from the old.
 
     Linear axes that do not lie along x, y or z keep their slopes.
     """
@@ -42,8 +42,7 @@ def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, 
         matrix[part] -= np.outer(function, row)
         found.append(location)
         rows.append(row)
-    zero = tuple(effect.with_parameters([0.0] * len(effect.parameters), effect.u) for effect in model.effects)
-    return (*found, *zero), np.concatenate([np.array(rows).reshape(-1, matrix.shape[1]), matrix])
+    return (*found, *model.effects), np.concatenate([np.array(rows).reshape(-1, matrix.shape[1]), matrix])
 
 
 def transformed(model: ErrorModel, effects: tuple[Effect, ...], matrix: Array) -> ErrorModel:

@@ -78,8 +78,8 @@ def choose(
     """The choice with the greatest evidence, all axes in the same kind of basis, one of `kinds`.
 
     rotary_kind: another kind for rotary axes. effects: what is fitted besides. A given prior_scale stays. No axis gets
-    more parameters than there are positions of it, and no linear one more than `finest`. A first fit finds outliers, registration and, where the sheet
-    promises too much, the size of the noise. UserError for a kind that there is not.
+    more parameters than there are positions of it, and no linear one more than `finest`. A first fit finds outliers,
+    registration and, where the sheet promises too much, the size of the noise. UserError for a kind that there is not.
     """
     unknown = [kind for kind in kinds if kind not in SIZES]
     if unknown:

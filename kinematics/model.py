@@ -177,11 +177,12 @@ class Design:
         self._now = [(effect, part) for effect, part in chosen if not effect.HAS_MEMORY]
         self._remembered = [(list(e.columns(machine, state)), part) for e, part in chosen if e.HAS_MEMORY]
 
-    def of(self, rows: slice, transform: Array) -> Array:
+    def of(self, rows: slice | np.ndarray, transform: Array) -> Array:
         """`(n, k, parameters)` at some rows; `transform` `(n, k, width)` as `ErrorModel.design` takes it there."""
         if transform.shape[2] != self._width:
             raise ValueError(f"transform has {transform.shape[2]} columns, {self._machine.name} takes {self._width}")
-        state, places = self._state if rows == slice(None) else self._state.rows(rows), len(self._machine.axes) + 2
+        whole = isinstance(rows, slice) and rows == slice(None)
+        state, places = self._state if whole else self._state.rows(rows), len(self._machine.axes) + 2
         design = np.zeros((*transform.shape[:2], self._parameters))
         for effect, part in self._now:
             for place, component, values in effect.columns(self._machine, state):

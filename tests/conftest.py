@@ -70,6 +70,15 @@ def plates() -> Path:
     return folder.resolve()
 
 
+@pytest.fixture(scope="session")
+def slit_log() -> Path:
+    """The real log of a linear axis at constant velocity: its steps, and its resolver."""
+    path = REAL_DATA / "slit_axis" / "axis1_resolver_openloop.log"
+    if not path.is_file():
+        pytest.skip("the real slit axis (../shared/data/slit_axis) is not beside this repository")
+    return path.resolve()
+
+
 class Done(NamedTuple):
     """How a command ended."""
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from calibration.measurement import Measurement
 from calibration.measurement_file import measurement_of
-from calibration.readers import cmm, delimited, etalon, iso230_table, renishaw
+from calibration.readers import cmm, delimited, epics, etalon, iso230_table, renishaw
 from calibration.readers.text import given_entries, old_text
 from calibration.table import Table, parse_table, refuse_empty
 from kinematics.errors import UserError
@@ -33,11 +33,13 @@ FOREIGN: Mapping[str, Reader] = {
     "rtl": Reader(renishaw.recognises, renishaw.to_table),
     "iso230-table": Reader(iso230_table.recognises, iso230_table.to_table),
     "cmm": Reader(cmm.recognises, cmm.to_table),
+    "epics": Reader(epics.recognises, epics.to_table),
 }
 FORMATS = ("auto", "ncomp", *FOREIGN, "delimited")
 KNOWN = (
     "ncomp (measurement file, '# instrument: ...'), rtl (Renishaw), iso230-table (targets by runs, 'target_mm, 1 up, "
-    "1 down, ...'), cmm ('Meas X Meas Y Nom X Nom Y ...'), delimited (any columns, with a column map)"
+    "1 down, ...'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics ('NAME date time value'), delimited (any columns, "
+    "with a column map)"
 )
 HEAD = 20_000
 """Bytes that a format is recognised from."""

@@ -42,7 +42,8 @@ class _Instrument(Cause, frozen=True):
 class StationShift(_Instrument, frozen=True, tag="station-shift"):
     """One set-up of the instrument stands elsewhere than its registration says: shifted, and turned about its origin.
 
-    In its own frame; what it observes moves the other way.
+    From the time `since_s` on, where one is given: it was knocked. In its own frame; what it observes moves the other
+    way.
     """
 
     TITLE: ClassVar[str] = "shift of an instrument station"
@@ -56,10 +57,18 @@ class StationShift(_Instrument, frozen=True, tag="station-shift"):
     station: str
     shift_um: Vector = ZERO
     turn_urad: Vector = ZERO
+    since_s: float | None = None
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Time only where it was knocked at one."""
+        return self.NEEDS if self.since_s is None else (*self.NEEDS, "time")
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
         """See `Cause.columns`."""
         here = (state.need("station", self.name) == self.station).astype(float)
+        if self.since_s is not None:
+            here *= state.need("time", self.name) >= self.since_s
         yield from _moved(state.need("observed", self.name), here)
 
 

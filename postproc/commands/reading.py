@@ -30,7 +30,7 @@ FormatName = Annotated[
     str,
     typer.Option(
         "--format",
-        help="Format of the data: auto, ncomp, rtl, iso230-table, cmm or delimited.",
+        help="Format of the data: auto, ncomp, rtl, iso230-table, cmm, epics or delimited.",
         autocompletion=_formats,
     ),
 ]

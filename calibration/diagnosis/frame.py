@@ -1,0 +1,267 @@
+"""A fit to first order about where it came to rest: in it candidates are judged without fitting anew.
+
+With J the whitened design of registration and model, in units of its priors, H = J'J + priors, and r the whitened
+residual, a candidate's columns G explain, jointly with everything in J, b' S^-1 b of the sum of squares, where
+b = G'r and S = G'G - G'J H^-1 J'G: what is left of G once the model and the registration have taken their part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from scipy import linalg, stats
+
+from calibration import equations
+from calibration.fit import Fit
+from calibration.heldout import cells, placed
+from calibration.measurement import Measurement
+from calibration.normal import whitened, whiteners
+from calibration.outliers import huber_weights, robust_factor
+from kinematics.effects import Effect
+from kinematics.model import Design, no_errors
+from kinematics.transforms import Array
+
+ROWS = 5000
+"""At most so many rows, evenly spread, judge candidates; all of them enter the fits."""
+RIDGE = 1e-9
+"""Of columns of the registration, in units of their length."""
+GENEROUS = 5.0
+"""Multiple of its typical size that a candidate may have without being charged for it."""
+
+
+class Score(NamedTuple):
+    """What a candidate would bring, by the frame it is judged in."""
+
+    gain: float
+    """By which the sum of squares falls, in terms of the noise's variance."""
+    spent: float
+    """Degrees of freedom that it takes, shapes included."""
+    delta_bic: float
+    """Below zero where it is worth its parameters."""
+    p_value: float
+    """Of so large a gain from noise, over all shapes that were tried."""
+    size: Array
+    """Its linear parameters `(k,)`, in terms of their typical sizes."""
+
+
+class Projected(NamedTuple):
+    """Columns of one candidate, in terms of typical sizes, and what the model and the registration leave of them."""
+
+    columns: Array
+    """`(N, k)`, whitened."""
+    through: Array
+    """L^-1 J'G `(q, k)`, with L L' = H."""
+    left: Array
+    """S `(k, k)`."""
+
+    @property
+    def visible(self) -> float:
+        """Share of the signal that survives."""
+        whole = float(np.sum(self.columns**2))
+        return float(np.sqrt(max(np.trace(self.left), 0.0) / whole)) if whole > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Rows of a measurement, the whitened design of what is fitted, and what the fit leaves."""
+
+    fit: Fit
+    rows: np.ndarray
+    """Rows of the measurement `(n,)` that are judged by."""
+    white: Array
+    """Whiteners `(n, d, d)`, outlying rows weighted down (Huber)."""
+    transform: Array
+    """Whitened derivatives `(n, d, width)` by the error motions and the shift of the observed point."""
+    design: Array
+    """J `(N, q)`: registration, then parameters in units of their priors."""
+    limited: Array
+    """Diagonal `(q,)` of the priors' part of H."""
+    residual: Array
+    """r `(N,)`"""
+    away: Array
+    """Distances `(q,)` of the parameters from their start, in units of their priors; 0 of the registration."""
+    good: np.ndarray
+    """True `(n,)` for rows that the fit kept."""
+
+    @classmethod
+    def of(cls, fit: Fit) -> Frame:
+        """The frame of a fit."""
+        measurement = fit.measurement
+        rows = np.flatnonzero(~fit.copies & ~np.isin(measurement.groups, fit.failed))
+        if len(rows) > ROWS:
+            rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
+        some = measurement.rows(rows)
+        white = whiteners(some)
+        components = some.instrument.components
+        distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
+        spent = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
+        weights = huber_weights(distances, components, robust_factor(distances, components, spent, fit.variance_factor))
+        white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
+        transform = white @ equations.transform(some, fit.registration)
+        own = white @ equations.registration_design(some, fit.registration)
+        of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
+        n = len(rows) * components
+        own, by_model = own.reshape(n, -1), of_model.reshape(n, -1)
+        length = np.linalg.norm(own, axis=0)
+        own = own / np.where(length > 0, length, 1.0)
+        finite = np.isfinite(fit.prior)
+        by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior
+        limits = finite.astype(float) if fit.prior.ndim == 1 else np.ones(by_model.shape[1])
+        limited = np.concatenate([np.full(own.shape[1], RIDGE), limits + RIDGE])
+        residual = whitened(white, fit.residual[rows]).reshape(-1)
+        design, away = np.concatenate([own, by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
+        blank = cls(fit, rows, white, transform, design, limited, residual, away, fit.kept[rows])
+        return blank._at_rest()
+
+    def without(self, effect: int) -> Frame:
+        """The frame of a model that lacks one effect of the fit's, told by its number."""
+        model, part = self.fit.model, self.fit.model.slices[effect]
+        columns = np.arange(part.start, part.stop) + self.design.shape[1] - len(model.parameters)
+        linear = [quantity.linear for quantity in model.effects[effect].parameter_table]
+        scale = (self.fit.prior if self.fit.prior.ndim == 1 else np.diag(self.fit.prior))[part]
+        values = model.parameters[part] * linear / np.where(np.isfinite(scale), scale, 1.0)
+        fewer = replace(
+            self,
+            design=np.delete(self.design, columns, axis=1),
+            limited=np.delete(self.limited, columns),
+            away=np.delete(self.away, columns),
+            residual=self.residual + self.design[:, columns] @ values,
+        )
+        return fewer._at_rest()
+
+    def _at_rest(self) -> Frame:
+        """The frame where its own design and weights put the fit."""
+        step = linalg.cho_solve(self.factor, self.design.T @ self.residual - self.limited * self.away)
+        return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
+
+    @property
+    def measurement(self) -> Measurement:
+        """The measurement of the fit, all rows."""
+        return self.fit.measurement
+
+    @property
+    def scalars(self) -> int:
+        """N"""
+        return len(self.residual)
+
+    @cached_property
+    def squares(self) -> float:
+        """Sum of squares of the residual."""
+        return float(self.residual @ self.residual)
+
+    @cached_property
+    def factor(self) -> tuple[Array, bool]:
+        """Cholesky factor of H."""
+        return linalg.cho_factor(self.design.T @ self.design + np.diag(self.limited), lower=True)
+
+    @cached_property
+    def freedom(self) -> float:
+        """N less the degrees of freedom that the model and the registration spend."""
+        inverse = linalg.cho_solve(self.factor, np.diag(self.limited))
+        return max(self.scalars - (len(self.limited) - float(np.trace(inverse))), 1.0)
+
+    def columns(self, effect: Effect) -> Array:
+        """Whitened derivatives `(N, k)` by the linear parameters of an effect, in terms of their typical sizes."""
+        table = effect.parameter_table
+        linear = np.array([quantity.linear for quantity in table])
+        typical = np.array([quantity.typical for quantity in table])[linear]
+        machine, state = self.measurement.machine, self.measurement.state
+        alone = msgspec.structs.replace(no_errors(machine), effects=(effect,))
+        made = Design(alone, machine, state, with_instrument=True).of(self.rows, self.transform)
+        return np.asarray(made.reshape(self.scalars, -1)[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
+
+    def projected(self, columns: Array) -> Projected:
+        """What the model and the registration leave of some columns `(N, k)`."""
+        through = linalg.solve_triangular(self.factor[0], self.design.T @ columns, lower=True)
+        return Projected(columns, through, columns.T @ columns - through.T @ through)
+
+    def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
+        """What a candidate would bring; `shapes` of its parameters were searched for, in `trials` tries."""
+        values, vectors = np.linalg.eigh((candidate.left + candidate.left.T) / 2)
+        values = np.maximum(values, 0.0)
+        along = vectors.T @ (candidate.columns.T @ self.residual)
+        softened = values + GENEROUS**-2
+        raw = float(np.sum(along**2 / softened))
+        spent = float(np.sum(values / softened)) + shapes
+        variance = max((self.squares - raw) / max(self.freedom - spent, 1.0), 1.0)
+        gain = raw / variance
+        p_value = float(stats.chi2.sf(gain, max(spent, 1.0))) * trials
+        size = vectors @ (along / softened)
+        return Score(gain, spent, -gain + spent * float(np.log(self.scalars)), min(p_value, 1.0), size)
+
+    @cached_property
+    def blocks(self) -> list[HeldBlock]:
+        """Cells of space (of an interferometer sets of positions), each seen from a fit of all the others."""
+        some = self.measurement.rows(self.rows)
+        labels, _ = cells(some)
+        total = self.design.T @ self.design + np.diag(self.limited)
+        found = []
+        for label in np.unique(labels):
+            inside = labels == label
+            mine = np.repeat(inside, some.instrument.components)
+            design, residual = self.design[mine], self.residual[mine]
+            factor = linalg.cho_factor(total - design.T @ design + RIDGE * np.eye(len(total)), lower=True)
+            missed = residual + design @ linalg.cho_solve(factor, design.T @ residual)
+            counted = np.repeat((placed(some, ~inside) & self.good)[inside], some.instrument.components)
+            found.append(HeldBlock(mine, factor, missed, counted))
+        return found
+
+    def held_gains(self, candidate: Projected) -> Array:
+        """By which the squares of each block's counted residuals fall with the candidate in the fit of the others."""
+        columns, softened = candidate.columns, GENEROUS**-2 * np.eye(candidate.columns.shape[1])
+        mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
+        gains = []
+        for block in self.blocks:
+            own, design = columns[block.rows], self.design[block.rows]
+            others = mixed - design.T @ own
+            step = linalg.cho_solve(block.factor, others)
+            left = squares - own.T @ own - others.T @ step
+            moved = linalg.cho_solve(block.factor, design.T @ self.residual[block.rows])
+            slope = right - own.T @ self.residual[block.rows] + others.T @ moved
+            size = np.linalg.solve(left + softened, slope)
+            after = block.missed - (own - design @ step) @ size
+            gains.append(float(np.sum(block.missed[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
+        return np.array(gains)
+
+    @cached_property
+    def held_out(self) -> HeldResiduals:
+        """Residuals of every block under a fit of all the others, to first order."""
+        components = self.measurement.instrument.components
+        missed, counted = np.empty(self.scalars), np.zeros(self.scalars, bool)
+        for block in self.blocks:
+            missed[block.rows], counted[block.rows] = block.missed, block.counted
+        whole = missed.reshape(-1, components)[:, :, None]
+        in_mm = np.linalg.solve(self.white, whole)[:, :, 0] * self.measurement.per_micro[self.rows]
+        return HeldResiduals(in_mm, counted.reshape(-1, components)[:, 0], len(self.blocks))
+
+
+class HeldBlock(NamedTuple):
+    """Rows that a fit of all the others predicts."""
+
+    rows: np.ndarray
+    """Mask `(N,)`."""
+    factor: tuple[Array, bool]
+    """Cholesky factor of H without them."""
+    missed: Array
+    """Their residuals, whitened."""
+    counted: np.ndarray
+    """False for outliers, and where the others say nothing of the set-up or the target."""
+
+
+class HeldResiduals(NamedTuple):
+    """What fits leave of rows that they have not seen."""
+
+    residual_um: Array
+    """`(n, d)`; urad on rotary axes of an interferometer."""
+    counted: np.ndarray
+    """`(n,)`"""
+    blocks: int
+
+    @property
+    def rms_um(self) -> float:
+        """Per scalar, of the rows that count."""
+        return float(np.sqrt(np.mean(self.residual_um[self.counted] ** 2))) if self.counted.any() else float("nan")

@@ -1,0 +1,242 @@
+"""Shapes proposed from the residual: periods, steps of a table, fixed points of growth, moments when something moved.
+
+A Lomb-Scargle periodogram of the residual over the positions of an axis, generalised: each wave enters through the
+observation equations of its error motion, and of the best ones the model and the registration take their part before
+they are compared. Every proposal says in how many independent tries it was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.library import Candidate
+from calibration.instruments import LaserTracker
+from calibration.models import distinct_positions, moving_axes
+from kinematics.basis import BSpline
+from kinematics.effects import (
+    COMPONENTS,
+    Component,
+    Cyclic,
+    ErrorMotion,
+    GrowthWithSensor,
+    GrowthWithTime,
+    QuantisedCompensation,
+    StationShift,
+)
+from kinematics.effects.base import own_component, own_motion
+from kinematics.transforms import Array
+
+WAVES = 8.0
+"""An error that repeats fewer times over the travel is a matter of the basis, not a cyclic one."""
+OVERSAMPLING = 4
+MOST_WAVES, MOST_TEETH = 3000, 1000
+"""Frequencies that are looked at."""
+BEST = 12
+"""Of the frequencies, per error motion, of which the model's part is taken."""
+TEETH = 3.0
+"""Least number of steps over the travel."""
+OFFSETS = 12
+"""Positions of the steps within a pitch that are tried."""
+MOST_HARMONICS = 4
+FINE = (12, 16, 24, 32, 48)
+"""Sizes of finer bases."""
+BREAKS = 60
+"""Moments that are tried."""
+LEAST_ROWS = 8
+"""Before and after a moment when the instrument moved."""
+OVER = 3000
+"""Rows times frequencies that are worked out together, in thousands."""
+
+
+def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component)) -> Iterator[Candidate]:
+    """The strongest cyclic error of each axis and component, with its period refined to what the travel resolves."""
+    measurement = frame.measurement
+    for axis, (low, high) in moving_axes(measurement).items():
+        x = _positions(frame, axis)
+        count = min(distinct_positions(measurement, axis), MOST_WAVES // OVERSAMPLING)
+        frequencies = np.arange(WAVES, max(count, WAVES), 1.0 / OVERSAMPLING) / (high - low)
+        if len(frequencies) < OVERSAMPLING:
+            continue
+        seen = [c for c in components if measurement.axis is None or c == own_component(axis)]
+        strength = _strengths(frame, axis, seen, x, frequencies)
+        for component, power in zip(seen, strength, strict=True):
+            best = _finest(
+                frame, axis, component, frequencies[_peaks(power, BEST)], 0.5 / (OVERSAMPLING * (high - low))
+            )
+            yield Candidate(_wave(component, axis, 1.0 / best, 1), 1, float(len(frequencies) * len(seen)))
+
+
+def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
+    """A cyclic error with as many harmonics as pay."""
+    effect = candidate.effect
+    assert isinstance(effect, Cyclic)
+    variants = [_wave(effect.component, effect.axis, effect.period, number) for number in range(1, MOST_HARMONICS + 1)]
+    best = min(variants, key=lambda each: frame.score(frame.projected(frame.columns(each))).delta_bic)
+    return Candidate(best, candidate.shapes, candidate.trials)
+
+
+def steps(frame: Frame) -> Iterator[Candidate]:
+    """The strongest saw tooth along each linear axis."""
+    measurement, machine = frame.measurement, frame.measurement.machine
+    for axis, (low, high) in moving_axes(measurement).items():
+        if axis[0] in "ABC":
+            continue
+        x = _positions(frame, axis)
+        count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
+        frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
+        if len(frequencies) < OVERSAMPLING:
+            continue
+        i, component, _ = own_motion(machine, axis)
+        arm = frame.transform[:, :, 6 * i + component]
+        along, squares = np.sum(arm * frame.residual.reshape(arm.shape), axis=1), np.sum(arm**2, axis=1)
+        shares = np.arange(OFFSETS) / OFFSETS
+        power = np.empty((len(frequencies), OFFSETS))
+        for number, frequency in enumerate(frequencies.tolist()):
+            teeth = 0.5 - (x[:, None] * frequency - shares) % 1.0
+            power[number] = (along @ teeth) ** 2 / np.maximum(squares @ teeth**2, 1e-300)
+        tried = np.unravel_index(np.argsort(power, axis=None)[::-1][: 4 * BEST], power.shape)
+        shapes = [(1.0 / frequencies[f], shares[o] / frequencies[f]) for f, o in zip(*tried, strict=True)]
+        pitch, offset = max(shapes, key=lambda shape: _gain(frame, _saw(axis, *shape)))
+        pitch, offset = _refined_saw(frame, axis, pitch, offset, high - low)
+        yield Candidate(_saw(axis, pitch, offset), 2, float(len(frequencies) * OFFSETS))
+
+
+def finer(frame: Frame) -> Iterator[Candidate]:
+    """Each error motion of the model in the finer basis that pays best, in its place."""
+    for effect in frame.fit.model.effects:
+        if not isinstance(effect, ErrorMotion):
+            continue
+        most = distinct_positions(frame.measurement, effect.axis)
+        sizes = [size for size in FINE if effect.basis.size < size <= most]
+        variants = [_finer(effect, size) for size in sizes]
+        scored = [
+            (frame.score(frame.projected(frame.columns(variant))).delta_bic, i) for i, variant in enumerate(variants)
+        ]
+        if scored:
+            yield Candidate(variants[min(scored)[1]], 0, float(len(sizes)), effect.name)
+
+
+def fixed_points(frame: Frame, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Growths of an axis from the point that the data say is the fixed one, instead of the axis' zero."""
+    for candidate in candidates:
+        effect = candidate.effect
+        if (
+            isinstance(effect, (GrowthWithSensor, GrowthWithTime))
+            and len(effect.parameter_table) == candidate.shapes + 1
+        ):
+            one = msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0)
+            here, there = frame.columns(effect), frame.columns(one)
+            both = frame.score(frame.projected(np.concatenate([here, (here - there) * 1e3], axis=1)))
+            if both.size[0]:
+                point = effect.fixed_point - 1e3 * float(both.size[1] / both.size[0])
+                low, high = moving_axes(frame.measurement)[effect.axis]
+                if 2 * low - high < point < 2 * high - low:
+                    moved = msgspec.structs.replace(effect, fixed_point=float(np.round(point, 1)))
+                    yield Candidate(moved, candidate.shapes + 1, candidate.trials)
+
+
+def breaks(frame: Frame) -> Iterator[Candidate]:
+    """The moment when an instrument was knocked, of each station: the change point that explains most."""
+    measurement = frame.measurement
+    state = measurement.state
+    if not isinstance(measurement.instrument, LaserTracker) or state.time is None or state.station is None:
+        return
+    station, time = state.station[frame.rows], state.time[frame.rows]
+    for name in np.unique(station).tolist():
+        moments = np.unique(time[station == name])
+        moments = moments[LEAST_ROWS:-LEAST_ROWS]
+        if len(moments) < LEAST_ROWS:
+            continue
+        some = moments[np.unique(np.linspace(0, len(moments) - 1, BREAKS).astype(int))]
+        best = max(some.tolist(), key=lambda since: _gain(frame, StationShift(station=name, since_s=since)))
+        near = moments[np.abs(moments - best) <= np.diff(some).max(initial=0.0)]
+        best = max(near.tolist(), key=lambda since: _gain(frame, StationShift(station=name, since_s=since)))
+        yield Candidate(StationShift(station=name, since_s=best), 1, float(len(moments)))
+
+
+def aliases(frame: Frame, effect: Cyclic) -> list[float]:
+    """Other periods that positions on a lattice can't tell from this one."""
+    x = np.unique(np.round(_positions(frame, effect.axis), 4))
+    pitch = float(np.min(np.diff(x)))
+    if pitch <= 0 or np.abs((x - x[0]) / pitch - np.round((x - x[0]) / pitch)).max() > 0.02:
+        return []
+    return [float(1.0 / abs(m / pitch + sign / effect.period)) for m in (1, 2) for sign in (-1, 1)]
+
+
+def _positions(frame: Frame, axis: str) -> Array:
+    return np.asarray(frame.measurement.state.position(frame.measurement.machine, axis)[frame.rows])
+
+
+def _strengths(frame: Frame, axis: str, components: list[Component], x: Array, frequencies: Array) -> Array:
+    """Power `(components, frequencies)` of waves, the model's part not taken: sum of squares that they explain."""
+    i = frame.measurement.machine.index(axis)
+    residual = frame.residual.reshape(len(x), -1)
+    arms = [frame.transform[:, :, 6 * i + COMPONENTS.index(c)] for c in components]
+    along = np.stack([np.sum(arm * residual, axis=1) for arm in arms])
+    squares = np.stack([np.sum(arm**2, axis=1) for arm in arms])
+    power = np.empty((len(components), len(frequencies)))
+    size = max(1, OVER * 1000 // len(x))
+    for start in range(0, len(frequencies), size):
+        part = slice(start, start + size)
+        phase = 2 * np.pi * x[:, None] * frequencies[part]
+        sin, cos = np.sin(phase), np.cos(phase)
+        a, b = along @ sin, along @ cos
+        aa, ab = squares @ sin**2, squares @ (sin * cos)
+        bb = squares.sum(axis=1, keepdims=True) - aa
+        determinant = np.maximum(aa * bb - ab**2, 1e-12 * np.maximum(aa * bb, 1e-300))
+        power[:, part] = (a**2 * bb - 2 * a * b * ab + b**2 * aa) / determinant
+    return power
+
+
+def _peaks(power: Array, count: int) -> np.ndarray:
+    """The highest local maxima."""
+    beside = np.concatenate([[-np.inf], power, [-np.inf]])
+    top = np.flatnonzero((power >= beside[:-2]) & (power >= beside[2:]))
+    return np.asarray(top[np.argsort(power[top])[::-1][:count]])
+
+
+def _finest(frame: Frame, axis: str, component: Component, frequencies: Array, step: float) -> float:
+    """The frequency that explains most once the model has taken its part, between the neighbours of the best."""
+
+    def gain(frequency: float) -> float:
+        return _gain(frame, _wave(component, axis, 1.0 / frequency, 1))
+
+    best = max(frequencies.tolist(), key=gain)
+    for _ in range(4):
+        best = max((best - step, best, best + step), key=gain)
+        step /= 2
+    return float(best)
+
+
+def _gain(frame: Frame, effect: Cyclic | QuantisedCompensation | StationShift) -> float:
+    return frame.score(frame.projected(frame.columns(effect))).gain
+
+
+def _wave(component: Component, axis: str, period: float, harmonics: int) -> Cyclic:
+    zero = (0.0,) * harmonics
+    return Cyclic(component=component, axis=axis, period=period, sine=zero, cosine=zero)
+
+
+def _saw(axis: str, pitch: float, offset: float) -> QuantisedCompensation:
+    return QuantisedCompensation(axis=axis, step=0.0, pitch=float(pitch), offset=float(offset))
+
+
+def _refined_saw(frame: Frame, axis: str, pitch: float, offset: float, travel: float) -> tuple[float, float]:
+    """Pitch and offset between the neighbours of the best; a jump has no slope, so it is closed in on by halves."""
+    step_pitch, step_offset = pitch**2 / travel / OVERSAMPLING / 2, pitch / OFFSETS / 2
+    for _ in range(7):
+        tried = [(pitch + i * step_pitch, offset + j * step_offset) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        pitch, offset = max(tried, key=lambda shape: _gain(frame, _saw(axis, *shape)))
+        step_pitch, step_offset = step_pitch / 2, step_offset / 2
+    return pitch, offset % pitch
+
+
+def _finer(effect: ErrorMotion, size: int) -> ErrorMotion:
+    basis = BSpline(tuple(np.linspace(*effect.basis.interval, size).tolist()), 3)
+    zero = (0.0,) * basis.size
+    return ErrorMotion(effect.component, effect.axis, basis, zero, u=zero)

@@ -1,0 +1,267 @@
+"""Selection: which causes the data ask for, found one by one, each fitted jointly with everything else.
+
+Forward: the candidate with the lowest delta-BIC that also predicts held-out blocks better, survives false-discovery
+control over all that was tried, is visible in these data and of a physical size. After each one that is taken in, the
+whole is fitted anew (periods and time constants too), those that no longer pay are dropped, and each is held against
+its siblings, one of which takes its place where it explains more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis import scans
+from calibration.diagnosis.base import Base
+from calibration.diagnosis.frame import Frame, Projected, Score
+from calibration.diagnosis.library import Candidate, at_zero
+from calibration.fit import Fit
+from calibration.measurement import Measurement
+from calibration.outliers import Variance
+from kinematics.transforms import Array
+
+WORTH = -10.0
+"""delta-BIC that a cause has to bring: odds of 150 to 1 (Kass and Raftery)."""
+DROPPED = -6.0
+"""A cause whose removal costs less goes again."""
+SURE = 1.0
+"""Standard errors that the gain on held-out blocks has to be above zero."""
+FALSE = 0.01
+"""Share of false causes among those named (Benjamini and Hochberg)."""
+SEEN = 0.05
+"""Share of a cause's signal that has to survive model and registration for it to be named."""
+LARGEST = 100.0
+"""Physical limit of its size, as a multiple of the typical one."""
+MOST = 12
+"""Causes that are named."""
+LOOKED_AT = 8
+"""Best candidates of a round whose held-out gain is worked out."""
+RELATED = 0.7
+"""Cosine of what two causes do, from which they are siblings."""
+BETTER = -4.0
+"""By so much lower a sibling's delta-BIC makes it take the place."""
+PASSES = 2
+"""Times that all causes are held against their siblings."""
+Progress = Callable[[str], None]
+
+
+class Judged(NamedTuple):
+    """A candidate, its columns and its score in one frame."""
+
+    candidate: Candidate
+    projected: Projected
+    score: Score
+
+
+class Sibling(NamedTuple):
+    """Another cause that does much the same to these data."""
+
+    judged: Judged
+    cosine: float
+    """Between what the two do, once the model and the registration have taken their part."""
+    delta_bic: float
+    """Of the cause in its place, less that of the accepted one."""
+    loss: float
+    """By which the sum of squares would be larger with it in its place, in terms of the noise's variance."""
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """A cause that was taken in, with what the frame in which it alone is missing says of it."""
+
+    candidate: Candidate
+    """With the shapes that the fit found."""
+    size: Array
+    """Linear parameters in terms of their typical sizes."""
+    score: Score
+    visible: float
+    held_gains: Array
+    """Fall of the squares of each held-out block."""
+    siblings: tuple[Sibling, ...] = ()
+
+    @property
+    def sureness(self) -> float:
+        """Gain on held-out blocks in terms of its standard error."""
+        return float(self.held_gains.mean()) / max(_error(self.held_gains), 1e-300)
+
+
+class Stage(NamedTuple):
+    """The fit with some causes."""
+
+    fit: Fit
+    frame: Frame
+    accepted: tuple[Accepted, ...]
+
+    @property
+    def heldout_um(self) -> float:
+        """RMS of held-out residuals."""
+        return self.frame.held_out.rms_um
+
+
+@dataclass(frozen=True)
+class Selection:
+    """How the causes were found."""
+
+    stages: tuple[Stage, ...]
+    """The base alone, then with one cause more each; the last one is the result."""
+    last_round: tuple[Judged, ...]
+    """All candidates in the frame of the result, the best first."""
+
+
+@dataclass(frozen=True)
+class Selector:
+    """What stays the same while causes are looked for."""
+
+    measurement: Measurement
+    base: Base
+    library: Sequence[Candidate]
+    variance: Variance
+    progress: Progress
+
+    def select(self, known: Sequence[Accepted] = ()) -> Selection:
+        """The causes that the data ask for, from those known already."""
+        stages = [self.stage(())]
+        if known:
+            stages.append(self.stage([(each.candidate, each.size) for each in known]))
+        refused: set[tuple[str, ...]] = set()
+        while True:
+            now = stages[-1]
+            self.progress(f"trying causes; found: {_listed(now.accepted)}")
+            judged = judge(now.frame, proposals(now.frame, self._left(now.accepted)))
+            allowed = [each for each in judged if _key(each.candidate) not in refused]
+            best = next(passing(now.frame, allowed), None) if len(now.accepted) < MOST else None
+            if best is None:
+                return Selection(tuple(stages), tuple(judged))
+            refused.add(_key(best.candidate))
+            self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
+            trial = self.stage([*_chosen(now.accepted), (best.candidate, best.score.size)])
+            if trial.accepted[-1].score.delta_bic < WORTH:
+                stages.append(self._pruned(trial))
+
+    def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
+        """The full fit with these causes, and each seen from the fit without it."""
+        fit = self.base.fit(self.measurement, chosen, self.variance)
+        frame = Frame.of(fit)
+        accepted = []
+        for (candidate, _), number in zip(chosen, self.base.numbers(chosen), strict=True):
+            effect = fit.model.effects[number]
+            found = replace(candidate, effect=at_zero(effect))
+            without = frame.without(number)
+            projected = without.projected(without.columns(found.effect))
+            score = without.score(projected, candidate.shapes, candidate.trials)
+            accepted.append(Accepted(found, score.size, score, projected.visible, without.held_gains(projected)))
+        return Stage(fit, frame, tuple(accepted))
+
+    def settled(self, selection: Selection) -> Selection:
+        """Every cause held against its siblings, one of which takes its place where it explains more."""
+        stages = list(selection.stages)
+        for _ in range(PASSES):
+            now, swapped = stages[-1], False
+            accepted = []
+            for i, (each, number) in enumerate(
+                zip(now.accepted, self.base.numbers(_chosen(now.accepted)), strict=True)
+            ):
+                self.progress(f"siblings of {each.candidate.effect.name}")
+                others = [other for k, other in enumerate(now.accepted) if k != i]
+                without = now.frame.without(number)
+                found = siblings(without, each, proposals(without, self._left(others)))
+                accepted.append(replace(each, siblings=tuple(found)))
+                better = next((sibling.judged for sibling in found if sibling.delta_bic < BETTER), None)
+                if better is not None and next(passing(without, [better]), None) is not None and not swapped:
+                    chosen = list(_chosen(now.accepted))
+                    chosen[i] = (better.candidate, better.score.size)
+                    trial, swapped = self.stage(chosen), True
+            stages[-1] = now._replace(accepted=tuple(accepted))
+            if not swapped:
+                break
+            stages[-1] = trial
+        return replace(selection, stages=tuple(stages))
+
+    def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:
+        causes = {each.candidate.cause for each in accepted}
+        return [candidate for candidate in self.library if candidate.cause not in causes]
+
+    def _pruned(self, stage: Stage) -> Stage:
+        """Without the causes that no longer pay now that others are known."""
+        while len(stage.accepted) > 1:
+            worst = max(stage.accepted, key=lambda each: each.score.delta_bic)
+            if worst.score.delta_bic < DROPPED:
+                break
+            stage = self.stage(_chosen([each for each in stage.accepted if each is not worst]))
+        return stage
+
+
+def judge(frame: Frame, candidates: Sequence[Candidate]) -> list[Judged]:
+    """Candidates with their scores, the best first."""
+    found = []
+    for candidate in candidates:
+        projected = frame.projected(frame.columns(candidate.effect))
+        found.append(Judged(candidate, projected, frame.score(projected, candidate.shapes, candidate.trials)))
+    return sorted(found, key=lambda judged: judged.score.delta_bic)
+
+
+def proposals(frame: Frame, library: Sequence[Candidate]) -> list[Candidate]:
+    """The library, and shapes proposed from the residual of this frame."""
+    found = [*library, *scans.steps(frame), *scans.breaks(frame), *scans.finer(frame)]
+    found += scans.fixed_points(frame, library)
+    return found + [scans.with_harmonics(frame, wave) for wave in scans.waves(frame)]
+
+
+def passing(frame: Frame, judged: Sequence[Judged]) -> Iterator[Judged]:
+    """Those that may be named, the best first."""
+    limit = _discovered([each.score.p_value for each in judged])
+    for each in judged[:LOOKED_AT]:
+        if each.score.delta_bic > WORTH:
+            return
+        if each.projected.visible < SEEN or each.score.p_value > limit or np.abs(each.score.size).max() > LARGEST:
+            continue
+        gains = frame.held_gains(each.projected)
+        if gains.mean() > SURE * _error(gains):
+            yield each
+
+
+def siblings(frame: Frame, accepted: Accepted, candidates: Sequence[Candidate]) -> list[Sibling]:
+    """Other causes that do much the same, in the frame of a fit that has none of them; the closest first."""
+    own = frame.projected(frame.columns(accepted.candidate.effect))
+    score = frame.score(own, accepted.candidate.shapes)
+    energy = float(score.size @ own.left @ score.size)
+    found = []
+    for each in judge(frame, [c for c in candidates if c.cause != accepted.candidate.cause]):
+        other = each.projected
+        if other.visible < SEEN or not energy:
+            continue
+        shared = (other.columns.T @ own.columns - other.through.T @ own.through) @ score.size
+        ridge = 1e-9 * np.trace(other.left) * np.eye(len(other.left))
+        cosine = float(
+            np.sqrt(min(max(float(shared @ np.linalg.solve(other.left + ridge, shared)), 0.0) / energy, 1.0))
+        )
+        if cosine > RELATED:
+            loss = score.gain - each.score.gain
+            found.append(Sibling(each, cosine, each.score.delta_bic - score.delta_bic, loss))
+    return sorted(found, key=lambda sibling: sibling.delta_bic)
+
+
+def _chosen(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
+    return [(each.candidate, each.size) for each in accepted]
+
+
+def _listed(accepted: Sequence[Accepted]) -> str:
+    return ", ".join(each.candidate.effect.name for each in accepted) or "none yet"
+
+
+def _key(candidate: Candidate) -> tuple[str, ...]:
+    return (*map(str, candidate.cause), str(len(candidate.effect.parameters)))
+
+
+def _discovered(p_values: Sequence[float]) -> float:
+    """Largest p-value that counts, by Benjamini and Hochberg."""
+    ordered = np.sort(p_values)
+    below = np.flatnonzero(ordered <= FALSE * np.arange(1, len(ordered) + 1) / max(len(ordered), 1))
+    return float(ordered[below[-1]]) if len(below) else 0.0
+
+
+def _error(gains: Array) -> float:
+    return float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else float("inf")
