@@ -2,7 +2,7 @@
 
     python benchmarks/diagnosis_exam.py [--kind backlash ...] [--machine gantry ...] [--seeds 20]
     python benchmarks/diagnosis_exam.py --nothing 200
-    python benchmarks/diagnosis_exam.py --pairs | --ties | --range | --unknown | --table1  [--seeds 20]
+    python benchmarks/diagnosis_exam.py --laser | --pairs | --ties | --range | --unknown | --table1  [--seeds 20]
 
 For every kind of cause and machine: in how many of the draws the cause was named with its axis, in how many of those
 another effect was blamed as well, how many of its parameters lay within k = 2 of the truth, and the held-out RMS after
@@ -42,6 +42,11 @@ def attempt(question: Callable[[int], Result], seed: int) -> Result | str:
 def causes(kinds: Sequence[str], machine: str, seed: int, *, with_twin: bool) -> Result:
     """One question with these causes."""
     return exam.ask(draws.draw(kinds, machine, seed), with_twin=with_twin)
+
+
+def laser_question(kind: str, machine: str, seed: int) -> Result:
+    """One question to an interferometer's data."""
+    return exam.ask(draws.by_laser(kind, machine, seed), with_twin=True)
 
 
 def report(title: str, results: Iterable[Result | str], say: Say) -> None:
@@ -84,6 +89,15 @@ def single(args: argparse.Namespace, pool: ThreadPoolExecutor, say: Say) -> None
         for machine in args.machine:
             question = partial(causes, [kind], machine, with_twin=True)
             report(f"{kind} {machine}", pool.map(partial(attempt, question), args.seeds), say)
+
+
+def by_laser(args: argparse.Namespace, pool: ThreadPoolExecutor, say: Say) -> None:
+    """What an interferometer sees along one axis."""
+    head()
+    for kind in draws.BY_LASER:
+        for machine in args.machine:
+            question = partial(laser_question, kind, machine)
+            report(f"laser {kind} {machine}", pool.map(partial(attempt, question), args.seeds), say)
 
 
 def pairs(args: argparse.Namespace, pool: ThreadPoolExecutor, say: Say) -> None:
@@ -163,7 +177,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--verbose", action="store_true")
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument("--nothing", type=int, metavar="N")
-    for name in ("pairs", "ties", "range", "unknown", "table1"):
+    for name in ("laser", "pairs", "ties", "range", "unknown", "table1"):
         mode.add_argument(f"--{name}", action="store_true")
     args = parser.parse_args()
     args.seeds = range(args.first, args.first + args.seeds)
@@ -177,6 +191,8 @@ def main() -> None:
     with ThreadPoolExecutor(AT_ONCE) as pool:
         if args.nothing:
             nothing(args, pool, say)
+        elif args.laser:
+            by_laser(args, pool, say)
         elif args.pairs:
             pairs(args, pool, say)
         elif args.ties:

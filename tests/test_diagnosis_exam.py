@@ -8,6 +8,7 @@ from virtual_machine import machine_causes as machine
 from virtual_machine.scoring import Score, score
 
 import machines
+from calibration.equations import covariance
 from calibration.measurement_file import read_measurement
 
 
@@ -30,6 +31,22 @@ def test_questions_can_be_read_and_have_the_size_that_they_say(kind, name, tmp_p
     else:
         assert size == pytest.approx(draw.times[0], rel=1e-3)
         assert draws.TIMES[0] <= draw.times[0] <= draws.TIMES[1]
+
+
+@pytest.mark.parametrize("kind", draws.BY_LASER)
+def test_questions_to_an_interferometer_can_be_read_and_have_their_size(kind, tmp_path):
+    draw = draws.by_laser(kind, "dmu50", 5)
+    (tmp_path / "data.csv").write_text(draw.sheet(), encoding="utf-8")
+    measurement = read_measurement(tmp_path / "data.csv", machines.load("dmu50"))
+    assert len(measurement) == 360
+    axis = draw.laser_along
+    assert draw.causes[0].answer().axes == (axis,)
+    moved = observe.exact_readings(draw.setup.having(*draw.causes), axis) - observe.exact_readings(draw.setup, axis)
+    u = np.sqrt(covariance(measurement)[:, 0, 0])
+    np.testing.assert_allclose(u, observe.noise_along(draw.setup, axis, draws.LASER), rtol=1e-9)
+    assert np.sqrt(np.mean(moved**2)) == pytest.approx(
+        draw.times[0] * np.sqrt(np.mean(u**2 / draw.setup.session.visits())), rel=1e-3
+    )
 
 
 RIGHT = {
@@ -140,6 +157,15 @@ def test_a_right_diagnosis_is_scored_right_and_wrong_ones_wrong(kind):
 )
 def test_a_wrong_axis_component_row_station_or_circle_is_no_naming(kind, wrong):
     assert not judged(kind, effect_said(kind, **wrong)).named[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "place"), [("thermal-drift", "Z"), ("station-shift", "s2"), ("tracker-angle", "azimuth")]
+)
+def test_what_is_of_no_axis_may_give_its_place_as_axis(kind, place):
+    told = {key: value for key, value in effect_said(kind, axis=place).items() if key not in ("circle", "station")}
+    assert judged(kind, told).named == (True,)
+    assert not judged(kind, {**told, "axis": "B"}).named[0]
 
 
 def test_half_a_station_shift_of_the_wrong_sign_is_not_inside():

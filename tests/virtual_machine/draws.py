@@ -13,10 +13,21 @@ from virtual_machine import instrument_causes as instrument
 from virtual_machine import machine_causes as machine
 from virtual_machine.cause import UM, Cause
 from virtual_machine.chain import Chain, load
-from virtual_machine.designs import PLACES, hexahedron, in_motion, scattered, stands, swept
-from virtual_machine.observe import Setup, Stand, Tracker, observed, scale_to, share_left, without_noise
+from virtual_machine.designs import PLACES, along_one, hexahedron, in_motion, scattered, stands, swept
+from virtual_machine.observe import (
+    Laser,
+    Setup,
+    Stand,
+    Tracker,
+    along_axis,
+    observed,
+    scale_along,
+    scale_to,
+    share_left,
+    without_noise,
+)
 from virtual_machine.session import Session
-from virtual_machine.sheet import tracker_sheet
+from virtual_machine.sheet import laser_sheet, tracker_sheet
 from virtual_machine.truth import smooth, table_1
 
 MACHINES = ("gantry", "cframe", "dmu50")
@@ -26,6 +37,7 @@ LEADS = {"gantry": (10.0, 16.0, 20.0, 25.0, 40.0), "cframe": (5.0, 8.0, 10.0, 12
 """mm: screws."""
 GEARS = (4.0, 5.0, 7.5, 10.0)
 """degrees."""
+LASER = Laser(0.2, 0.3)
 COARSE = "legendre:3"
 LEFT = {"tracker-angle": 0.3}
 """Of its displacement that has to be left when the stations are registered: a wave over a short arc is a turn."""
@@ -105,10 +117,15 @@ class Draw:
     """The session of the calibration before."""
     coarse: str = COARSE
     """Basis of the coarse calibration."""
+    laser_along: str = ""
+    """The axis that an interferometer measures; empty of a tracker."""
 
     def sheet(self, *, clean: bool = False) -> str:
         """The measurement file; `clean` is the same, with the same noise, with nothing wrong."""
         setup = self.setup if clean else self.setup.having(*self.causes)
+        if self.laser_along:
+            readings = along_axis(setup, self.laser_along, LASER, np.random.default_rng(self.seed))
+            return laser_sheet(setup.session, self.laser_along, LASER, readings)
         readings = observed(setup, np.random.default_rng(self.seed))
         return tracker_sheet(setup.session, setup.tracker, readings)
 
@@ -189,6 +206,20 @@ def range_of_one_station(name: str, seed: int) -> Draw:
     return Draw(
         f"range {name} {seed}", setup, (scale_to(setup, instrument.RangeOffset(), times),), seeds, times=(times,)
     )
+
+
+def by_laser(kind: str, name: str, seed: int) -> Draw:
+    """A cause along one linear axis, which an interferometer measures forward and backward, three runs."""
+    seeds = seed_of("laser", kind, name, seed)
+    rng, chain = np.random.default_rng(seeds), load(name)
+    axis = _any(chain.linear, rng)
+    setup = with_machine(along_one(chain, rng, axis), rng)
+    cause = KINDS[kind].cause(setup.session, rng)
+    while axis not in cause.answer().axes:
+        cause = KINDS[kind].cause(setup.session, rng)
+    times = _times(rng)
+    cause = scale_along(setup, axis, LASER, cause, times)
+    return Draw(f"laser {kind} {name} {seed}", setup, (cause,), seeds, times=(times,), laser_along=axis)
 
 
 def of_table_1(seed: int) -> Draw:
@@ -323,6 +354,8 @@ KINDS: Mapping[str, Kind] = {
 }  # fmt: skip
 """Of contract 4.3. References on the table tell a tracker that moves from a tool point that does; range, air and
 angles need a machine that is known from before, since none of them has a length of its own in the data."""
+BY_LASER = ("backlash", "cyclic", "quantised-compensation", "thermal-scale")
+"""Kinds that an interferometer sees too."""
 PAIRS = (
     ("backlash", "cyclic"),
     ("backlash", "thermal-drift"),

@@ -139,18 +139,36 @@ class Laser:
     u_um_per_m: float
 
 
-def along_axis(setup: Setup, axis: str, laser: Laser, rng: np.random.Generator) -> Array:
-    """Readings `(n,)`, mm, actual less nominal along a linear axis, each run from a zero of its own; with noise."""
+def exact_readings(setup: Setup, axis: str) -> Array:
+    """Readings `(n,)`, mm, of a laser along a linear axis, actual less nominal; without noise."""
     session = setup.session
     q = session.chain.to_radians(session.positions)
     ahead = q.copy()
     ahead[:, session.chain.index(axis)] += 1.0
     start, end = (nominal_points(session.chain, at, session.reflectors()) for at in (q, ahead))
-    readings = np.sum((exact_points(setup) - start) * (end - start), axis=1)
-    assert session.run is not None
-    for run in np.unique(session.run):
-        rows = session.run == run
-        place = session.place(axis)[rows]
-        u = UM * (laser.u_um + laser.u_um_per_m * np.abs(place - place[0]) * 1e-3)
-        readings[rows] += rng.normal(scale=0.01) + rng.normal(size=len(place)) * u
-    return np.asarray(readings)
+    return np.asarray(np.sum((exact_points(setup) - start) * (end - start), axis=1))
+
+
+def along_axis(setup: Setup, axis: str, laser: Laser, rng: np.random.Generator) -> Array:
+    """The same with noise, each run from a zero of its own."""
+    readings, u = exact_readings(setup, axis), noise_along(setup, axis, laser)
+    for run in np.unique(np.asarray(setup.session.run)):
+        rows = setup.session.run == run
+        readings[rows] += rng.normal(scale=0.01) + rng.normal(size=len(u[rows])) * u[rows]
+    return readings
+
+
+def noise_along(setup: Setup, axis: str, laser: Laser) -> Array:
+    """Standard uncertainties `(n,)` of a laser's readings, mm."""
+    place, away = setup.session.place(axis), np.zeros(len(setup.session))
+    for run in np.unique(np.asarray(setup.session.run)):
+        rows = setup.session.run == run
+        away[rows] = np.abs(place[rows] - place[rows][0])
+    return np.asarray(UM * (laser.u_um + laser.u_um_per_m * away * 1e-3))
+
+
+def scale_along(setup: Setup, axis: str, laser: Laser, cause: C, times: float) -> C:
+    """`scale_to` for a laser: of what is read, and of its noise."""
+    moved = exact_readings(setup.having(cause), axis) - exact_readings(setup, axis)
+    noise = np.sqrt(np.mean(noise_along(setup, axis, laser) ** 2 / setup.session.visits()))
+    return cause.scaled(times * float(noise) / float(np.sqrt(np.mean(moved**2))))

@@ -14,6 +14,8 @@ from virtual_machine.cause import Answer
 Found = Mapping[str, Any]
 """An effect of the diagnosis, with what the new calibration says of it."""
 COVERAGE = 2.0
+PLACES = ("component", "circle", "station")
+"""What an effect that is of no axis may give as its axis."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +136,7 @@ def _coefficient(effect: Found, key: str) -> tuple[float, float] | None:
 
 def _says(effect: Found, key: str, value: object) -> bool:
     """True when the effect gives the field this value, in itself or in its parameters."""
-    told = effect.get(key, effect["parameters"].get(key))
+    told = effect.get(key, effect.get("axis") if key in PLACES else effect["parameters"].get(key))
     if key == "both axes":
         return bool({effect.get("axis"), effect.get("other")} == value)
     if key == "rows":
