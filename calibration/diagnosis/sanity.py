@@ -1,0 +1,269 @@
+"""Is the measurement what it says it is? Looked at before any model of the machine's errors.
+
+A mistake in writing the data down is one that, undone, makes the nominal machine fit FALLS times better, and about as
+well as machines do (PLAUSIBLE). Errors of a machine of 0.1 mm and 0.1 mrad find nothing here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from calibration.diagnosis.alternatives import Alternative, alternatives, by_axes, misfit, trimmed_rms, worst_rms
+from calibration.diagnosis.places import place_numbers
+from calibration.measurement import Measurement
+from calibration.outliers import duplicates
+from kinematics.transforms import Array
+
+FALLS = 5.0
+"""Times that the residual has to fall when a mistake is undone."""
+PLAUSIBLE = 1.0
+"""mm: RMS residual of the nominal machine in data without a mistake."""
+SUSPICIOUS = 0.3
+"""mm: below it no mistake is looked for."""
+HOPELESS = 5.0
+"""mm: a median residual beyond it, which no mistake explains, is no machine's."""
+TIED = 2.0
+"""Mistakes whose undoing fits as well up to this factor can't be told apart."""
+ROWS = 1500
+"""Rows, picked at random, that the mistakes are looked for in."""
+SLOPE = 1e-3
+"""Deviation per travel that no axis has."""
+RELATED = 0.7
+"""Correlation from which two columns are called related."""
+SIGNIFICANCE = 1e-3
+NOTICED = 1e-3
+"""mm and mrad: a read-back that differs less from the command is not looked at."""
+
+
+class Finding(NamedTuple):
+    """Something about the data."""
+
+    what: str
+    says: str
+    """One sentence, with numbers."""
+    fatal: bool
+    """True where the data can't be used as they are."""
+
+
+def sanity(measurement: Measurement) -> list[Finding]:
+    """What is wrong, or odd, with a measurement; those that forbid its use first."""
+    copies = duplicates(measurement)
+    own = measurement.rows(np.flatnonzero(~copies))
+    found = [*_copies(measurement, copies)]
+    if measurement.instrument.components == 1:
+        found += _readings(own)
+    else:
+        found += _mistakes(own)
+    found += [*_clock(own), *_first_cycle(own), *_read_back(own)]
+    return sorted(found, key=lambda finding: not finding.fatal)
+
+
+def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
+    if copies.any():
+        where = measurement.where(int(np.argmax(copies)))
+        yield Finding(
+            "copies",
+            f"{copies.sum()} of {len(copies)} rows are copies of earlier ones to the last digit (the first: {where}), "
+            "and count once",
+            False,
+        )
+
+
+def _mistakes(measurement: Measurement) -> Iterator[Finding]:
+    """Mistakes of points, by undoing them one at a time; else stations and whole measurements that fit nowhere."""
+    rows = np.arange(len(measurement))
+    if len(rows) > ROWS:
+        rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
+    some = measurement.rows(rows)
+    missed, _ = misfit(some)
+    before = worst_rms(some, missed)
+    if before < SUSPICIOUS:
+        return
+    tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in alternatives(some)]
+    best = min((after for after, _ in tried), default=np.inf)
+    if best < before / FALLS and best < PLAUSIBLE:
+        yield _mistake(before, [pair for pair in tried if pair[0] <= TIED * best])
+        return
+    lengths = np.linalg.norm(missed, axis=1)
+    if float(np.median(lengths)) > HOPELESS:
+        yield Finding(
+            "unexplained",
+            f"the points miss the commanded positions by {np.median(lengths):.4g} mm (median, instrument registered), "
+            "and no exchange of columns, targets, signs or units explains that: are these points of this machine and "
+            "of these positions?",
+            True,
+        )
+        return
+    yield from _stations(some, lengths)
+
+
+def _mistake(before: float, tied: list[tuple[float, Alternative]]) -> Finding:
+    after, first = min(tied, key=lambda pair: pair[0])
+    words = ", or ".join(other.by for _, other in tied)
+    open_end = "" if len(tied) == 1 else "; these data can't tell which"
+    return Finding(
+        first.what,
+        f"the points miss the commanded positions by {before:.4g} mm RMS, and by {after:.3g} mm {words}{open_end}",
+        True,
+    )
+
+
+def _stations(measurement: Measurement, lengths: Array) -> Iterator[Finding]:
+    """Stations that do not fit in themselves while others do."""
+    groups = measurement.groups
+    sizes = {name: trimmed_rms(lengths[groups == name]) for name in np.unique(groups).tolist()}
+    usual = float(np.median(list(sizes.values())))
+    for name, size in sizes.items():
+        if len(sizes) > 1 and size > max(FALLS * usual, PLAUSIBLE):
+            yield Finding(
+                "station",
+                f"the points of station {name} miss the commanded positions by {size:.3g} mm RMS, those of the others "
+                f"by {usual:.3g} mm: it moved while it measured, or its rows are of other positions",
+                False,
+            )
+
+
+def _readings(measurement: Measurement) -> Iterator[Finding]:
+    """Deviations of an interferometer that grow with the travel as those of no axis."""
+    assert measurement.axis is not None
+    machine = measurement.machine
+    for name in np.unique(measurement.axis).tolist():
+        rows = np.flatnonzero(measurement.axis == name)
+        part, i = measurement.rows(rows), machine.index(name)
+        x, y = _centred(part, part.state.positions[:, [i]])[:, 0], _centred(part, part.observed)[:, 0]
+        if np.ptp(x) <= 0.0:
+            continue
+        slope = float(x @ y / (x @ x))
+        left, all_of_it = float(np.sqrt(np.mean((y - slope * x) ** 2))), float(np.sqrt(np.mean(y**2)))
+        if abs(slope) > SLOPE and left < all_of_it / FALLS:
+            unit = "urad/deg" if machine.axes[i].rotary else "um/mm"
+            per = slope * (1e6 * np.pi / 180.0 if machine.axes[i].rotary else 1e3)
+            yield Finding(
+                "units",
+                f"the deviations of {name} grow by {per:.4g} {unit} along the travel: these are readings instead of "
+                "deviations, or the unit or the sign of one column is wrong",
+                True,
+            )
+
+
+def _clock(measurement: Measurement) -> Iterator[Finding]:
+    """Rows in motion that are observed earlier or later than their positions were noted."""
+    velocity = measurement.state.velocity
+    if velocity is None:
+        return
+    moving = np.flatnonzero(velocity.any(axis=1))
+    if len(moving) < 10:
+        return
+    part = measurement.rows(moving)
+    assert part.state.velocity is not None
+    missed, registration = misfit(part)
+    missed = _centred(part, missed)
+    swept = _centred(part, (by_axes(part, registration) @ part.state.velocity[:, :, None])[:, :, 0])
+    size = float(np.sum(swept**2))
+    if size <= 0.0:
+        return
+    lag = float(np.sum(swept * missed)) / size
+    before, after = (float(np.sqrt(np.mean(rows**2))) for rows in (missed, missed - lag * swept))
+    if after < before / FALLS:
+        ahead = "later" if lag > 0 else "earlier"
+        yield Finding(
+            "clock",
+            f"rows in motion were observed {abs(lag) * 1e3:.3g} ms {ahead} than their positions were noted: with that "
+            f"lag their residual falls from {before * 1e3:.4g} to {after * 1e3:.3g} um RMS (two clocks, or following "
+            "error)",
+            before > PLAUSIBLE,
+        )
+
+
+def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
+    """A first run that differs from the later ones at the same places more than they do from each other."""
+    if measurement.run is None:
+        return
+    runs = list(dict.fromkeys(measurement.run.tolist()))
+    if len(runs) < 3:
+        return
+    places = place_numbers(measurement)
+    shared = _shared(measurement, places)
+    cells = np.array([[_mean_at(measurement, places, run, place) for run in runs] for place in shared])
+    if len(cells) < 5:
+        return
+    later = cells[:, 1:]
+    middle = later.mean(axis=1, keepdims=True)
+    k = later.shape[1]
+    first = float(np.mean((cells[:, 0] - middle[:, 0]) ** 2)) / (1.0 + 1.0 / k)
+    rest = float(np.sum((later - middle) ** 2)) / (later[:, 0].size * (k - 1))
+    freedom = later[:, 0].size
+    if rest > 0.0 and stats.f.sf(first / rest, freedom, freedom * (k - 1)) < SIGNIFICANCE and first > FALLS * rest:
+        unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
+        yield Finding(
+            "first cycle",
+            f"the first run differs from the later ones by {first**0.5:.3g} {unit} RMS at {len(cells)} places, they from "
+            f"each other by {rest**0.5:.3g}: a first cycle, or a drift that dies down",
+            False,
+        )
+
+
+def _shared(measurement: Measurement, places: np.ndarray) -> list[int]:
+    """Places that every run visits."""
+    assert measurement.run is not None
+    visited = [set(places[measurement.run == run].tolist()) for run in np.unique(measurement.run).tolist()]
+    return sorted(set.intersection(*visited))
+
+
+def _mean_at(measurement: Measurement, places: np.ndarray, run: str, place: int) -> Array:
+    """Mean observation `(d,)`, um and urad, of a run at a place."""
+    assert measurement.run is not None
+    rows = (measurement.run == run) & (places == place)
+    return np.asarray((measurement.observed * measurement.per_micro)[rows].mean(axis=0))
+
+
+def _read_back(measurement: Measurement) -> Iterator[Finding]:
+    """Read-back positions that differ from the commands, and what that goes with."""
+    if measurement.actual is None:
+        return
+    machine, state = measurement.machine, measurement.state
+    missed, registration = misfit(measurement)
+    along = by_axes(measurement, registration)
+    for i, axis in enumerate(machine.axes):
+        apart = measurement.actual[:, i] - state.positions[:, i]
+        rows = np.isfinite(apart) & along[:, :, i].any(axis=1)
+        rms = float(np.sqrt(np.mean(apart[rows] ** 2))) if rows.any() else 0.0
+        if rows.sum() < 10 or rms < NOTICED:
+            continue
+        small, unit = (1e6, "urad") if axis.rotary else (1e3, "um")
+        own = np.einsum("nd,nd->n", missed, along[:, :, i])[rows] / np.sum(along[rows, :, i] ** 2, axis=1)
+        says = [f"read-back and command of {axis.name} differ by {rms * small:.3g} {unit} RMS"]
+        slope, r = _related(apart[rows], own)
+        if r > RELATED and 0.5 < slope < 1.5:
+            says.append(f"the observed deviation follows with slope {slope:.2f}: it did not stand where it was told")
+        if state.last_move is not None:
+            slope, r = _related(state.last_move[rows, i], apart[rows])
+            if abs(r) > RELATED:
+                says.append(f"by {slope * 1e6:.3g} ppm of the last move: it had not settled (r = {r:.2f})")
+        if state.velocity is not None and state.velocity[rows, i].any():
+            slope, r = _related(state.velocity[rows, i], apart[rows])
+            if abs(r) > RELATED:
+                says.append(f"by {slope * 1e3:.3g} ms of the velocity: following error, or two clocks (r = {r:.2f})")
+        yield Finding("read-back", "; ".join(says), False)
+
+
+def _related(one: Array, other: Array) -> tuple[float, float]:
+    """Slope of the other on the one, both `(n,)`, and their correlation; zeros where one of them does not vary."""
+    one, other = one - one.mean(), other - other.mean()
+    sizes = float(one @ one), float(other @ other)
+    if min(sizes) <= 0.0:
+        return 0.0, 0.0
+    product = float(one @ other)
+    return product / sizes[0], product / float(np.sqrt(sizes[0] * sizes[1]))
+
+
+def _centred(measurement: Measurement, values: Array) -> Array:
+    """Values `(n, d)` less the mean of what is registered together."""
+    _, group = np.unique(measurement.groups, return_inverse=True)
+    sums = np.zeros((group.max() + 1, values.shape[1]))
+    np.add.at(sums, group, values)
+    return np.asarray(values - (sums / np.bincount(group)[:, None])[group])
