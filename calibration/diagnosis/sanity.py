@@ -201,8 +201,8 @@ def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
         unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
         yield Finding(
             "first cycle",
-            f"the first run differs from the later ones by {first**0.5:.3g} {unit} RMS at {len(cells)} places, they from "
-            f"each other by {rest**0.5:.3g}: a first cycle, or a drift that dies down",
+            f"the first run differs from the later ones by {first**0.5:.3g} {unit} RMS at {len(cells)} places, they "
+            f"from each other by {rest**0.5:.3g}: a first cycle, or a drift that dies down",
             False,
         )
 
