@@ -21,8 +21,9 @@ from calibration.fit import Fit, Progress, fit
 from calibration.measurement import Measurement
 from calibration.models import moving_axes, priors, with_effects
 from calibration.outliers import Variance
+from calibration.problem import HELD
 from calibration.resolution import Choice, choose
-from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError
+from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError, QuantisedCompensation
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 
@@ -139,4 +140,6 @@ def _prior(effect: Effect, size: np.ndarray) -> np.ndarray:
     typical = np.array([quantity.typical for quantity in table])
     linear = np.array([quantity.linear for quantity in table])
     largest = max(float(np.abs(size).max(initial=0.0)), 1.0)
-    return np.where(linear, WIDE * largest * typical, typical)
+    # a jump has no slope that a fit could follow: its place is searched for
+    held = HELD if isinstance(effect, QuantisedCompensation) else 1.0
+    return np.where(linear, WIDE * largest * typical, held * typical)

@@ -28,14 +28,18 @@ from kinematics.effects import (
     QuantisedCompensation,
     StationShift,
 )
-from kinematics.effects.base import own_component, own_motion
+from kinematics.effects.base import own_component, own_motion, unit_of
 from kinematics.transforms import Array
 
 WAVES = 8.0
 """An error that repeats fewer times over the travel is a matter of the basis, not a cyclic one."""
 OVERSAMPLING = 4
-MOST_WAVES, MOST_TEETH = 3000, 1000
+MOST_WAVES, MOST_TEETH = 10_000, 1000
 """Frequencies that are looked at."""
+BEYOND = 16.0
+"""Waves over the travel that are looked for, per position: irregular ones resolve more than their mean distance."""
+SCANNED = 2000
+"""Rows that frequencies are looked for in."""
 BEST = 12
 """Of the frequencies, per error motion, of which the model's part is taken."""
 TEETH = 3.0
@@ -49,6 +53,8 @@ BREAKS = 60
 """Moments that are tried."""
 LEAST_ROWS = 8
 """Before and after a moment when the instrument moved."""
+LATTICE = 0.02
+"""Share of their distance by which positions may miss a lattice."""
 OVER = 3000
 """Rows times frequencies that are worked out together, in thousands."""
 
@@ -58,16 +64,15 @@ def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component))
     measurement = frame.measurement
     for axis, (low, high) in moving_axes(measurement).items():
         x = _positions(frame, axis)
-        count = min(distinct_positions(measurement, axis), MOST_WAVES // OVERSAMPLING)
-        frequencies = np.arange(WAVES, max(count, WAVES), 1.0 / OVERSAMPLING) / (high - low)
+        most = min(_resolved(x, high - low), MOST_WAVES / OVERSAMPLING)
+        frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
         if len(frequencies) < OVERSAMPLING:
             continue
         seen = [c for c in components if measurement.axis is None or c == own_component(axis)]
         strength = _strengths(frame, axis, seen, x, frequencies)
         for component, power in zip(seen, strength, strict=True):
-            best = _finest(
-                frame, axis, component, frequencies[_peaks(power, BEST)], 0.5 / (OVERSAMPLING * (high - low))
-            )
+            tried = frequencies[_peaks(power, BEST)]
+            best = _finest(frame, axis, component, tried, 0.5 / (OVERSAMPLING * (high - low)))
             yield Candidate(_wave(component, axis, 1.0 / best, 1), 1, float(len(frequencies) * len(seen)))
 
 
@@ -160,12 +165,25 @@ def breaks(frame: Frame) -> Iterator[Candidate]:
 
 
 def aliases(frame: Frame, effect: Cyclic) -> list[float]:
-    """Other periods that positions on a lattice can't tell from this one."""
-    x = np.unique(np.round(_positions(frame, effect.axis), 4))
-    pitch = float(np.min(np.diff(x)))
-    if pitch <= 0 or np.abs((x - x[0]) / pitch - np.round((x - x[0]) / pitch)).max() > 0.02:
+    """Other periods, mm or degrees, that positions on a lattice can't tell from this one."""
+    pitch = lattice(_positions(frame, effect.axis))
+    if pitch is None:
         return []
     return [float(1.0 / abs(m / pitch + sign / effect.period)) for m in (1, 2) for sign in (-1, 1)]
+
+
+def lattice(x: Array) -> float | None:
+    """Distance of the points of a lattice that all positions lie on, where there are few enough; else None."""
+    apart = np.diff(np.unique(np.round(x, 3)))
+    pitch = float(apart.min(initial=np.inf))
+    off = np.abs(apart / pitch - np.round(apart / pitch)).max(initial=0.0)
+    return pitch if np.isfinite(pitch) and off < LATTICE and np.ptp(x) / pitch < 4 * len(apart) else None
+
+
+def _resolved(x: Array, travel: float) -> float:
+    """Waves over the travel that positions can tell apart."""
+    pitch = lattice(x)
+    return BEYOND * len(np.unique(np.round(x, 3))) if pitch is None else 0.5 * travel / pitch
 
 
 def _positions(frame: Frame, axis: str) -> Array:
@@ -175,8 +193,10 @@ def _positions(frame: Frame, axis: str) -> Array:
 def _strengths(frame: Frame, axis: str, components: list[Component], x: Array, frequencies: Array) -> Array:
     """Power `(components, frequencies)` of waves, the model's part not taken: sum of squares that they explain."""
     i = frame.measurement.machine.index(axis)
-    residual = frame.residual.reshape(len(x), -1)
-    arms = [frame.transform[:, :, 6 * i + COMPONENTS.index(c)] for c in components]
+    some = np.linspace(0, len(x) - 1, min(len(x), SCANNED)).astype(int)
+    residual = frame.residual.reshape(len(x), -1)[some]
+    arms = [frame.transform[some, :, 6 * i + COMPONENTS.index(c)] for c in components]
+    x = x[some]
     along = np.stack([np.sum(arm * residual, axis=1) for arm in arms])
     squares = np.stack([np.sum(arm**2, axis=1) for arm in arms])
     power = np.empty((len(components), len(frequencies)))
@@ -202,18 +222,30 @@ def _peaks(power: Array, count: int) -> np.ndarray:
 
 def _finest(frame: Frame, axis: str, component: Component, frequencies: Array, step: float) -> float:
     """The frequency that explains most once the model has taken its part, between the neighbours of the best."""
+    machine = frame.measurement.machine
+    arm = frame.transform[:, :, 6 * machine.index(axis) + COMPONENTS.index(component)] * unit_of(component)[1]
+    x = _positions(frame, axis)
 
-    def gain(frequency: float) -> float:
-        return _gain(frame, _wave(component, axis, 1.0 / frequency, 1))
+    def best_of(tried: Array) -> float:
+        phase = 2 * np.pi * x[:, None] * tried
+        both = np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(len(x), -1)
+        projected = frame.projected((arm[:, :, None] * both[:, None, :]).reshape(frame.scalars, -1))
+        along = projected.columns.T @ frame.residual
+        gains = []
+        for i in range(len(tried)):
+            part = slice(2 * i, 2 * i + 2)
+            own = projected.left[part, part]
+            gains.append(along[part] @ np.linalg.solve(own + 1e-9 * np.trace(own) * np.eye(2), along[part]))
+        return float(tried[int(np.argmax(gains))])
 
-    best = max(frequencies.tolist(), key=gain)
+    best = best_of(frequencies)
     for _ in range(4):
-        best = max((best - step, best, best + step), key=gain)
+        best = best_of(np.array([best - step, best, best + step]))
         step /= 2
-    return float(best)
+    return best
 
 
-def _gain(frame: Frame, effect: Cyclic | QuantisedCompensation | StationShift) -> float:
+def _gain(frame: Frame, effect: QuantisedCompensation | StationShift) -> float:
     return frame.score(frame.projected(frame.columns(effect))).gain
 
 
@@ -224,6 +256,25 @@ def _wave(component: Component, axis: str, period: float, harmonics: int) -> Cyc
 
 def _saw(axis: str, pitch: float, offset: float) -> QuantisedCompensation:
     return QuantisedCompensation(axis=axis, step=0.0, pitch=float(pitch), offset=float(offset))
+
+
+def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float, float]:
+    """Standard uncertainties of pitch and offset: how far each has to move for the sum of squares to rise by one.
+
+    In the frame of a fit without the effect.
+    """
+    best, found = _gain(frame, _saw(effect.axis, effect.pitch, effect.offset)), []
+    for field in ("pitch", "offset"):
+        step = 1e-5 * effect.pitch
+        while step < effect.pitch / 4:
+            sides = [
+                msgspec.structs.replace(effect, **{field: getattr(effect, field) + sign * step}) for sign in (-1, 1)
+            ]
+            if all(_gain(frame, each) < best - 1.0 for each in sides):
+                break
+            step *= 1.25
+        found.append(step)
+    return found[0], found[1]
 
 
 def _refined_saw(frame: Frame, axis: str, pitch: float, offset: float, travel: float) -> tuple[float, float]:

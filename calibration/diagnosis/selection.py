@@ -62,10 +62,8 @@ class Sibling(NamedTuple):
     judged: Judged
     cosine: float
     """Between what the two do, once the model and the registration have taken their part."""
-    delta_bic: float
-    """Of the cause in its place, less that of the accepted one."""
-    loss: float
-    """By which the sum of squares would be larger with it in its place, in terms of the noise's variance."""
+    log_odds: float
+    """Of the accepted cause against this one, by what they explain and by how much of each is free to be chosen."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +92,12 @@ class Stage(NamedTuple):
     fit: Fit
     frame: Frame
     accepted: tuple[Accepted, ...]
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares, and what the causes' parameters are charged (BIC)."""
+        parameters = sum(each.score.spent for each in self.accepted)
+        return self.frame.squares + parameters * float(np.log(self.frame.scalars))
 
     @property
     def heldout_um(self) -> float:
@@ -155,30 +159,28 @@ class Selector:
             accepted.append(Accepted(found, score.size, score, projected.visible, without.held_gains(projected)))
         return Stage(fit, frame, tuple(accepted))
 
-    def settled(self, selection: Selection) -> Selection:
-        """Every cause held against its siblings, one of which takes its place where it explains more."""
-        stages = list(selection.stages)
-        for _ in range(PASSES):
-            now, swapped = stages[-1], False
-            accepted = []
-            for i, (each, number) in enumerate(
-                zip(now.accepted, self.base.numbers(_chosen(now.accepted)), strict=True)
-            ):
-                self.progress(f"siblings of {each.candidate.effect.name}")
-                others = [other for k, other in enumerate(now.accepted) if k != i]
-                without = now.frame.without(number)
-                found = siblings(without, each, proposals(without, self._left(others)))
-                accepted.append(replace(each, siblings=tuple(found)))
-                better = next((sibling.judged for sibling in found if sibling.delta_bic < BETTER), None)
-                if better is not None and next(passing(without, [better]), None) is not None and not swapped:
-                    chosen = list(_chosen(now.accepted))
-                    chosen[i] = (better.candidate, better.score.size)
-                    trial, swapped = self.stage(chosen), True
-            stages[-1] = now._replace(accepted=tuple(accepted))
-            if not swapped:
+    def settled(self, stage: Stage) -> Stage:
+        """Every cause held against others that could stand in its place; the better one stands there."""
+        for swaps_left in reversed(range(PASSES + 1)):
+            accepted: list[Accepted] = []
+            better: list[tuple[Candidate, Array]] | None = None
+            for i, number in enumerate(self.base.numbers(_chosen(stage.accepted))):
+                own = stage.accepted[i]
+                self.progress(f"siblings of {own.candidate.effect.name}")
+                without = stage.frame.without(number)
+                others = judge(without, proposals(without, self._left([*stage.accepted[:i], *stage.accepted[i + 1 :]])))
+                accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
+                first = next(passing(without, others), None)
+                if better is None and first and first.score.delta_bic < own.score.delta_bic + BETTER:
+                    better = _chosen(stage.accepted)
+                    better[i] = (first.candidate, first.score.size)
+            if better is None or not swaps_left:
                 break
-            stages[-1] = trial
-        return replace(selection, stages=tuple(stages))
+            trial = self._pruned(self.stage(better))
+            if trial.cost > stage.cost + BETTER:
+                break
+            stage = trial
+        return stage._replace(accepted=tuple(accepted))
 
     def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:
         causes = {each.candidate.cause for each in accepted}
@@ -186,7 +188,7 @@ class Selector:
 
     def _pruned(self, stage: Stage) -> Stage:
         """Without the causes that no longer pay now that others are known."""
-        while len(stage.accepted) > 1:
+        while stage.accepted:
             worst = max(stage.accepted, key=lambda each: each.score.delta_bic)
             if worst.score.delta_bic < DROPPED:
                 break
@@ -213,8 +215,10 @@ def proposals(frame: Frame, library: Sequence[Candidate]) -> list[Candidate]:
 def passing(frame: Frame, judged: Sequence[Judged]) -> Iterator[Judged]:
     """Those that may be named, the best first."""
     limit = _discovered([each.score.p_value for each in judged])
+    hidden = min((each.score.delta_bic for each in judged if each.projected.visible < SEEN), default=np.inf)
     for each in judged[:LOOKED_AT]:
-        if each.score.delta_bic > WORTH:
+        # what a cause that the data hardly show explains as well is not blamed on another
+        if each.score.delta_bic > min(WORTH, hidden + WORTH):
             return
         if each.projected.visible < SEEN or each.score.p_value > limit or np.abs(each.score.size).max() > LARGEST:
             continue
@@ -223,15 +227,15 @@ def passing(frame: Frame, judged: Sequence[Judged]) -> Iterator[Judged]:
             yield each
 
 
-def siblings(frame: Frame, accepted: Accepted, candidates: Sequence[Candidate]) -> list[Sibling]:
-    """Other causes that do much the same, in the frame of a fit that has none of them; the closest first."""
+def siblings(frame: Frame, accepted: Accepted, judged: Sequence[Judged]) -> list[Sibling]:
+    """Other causes that do much the same, in the frame of a fit that has none of them; the likeliest first."""
     own = frame.projected(frame.columns(accepted.candidate.effect))
     score = frame.score(own, accepted.candidate.shapes)
     energy = float(score.size @ own.left @ score.size)
-    found = []
-    for each in judge(frame, [c for c in candidates if c.cause != accepted.candidate.cause]):
-        other = each.projected
-        if other.visible < SEEN or not energy:
+    found: dict[tuple[str | None, ...], Sibling] = {}
+    for each in judged:
+        other, cause = each.projected, each.candidate.cause
+        if other.visible < SEEN or not energy or cause == accepted.candidate.cause:
             continue
         shared = (other.columns.T @ own.columns - other.through.T @ own.through) @ score.size
         ridge = 1e-9 * np.trace(other.left) * np.eye(len(other.left))
@@ -239,9 +243,18 @@ def siblings(frame: Frame, accepted: Accepted, candidates: Sequence[Candidate]) 
             np.sqrt(min(max(float(shared @ np.linalg.solve(other.left + ridge, shared)), 0.0) / energy, 1.0))
         )
         if cosine > RELATED:
-            loss = score.gain - each.score.gain
-            found.append(Sibling(each, cosine, each.score.delta_bic - score.delta_bic, loss))
-    return sorted(found, key=lambda sibling: sibling.delta_bic)
+            free = complexity(each.candidate) - complexity(accepted.candidate)
+            log_odds = (score.gain - each.score.gain + free * float(np.log(frame.scalars))) / 2
+            if cause not in found or log_odds < found[cause].log_odds:
+                found[cause] = Sibling(each, cosine, log_odds)
+    return sorted(found.values(), key=lambda sibling: sibling.log_odds)
+
+
+def complexity(candidate: Candidate) -> int:
+    """Number of things that are free to be chosen: a vector of the instrument is one, its direction being anybody's."""
+    if candidate.effect.ACTS_ON == "instrument":
+        return len(candidate.effect.quantities()) + candidate.shapes
+    return len(candidate.effect.parameters)
 
 
 def _chosen(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
