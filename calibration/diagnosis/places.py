@@ -1,4 +1,4 @@
-"""The same place again: rows with the same commands, target, station and direction of approach."""
+"""The same place again: rows with the same commands, feed, target, station and direction of approach."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ def place_numbers(measurement: Measurement) -> np.ndarray:
     columns = [np.round(state.positions / measurement.machine.scale, DIGITS) + 0.0]
     if state.approach is not None:
         columns.append(state.approach)
+    if measurement.feed is not None:
+        columns.append(measurement.feed[:, None])
     for names in (measurement.target_number, state.station, measurement.axis):
         if names is not None:
             columns.append(np.unique(names, return_inverse=True)[1][:, None].astype(float))
