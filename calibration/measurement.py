@@ -67,6 +67,8 @@ class Measurement:
     """Of the file's content."""
     notes: tuple[str, ...] = ()
     """What was taken for granted in reading, for people."""
+    file: np.ndarray | None = None
+    """Name of the file `(n,)`, of several together."""
 
     def __len__(self) -> int:
         return len(self.observed)
@@ -117,11 +119,13 @@ class Measurement:
             actual=at(self.actual),
             feed=at(self.feed),
             lines=at(self.lines),
+            file=at(self.file),
         )
 
     def where(self, row: int) -> str:
         """Source and line of a row, for messages."""
-        return self.source if self.lines is None else f"{self.source}:{self.lines[row]}"
+        source = self.source if self.file is None else str(self.file[row])
+        return source if self.lines is None else f"{source}:{self.lines[row]}"
 
 
 def with_moves(state: State, approach: Array | None = None) -> State:

@@ -58,8 +58,10 @@ def positions(machine: Machine, n: int, rng: np.random.Generator, edges: int = 0
     return q
 
 
-def measured(machine, q, targets, model, rng, *, tracker=TRACKER, stations=1, noise=True, stands_on="workpiece"):
-    """What a tracker sees of the machine at `q` `(n, axes)`, targets and stations in random turn."""
+def measured(
+    machine, q, targets, model, rng, *, tracker=TRACKER, stations=1, noise=True, stands_on="workpiece", start_s=0.0
+):
+    """What a tracker sees of the machine at `q` `(n, axes)`, targets and stations in random turn, every 15 s."""
     n = len(q)
     names = [f"s{i + 1}" for i in range(stations)]
     state = with_moves(
@@ -67,7 +69,7 @@ def measured(machine, q, targets, model, rng, *, tracker=TRACKER, stations=1, no
             q,
             target=rng.choice(list(targets), n),
             station=np.array(names)[np.arange(n) * stations // n],
-            time=15.0 * np.arange(n),
+            time=start_s + 15.0 * np.arange(n),
         )
     )
     empty = Measurement(machine, tracker, state, np.ones((n, 3)), targets, stands_on, source="virtual")
