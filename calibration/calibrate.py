@@ -113,15 +113,20 @@ def _before(found: Fit) -> np.ndarray:
     return np.asarray(residuals(kept, no_errors(kept.machine), registration) * kept.per_micro)
 
 
-def _written(found: Fit) -> ErrorModel:
-    """The fitted model in the datum, with its location errors and where it comes from."""
+def in_datum(found: Fit) -> ErrorModel:
+    """The fitted model in the datum, with its location errors."""
     machine = found.measurement.machine
-    in_datum = transformed(found.model, found.model.effects, to_datum(machine, found.model, found.prior))
-    effects, matrix = split_locations(machine, in_datum)
+    moved = transformed(found.model, found.model.effects, to_datum(machine, found.model, found.prior))
+    effects, matrix = split_locations(machine, moved)
+    return transformed(moved, effects, matrix)
+
+
+def _written(found: Fit) -> ErrorModel:
+    """The fitted model with its location errors and where it comes from."""
     provenance = Provenance(
         made_by=f"ncomp {version('ncomp')}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         source=f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}",
         inputs={found.measurement.source: found.measurement.fingerprint},
     )
-    return msgspec.structs.replace(transformed(in_datum, effects, matrix), provenance=provenance)
+    return msgspec.structs.replace(in_datum(found), provenance=provenance)

@@ -1,0 +1,234 @@
+"""The closed loop: is anything missing, what is it, how sure is that, and what does adding it bring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis import remainder
+from calibration.diagnosis.base import Base, base_of
+from calibration.diagnosis.dependence import Unexplained
+from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.gains import Volume, by_direction, closure, volume
+from calibration.diagnosis.library import Candidate, Untested, changes, library
+from calibration.diagnosis.next_measurement import Move, moves
+from calibration.diagnosis.repeats import Repeats, repeats
+from calibration.diagnosis.sanity import Finding, sanity
+from calibration.diagnosis.selection import Accepted, Judged, Selector, Stage, judge
+from calibration.diagnosis.verdict import Named, NotVisible, named, not_visible, outliers, smallest_sizes
+from calibration.diagnosis.whiteness import Test, combined
+from calibration.diagnosis.written import new_calibration
+from calibration.measurement import Measurement
+from calibration.outliers import Variance
+from calibration.visibility import Visibility, visibility
+from kinematics.errors import UserError
+from kinematics.model import ErrorModel
+
+GATE = 0.2
+"""Chance that pure noise is looked into any further."""
+LEFT = 0.01
+"""Chance that pure noise is said to depend on something."""
+AGAIN = 2
+"""Times that the bases are chosen anew with what was found."""
+DOUBT, ENOUGH = 1e-3, 20
+"""p-value of the instrument's sheet, from so many degrees of freedom of repeats, below which these say its noise."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What the data say of a model."""
+
+    measurement: Measurement
+    base: Base
+    before: Stage
+    """The present model."""
+    after: Stage
+    """With the causes that were found."""
+    model: ErrorModel
+    """The new calibration: of the machine, without the instrument's effects."""
+    findings: tuple[Finding, ...]
+    repeats: Repeats | None
+    tests: tuple[Test, ...]
+    """Of the residuals of the present model."""
+    tests_after: tuple[Test, ...]
+    causes: tuple[Named, ...]
+    not_visible: tuple[NotVisible, ...]
+    untested: tuple[Untested, ...]
+    visibility: Visibility | None
+    """Of the error motions; None against a calibration, whose knowledge stands in for what the data do not see."""
+    unexplained: Unexplained | None
+    judged: tuple[Judged, ...]
+    """All candidates, in the frame of the result, the best first."""
+    closure: float | None
+    """Share of what is left beyond the noise that no rigid chain can explain; None where data are too few to say."""
+    volume: Volume
+    moves: tuple[Move, ...]
+    """Measurements that would tell most, per minute, the best first."""
+
+    @property
+    def unexplained_um(self) -> float:
+        """RMS per scalar of what depends on variables that no cause explains."""
+        if self.unexplained is None:
+            return 0.0
+        frame = self.after.frame
+        smooth = np.linalg.solve(frame.white, self.unexplained.shape[:, :, None])[:, :, 0]
+        return float(np.sqrt(np.mean((smooth * self.measurement.per_micro[frame.rows]) ** 2)))
+
+    @property
+    def by_direction(self) -> dict[str, dict[str, float]]:
+        """RMS residual, um, by direction (of an interferometer by axis), before and after."""
+        return {"before": by_direction(self.before), "after": by_direction(self.after)}
+
+    @property
+    def smallest(self) -> list[tuple[str, float, str]]:
+        """Name, size and unit of the smallest effects of one parameter that these data would show."""
+        return list(smallest_sizes(self.judged, self.after.frame.scalars))
+
+    @property
+    def next_measurement(self) -> str:
+        """What to measure next, in workshop words."""
+        return (
+            self.moves[0].says
+            if self.moves
+            else "nothing is asked for: no tie, and nothing left that depends on anything"
+        )
+
+    @property
+    def noise_um(self) -> float:
+        """RMS per scalar that the residuals would have were they noise alone; urad on rotary axes."""
+        frame = self.after.frame
+        spread = np.linalg.inv(frame.white)[frame.good] * self.measurement.per_micro[frame.rows][frame.good, None]
+        return float(np.sqrt(np.sum(spread**2) / spread[:, :, 0].size))
+
+
+class _Found(NamedTuple):
+    """Where the search has come to."""
+
+    selector: Selector
+    stage: Stage
+    judged: tuple[Judged, ...]
+
+    @property
+    def numbers(self) -> list[int]:
+        """Where the accepted causes stand among the effects of the fit."""
+        return self.selector.base.numbers([(each.candidate, each.size) for each in self.stage.accepted])
+
+
+def diagnose(
+    measurement: Measurement,
+    calibration: ErrorModel | None = None,
+    *,
+    variance: Variance = "sheet",
+    progress: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """What a model of these data lacks: the present calibration, or one of all error motions.
+
+    UserError when the data can't be what they say they are, or can't be fitted.
+    """
+    progress("looking at the data")
+    findings = sanity(measurement)
+    fatal = [finding.says for finding in findings if finding.fatal]
+    if fatal:
+        raise UserError(f"{measurement.source}: {fatal[0]}")
+    base = base_of(measurement, calibration, progress)
+    progress("fitting the present model")
+    noise = repeats(measurement, base.fit(measurement, [], variance).kept)
+    if variance == "sheet" and noise is not None and _in_doubt(noise):
+        measurement = _as_noisy_as(measurement, noise)
+        findings.append(
+            Finding(
+                "noise", f"the instrument's sheet is in doubt, its noise is taken from repeats: {noise.says}", False
+            )
+        )
+    candidates, untested = library(measurement, base.model)
+    candidates += changes(base.model) if base.origin == "updated" else []
+    selector = Selector(measurement, base, candidates, variance, progress)
+    before = selector.stage([])
+    tests = remainder.tests(before.frame)
+    found = _Found(selector, before, ())
+    if combined(tests, GATE) or len(before.fit.outliers):
+        found = _causes(selector)
+    progress("what is left")
+    found, tests_after, left = _left(found)
+    selector, after = found.selector, found.stage
+    bare = after.frame if not after.accepted else Frame.of(selector.base.fit(measurement, [], variance))
+    causes = named(after, found.numbers, bare)
+    lost = outliers(after.fit, bare)
+    causes += [] if lost is None else [lost]
+    judged = found.judged or tuple(judge(after.frame, candidates))
+    told = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
+    return Diagnosis(
+        measurement,
+        selector.base,
+        before,
+        after,
+        new_calibration(selector.base, after.fit, told, calibration),
+        tuple(findings),
+        noise,
+        tuple(tests),
+        tuple(tests_after),
+        tuple(causes),
+        tuple(not_visible(judged)),
+        tuple(untested),
+        visibility(after.fit) if after.fit.prior.ndim == 1 else None,
+        left,
+        judged,
+        closure(after.frame),
+        volume(before, after),
+        tuple(moves(after, causes, judged)),
+    )
+
+
+def _causes(selector: Selector) -> _Found:
+    """The causes, the bases chosen anew once they are known, and each held against its siblings."""
+    selection = selector.select()
+    for _ in range(AGAIN):
+        stage = selection.stages[-1]
+        base = _chosen_again(selector, stage) if stage.accepted else selector.base
+        if base.choice == selector.base.choice:
+            break
+        selector = replace(selector, base=base)
+        selection = selector.select(stage.accepted)
+    stage = selection.stages[-1]
+    return _Found(selector, selector.settled(stage) if stage.accepted else stage, selection.last_round)
+
+
+def _chosen_again(selector: Selector, stage: Stage) -> Base:
+    numbers = selector.base.numbers([(each.candidate, each.size) for each in stage.accepted])
+    besides = [stage.fit.model.effects[i] for i in numbers if i >= len(selector.base.model.effects)]
+    return selector.base.chosen_again(selector.measurement, besides, selector.progress)
+
+
+def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
+    """What is left, once causes that were only blamed for it are taken back."""
+    while True:
+        tests = remainder.tests(found.stage.frame)
+        left = remainder.unexplained(found.stage.frame) if combined(tests, LEFT) else None
+        blamed = remainder.impostors(found.stage, found.numbers, left) if left else []
+        if not blamed:
+            return found, tests, left
+        kept: Sequence[tuple[Candidate, np.ndarray]] = [
+            (each.candidate, each.size) for each in found.stage.accepted if not _among(each, blamed)
+        ]
+        found = found._replace(stage=found.selector.stage(kept), judged=())
+
+
+def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:
+    return any(accepted is other for other in others)
+
+
+def _in_doubt(noise: Repeats) -> bool:
+    return not noise.apart and noise.freedom >= ENOUGH and noise.p_value < DOUBT
+
+
+def _as_noisy_as(measurement: Measurement, noise: Repeats) -> Measurement:
+    """The measurement with the uncertainties of its instrument as the repeats show them."""
+    instrument = measurement.instrument
+    sheet = {field: getattr(instrument, field) for field in instrument.__struct_fields__ if field.startswith("u_")}
+    factor = noise.factor**0.5
+    scaled = {field: value * factor for field, value in sheet.items()}
+    return replace(measurement, instrument=msgspec.structs.replace(instrument, **scaled))

@@ -1,0 +1,211 @@
+"""What a selection comes to: causes with sizes, verdicts and siblings; what is not visible, and what would show it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.library import HIGHER_FREQUENCY, contract_kind, where
+from calibration.diagnosis.scans import aliases, saw_uncertainty
+from calibration.diagnosis.selection import SEEN, WORTH, Accepted, Judged, Stage
+from calibration.fit import Fit
+from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation
+
+Verdict = Literal["strong", "tied", "weak"]
+ALIKE = 0.9
+"""Cosine from which two causes can be tied."""
+EVEN = 5.0
+"""Logarithm of the odds below which they are: 150 to 1."""
+CLEAR = 2.0
+"""Standard errors of the held-out gain, and multiples of the least delta-BIC, of a strong verdict."""
+REMEDIES = {
+    "backlash": "positions approached from both sides, in an order in which neither side comes later",
+    "settling": "moves of different lengths to the same positions, and dwell times",
+    "following-error": "the same path at two feeds, and in both directions",
+    "late-read-back": "the same path at two feeds",
+    "first-cycle": "a second run of the same positions",
+    "thermal-drift": "positions in shuffled order, or measured once more backwards, with times",
+    "thermal-scale": "positions in shuffled order, or measured once more backwards, with times and temperatures",
+    "tracker-drift": "positions measured once more backwards, and fixed references on the bed",
+    "tracker-range": "a calibrated bar, or fixed references of known distance (a second station helps)",
+    "air-scale": "a length standard (calibrated bar, interferometer), or barometer and thermometer of the air",
+    "tracker-angle": "three stations at very different azimuths, or both faces of the tracker",
+    "target-offset": "targets exchanged, or the tool turned, between two runs",
+    "station-shift": "fixed references, measured again and again",
+    "cross-axis": "positions in which both axes move independently, over their whole travel",
+    "cyclic": "positions at irregular, finer spacing",
+    "quantised-compensation": "positions at irregular, finer spacing",
+    HIGHER_FREQUENCY: "positions at finer spacing",
+    "location": "a second tool vector, and positions over the whole travel",
+}
+"""What would make a cause visible, by its kind."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another cause that these data can hardly tell from the one that is named."""
+
+    kind: str
+    axis: str | None
+    name: str
+    cosine: float
+    odds: float
+    """Of the named cause against this one."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """A cause that the data ask for."""
+
+    kind: str
+    effect: Effect
+    """With parameters and standard uncertainties."""
+    delta_bic: float
+    heldout_gain_um: float
+    share: float
+    """Of what the present model leaves, by its squares in terms of the noise."""
+    verdict: Verdict
+    visible: float
+    """Share of its signal that survives the model and the registration."""
+    alternatives: tuple[Alternative, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def where(self) -> str:
+        """Machine or instrument."""
+        return "instrument" if self.effect.ACTS_ON == "instrument" else "machine"
+
+    @property
+    def axis(self) -> str | None:
+        """Axis, direction of the tool, circle of the instrument."""
+        return where(self.effect)
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """What else tells it from others: component, other axis, sensor, harmonic, station."""
+        names = ("component", "other", "sensor", "harmonic", "station", "since_s", "target", "fixed_point", "rows")
+        return {name: getattr(self.effect, name) for name in names if getattr(self.effect, name, None) is not None}
+
+
+@dataclass(frozen=True)
+class NotVisible:
+    """A cause that these data could not show, however large."""
+
+    name: str
+    share: float
+    """Of its signal that survives."""
+    remedy: str
+
+
+def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
+    """The accepted causes of a stage, whose effects stand in its model at `numbers`; `before` has none of them."""
+    found = []
+    for each, number in zip(stage.accepted, numbers, strict=True):
+        without = stage.frame.without(number)
+        effect = _with_uncertainty(stage.fit.model.effects[number], without)
+        own = without.projected(without.columns(each.candidate.effect))
+        share = float(each.size @ own.left @ each.size) / max(before.squares, 1e-300)
+        alternatives = tuple(_alternatives(each))
+        found.append(
+            Named(
+                each.candidate.kind,
+                effect,
+                each.score.delta_bic,
+                without.held_out.rms_um - stage.heldout_um,
+                min(share, 1.0),
+                _verdict(each, alternatives),
+                each.visible,
+                alternatives,
+                tuple(_notes(stage.frame, effect)),
+            )
+        )
+    return sorted(found, key=lambda cause: cause.delta_bic)
+
+
+def outliers(fit: Fit, before: Frame) -> Named | None:
+    """The rows that do not belong to the rest, as a cause; None where there are none."""
+    rows = fit.outliers
+    if not len(rows) or fit.measurement.instrument.components != 3:
+        return None
+    frame_rows = np.isin(before.rows, rows)
+    components = fit.measurement.instrument.components
+    squares = float(np.sum(before.residual.reshape(-1, components)[frame_rows] ** 2))
+    shift = fit.residual[rows] * 1e3
+    u = np.sqrt(np.diagonal(_covariances(fit, rows), axis1=1, axis2=2)) * 1e3
+    effect = Outliers(
+        rows=tuple(rows.tolist()), shift_um=tuple(shift.reshape(-1).tolist()), u=tuple(u.reshape(-1).tolist())
+    )
+    distance = float(np.sum((shift / u) ** 2))
+    delta_bic = -distance + shift.size * math.log(max(fit.observations, 2))
+    return Named("outliers", effect, delta_bic, 0.0, min(squares / max(before.squares, 1e-300), 1.0), "strong", 1.0)
+
+
+def not_visible(judged: Sequence[Judged]) -> list[NotVisible]:
+    """Causes of the library of which these data show next to nothing."""
+    best: dict[str, tuple[float, str]] = {}
+    for each in judged:
+        name, share = each.candidate.effect.name, each.projected.visible
+        if name not in best or share > best[name][0]:
+            best[name] = (share, each.candidate.kind)
+    return [
+        NotVisible(name, share, REMEDIES.get(kind, "other positions"))
+        for name, (share, kind) in best.items()
+        if share < SEEN
+    ]
+
+
+def smallest_sizes(judged: Sequence[Judged], scalars: int) -> Iterator[tuple[str, float, str]]:
+    """Name, size and unit of the smallest effect of one parameter that these data would show."""
+    seen = set()
+    for each in judged:
+        table = [quantity for quantity in each.candidate.effect.parameter_table if quantity.linear]
+        left = float(each.projected.left[0, 0])
+        if len(table) == 1 and left > 0 and each.projected.visible >= SEEN and each.candidate.effect.name not in seen:
+            seen.add(each.candidate.effect.name)
+            needed = -WORTH + (1 + each.candidate.shapes) * math.log(scalars)
+            yield each.candidate.effect.name, table[0].typical * math.sqrt(needed / left), table[0].unit
+
+
+def _alternatives(accepted: Accepted) -> Iterator[Alternative]:
+    for sibling in accepted.siblings:
+        candidate = sibling.judged.candidate
+        odds = math.exp(min(sibling.log_odds, 700.0))
+        yield Alternative(candidate.kind, candidate.axis, candidate.effect.name, sibling.cosine, odds)
+
+
+def _verdict(accepted: Accepted, alternatives: Sequence[Alternative]) -> Verdict:
+    own = accepted.candidate.kind, accepted.candidate.axis
+    for other in alternatives:
+        if other.cosine >= ALIKE and math.log(other.odds) < EVEN and (other.kind, other.axis) != own:
+            return "tied"
+    sure = accepted.sureness > CLEAR and accepted.score.delta_bic < CLEAR * WORTH
+    return "strong" if sure else "weak"
+
+
+def _with_uncertainty(effect: Effect, without: Frame) -> Effect:
+    """The effect; steps of a table with the uncertainty that the search for their place has."""
+    if not isinstance(effect, QuantisedCompensation):
+        return effect
+    return effect.with_parameters(effect.parameters, (effect.uncertainties[0], *saw_uncertainty(without, effect)))
+
+
+def _notes(frame: Frame, effect: Effect) -> Iterator[str]:
+    if isinstance(effect, Cyclic):
+        others = aliases(frame, effect)
+        if others:
+            unit = "deg" if effect.axis[0] in "ABC" else "mm"
+            yield f"positions on a lattice can't tell its period from {', '.join(f'{p:.4g}' for p in others)} {unit}"
+
+
+def _covariances(fit: Fit, rows: np.ndarray) -> np.ndarray:
+    from calibration.equations import covariance
+
+    return np.asarray(covariance(fit.measurement.rows(rows)))
+
+
+__all__ = ["Alternative", "Named", "NotVisible", "contract_kind", "named", "not_visible", "outliers", "smallest_sizes"]
