@@ -241,6 +241,11 @@ def test_first_cycle():
     assert "at 42 places" in found.says
 
 
+def test_zeros_of_runs_are_no_first_cycle():
+    m = laser(runs=5)
+    assert sanity(replace(m, observed=m.observed + 0.05 * (m.state.cycle == 0)[:, None])) == []
+
+
 def first_run_off():
     """A first run with 6 um more play, which no zero of a run takes up."""
     m = laser(runs=5)
@@ -253,6 +258,16 @@ def test_clock():
     found = the_only(sanity(m))
     assert (found.what, found.fatal) == ("clock", False)
     assert found.says.startswith("rows in motion were observed 3 ms earlier than their positions were noted")
+    assert found.says.endswith("(two clocks, or following error)")
+
+
+def test_one_speed_does_not_tell_a_lag_from_play():
+    m = laser((FollowingError("X", lag_ms=3.0),), feeds=[3000.0] * 4)
+    assert the_only(sanity(m)).says.endswith("(two clocks, following error or play)")
+
+
+def test_play_is_no_lag():
+    assert sanity(laser(feeds=[500.0, 8000.0, 500.0, 8000.0])) == []
 
 
 def test_clock_far_off():

@@ -23,7 +23,7 @@ from calibration.measurement import Measurement
 from calibration.normal import whitened, whiteners
 from kinematics.transforms import Array
 
-CLOSE_S = 300.0
+CLOSE_S = 120.0
 CLOSE_ROWS = 8
 ENOUGH = 12
 """Degrees of freedom from which close repeats do without the others."""

@@ -30,6 +30,10 @@ TIED = 2.0
 """Mistakes whose undoing fits as well up to this factor can't be told apart."""
 ROWS = 1500
 """Rows, picked at random, that the mistakes are looked for in."""
+PLACES = 5
+"""Places that every run has to visit before the first one is held against the others."""
+LEAST = 10
+"""Rows that a relation between columns is looked for in."""
 SLOPE = 1e-3
 """Deviation per travel that no axis has."""
 RELATED = 0.7
@@ -50,16 +54,14 @@ class Finding(NamedTuple):
 
 
 def sanity(measurement: Measurement) -> list[Finding]:
-    """What is wrong, or odd, with a measurement; those that forbid its use first."""
+    """What is wrong, or odd, with a measurement; what forbids its use first, and then little else."""
     copies = duplicates(measurement)
     own = measurement.rows(np.flatnonzero(~copies))
-    found = [*_copies(measurement, copies)]
-    if measurement.instrument.components == 1:
-        found += _readings(own)
-    else:
-        found += _mistakes(own)
-    found += [*_clock(own), *_first_cycle(own), *_read_back(own)]
-    return sorted(found, key=lambda finding: not finding.fatal)
+    mistakes = list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
+    odd = [*_copies(measurement, copies)]
+    if not any(finding.fatal for finding in mistakes):
+        odd += [*_clock(own), *_first_cycle(own), *_read_back(own)]
+    return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
 
 
 def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
@@ -156,47 +158,48 @@ def _clock(measurement: Measurement) -> Iterator[Finding]:
     if velocity is None:
         return
     moving = np.flatnonzero(velocity.any(axis=1))
-    if len(moving) < 10:
+    if len(moving) < LEAST:
         return
     part = measurement.rows(moving)
-    assert part.state.velocity is not None
     missed, registration = misfit(part)
-    missed = _centred(part, missed)
-    swept = _centred(part, (by_axes(part, registration) @ part.state.velocity[:, :, None])[:, :, 0])
+    missed, along = _centred(part, missed), by_axes(part, registration)
+    swept = _centred(part, (along @ velocity[moving][:, :, None])[:, :, 0])
     size = float(np.sum(swept**2))
     if size <= 0.0:
         return
     lag = float(np.sum(swept * missed)) / size
     before, after = (float(np.sqrt(np.mean(rows**2))) for rows in (missed, missed - lag * swept))
-    if after < before / FALLS:
+    with_play = _after_play(part, missed, along * np.sign(velocity[moving])[:, None, :])
+    if after < before / FALLS and after < TIED * with_play:
         ahead = "later" if lag > 0 else "earlier"
+        causes = "two clocks, or following error" if with_play > TIED * after else "two clocks, following error or play"
+        micro = float(part.per_micro.max())
+        unit = "um" if micro < 1e6 else "urad"
         yield Finding(
             "clock",
             f"rows in motion were observed {abs(lag) * 1e3:.3g} ms {ahead} than their positions were noted: with that "
-            f"lag their residual falls from {before * 1e3:.4g} to {after * 1e3:.3g} um RMS (two clocks, or following "
-            "error)",
+            f"lag their residual falls from {before * micro:.4g} to {after * micro:.3g} {unit} RMS ({causes})",
             before > PLAUSIBLE,
         )
 
 
+def _after_play(measurement: Measurement, missed: Array, behind: Array) -> float:
+    """RMS of residuals `(n, d)` after a play of each axis, by its derivatives `(n, d, axes)`."""
+    design = np.stack([_centred(measurement, behind[:, :, i]).reshape(-1) for i in range(behind.shape[2])], axis=1)
+    size, *_ = np.linalg.lstsq(design, missed.reshape(-1), rcond=None)
+    return float(np.sqrt(np.mean((missed.reshape(-1) - design @ size) ** 2)))
+
+
 def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
     """A first run that differs from the later ones at the same places more than they do from each other."""
-    if measurement.run is None:
-        return
-    runs = list(dict.fromkeys(measurement.run.tolist()))
-    if len(runs) < 3:
-        return
-    places = place_numbers(measurement)
-    shared = _shared(measurement, places)
-    cells = np.array([[_mean_at(measurement, places, run, place) for run in runs] for place in shared])
-    if len(cells) < 5:
+    cells = _by_run(measurement)
+    if cells is None:
         return
     later = cells[:, 1:]
     middle = later.mean(axis=1, keepdims=True)
-    k = later.shape[1]
+    k, freedom = later.shape[1], later[:, 0].size
     first = float(np.mean((cells[:, 0] - middle[:, 0]) ** 2)) / (1.0 + 1.0 / k)
-    rest = float(np.sum((later - middle) ** 2)) / (later[:, 0].size * (k - 1))
-    freedom = later[:, 0].size
+    rest = float(np.sum((later - middle) ** 2)) / (freedom * (k - 1))
     if rest > 0.0 and stats.f.sf(first / rest, freedom, freedom * (k - 1)) < SIGNIFICANCE and first > FALLS * rest:
         unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
         yield Finding(
@@ -207,18 +210,30 @@ def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
         )
 
 
-def _shared(measurement: Measurement, places: np.ndarray) -> list[int]:
-    """Places that every run visits."""
-    assert measurement.run is not None
-    visited = [set(places[measurement.run == run].tolist()) for run in np.unique(measurement.run).tolist()]
-    return sorted(set.intersection(*visited))
+def _by_run(measurement: Measurement) -> Array | None:
+    """Mean observations `(places, runs, d)`, um and urad, at the places that every run visits; None if too few.
 
-
-def _mean_at(measurement: Measurement, places: np.ndarray, run: str, place: int) -> Array:
-    """Mean observation `(d,)`, um and urad, of a run at a place."""
-    assert measurement.run is not None
-    rows = (measurement.run == run) & (places == place)
-    return np.asarray((measurement.observed * measurement.per_micro)[rows].mean(axis=0))
+    Runs in the order of acquisition, each of an interferometer less its zero, which nobody knows.
+    """
+    if measurement.run is None:
+        return None
+    names, first, run = np.unique(measurement.run, return_index=True, return_inverse=True)
+    run = np.argsort(np.argsort(first))[run]
+    places = place_numbers(measurement)
+    shape = int(places.max()) + 1, len(names)
+    count, sums = np.zeros(shape), np.zeros((*shape, measurement.observed.shape[1]))
+    np.add.at(count, (places, run), 1.0)
+    np.add.at(sums, (places, run), measurement.observed * measurement.per_micro)
+    shared = count.all(axis=1)
+    if len(names) < 3 or shared.sum() < PLACES:
+        return None
+    cells = np.asarray(sums[shared] / count[shared][:, :, None])
+    if measurement.axis is not None:
+        axis = np.empty(shape[0], measurement.axis.dtype)
+        axis[places] = measurement.axis
+        for name in np.unique(axis[shared]).tolist():
+            cells[axis[shared] == name] -= cells[axis[shared] == name].mean(axis=0)
+    return cells
 
 
 def _read_back(measurement: Measurement) -> Iterator[Finding]:
@@ -232,7 +247,7 @@ def _read_back(measurement: Measurement) -> Iterator[Finding]:
         apart = measurement.actual[:, i] - state.positions[:, i]
         rows = np.isfinite(apart) & along[:, :, i].any(axis=1)
         rms = float(np.sqrt(np.mean(apart[rows] ** 2))) if rows.any() else 0.0
-        if rows.sum() < 10 or rms < NOTICED:
+        if rows.sum() < LEAST or rms < NOTICED:
             continue
         small, unit = (1e6, "urad") if axis.rotary else (1e3, "um")
         own = np.einsum("nd,nd->n", missed, along[:, :, i])[rows] / np.sum(along[rows, :, i] ** 2, axis=1)
