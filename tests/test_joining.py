@@ -14,6 +14,7 @@ from calibration.instruments import LaserTracker
 from calibration.joining import joined
 from calibration.measurement import Measurement, Target
 from calibration.measurement_file import read_measurement, write_measurement
+from calibration.readers import read_any
 from kinematics.effects import GrowthWithTime
 from kinematics.errors import UserError
 from kinematics.model import no_errors
@@ -156,6 +157,17 @@ def test_written_and_read_it_is_the_same(tmp_path):
     assert again.groups.tolist() == m.groups.tolist()
     assert again.run.tolist() == m.run.tolist()
     np.testing.assert_array_equal(again.state.approach, m.state.approach)
+
+
+def test_real_plates_are_set_ups_of_their_own(plates):
+    files = sorted(path for path in plates.rglob("*") if path.is_file())
+    header = {"u_um": "2.3", "part_offset": "350 350 100"}
+    parts = [read_any(path, machines.load("cframe"), "cmm", header=header) for path in files]
+    m = joined(parts)
+    assert len(m) == sum(map(len, parts))
+    assert sorted(set(m.groups)) == sorted(f"{path.name}:1" for path in files)
+    found = calibrate(m, basis="legendre:3", variance="estimate", hold_out=False)
+    assert found.fit.rms_um < found.before_rms_um < 10.0
 
 
 def test_growth_is_seen_from_two_runs_hours_apart():

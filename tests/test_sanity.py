@@ -1,6 +1,7 @@
 """Mistakes in writing a measurement down: each is found and named, and none where there is none."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -62,6 +63,12 @@ def test_nothing_fatal_with_real_plates(plates):
     for path in files:
         m = read_any(path, cframe, "cmm", header={"u_um": "2.3", "part_offset": "350 350 100", "target.t": "0 0 -80"})
         assert sanity(m) == [], path
+
+
+def test_nothing_wrong_with_the_real_slit_axis(slit_log):
+    single = machines.load(str(Path(__file__).parents[1] / "examples" / "single_axis.toml"))
+    names = {"command": "IOC_TEST:Axis1-PosAct", "observed": "IOC_TEST:ec0-s4-EL7211-Enc-PosAct"}
+    assert sanity(read_any(slit_log, single, header={**names, "axis": "X", "u_um": "0.5"})) == []
 
 
 # ---- mistakes of points

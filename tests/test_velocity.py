@@ -7,6 +7,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from virtual_machine import draws
 
 import machines
 from calibration.calibrate import calibrate
@@ -134,3 +135,17 @@ def test_late_read_back_is_found(tmp_path):
     late = next(e for e in found.effects if isinstance(e, LateReadBack))
     assert abs(late.lag_ms - 1.5) < 4 * late.uncertainties[0]
     assert late.uncertainties[0] < 0.02
+
+
+@pytest.mark.parametrize("name", draws.MACHINES)
+def test_lag_of_the_virtual_machine_is_found(tmp_path, name):
+    """Moves of another make: velocities from the file alone give the lag that was put in."""
+    question = draws.draw(["following-error"], name, 1)
+    (tmp_path / "m.csv").write_text(question.sheet())
+    measurement = read_measurement(tmp_path / "m.csv", machines.load(name))
+    (cause,) = question.causes
+    start = FollowingError(cause.axis, lag_ms=0.0)
+    found = calibrate(measurement, basis="legendre:5", effects=[start], hold_out=False).model
+    lag = next(e for e in found.effects if isinstance(e, FollowingError))
+    assert abs(lag.lag_ms - cause.lag_ms) < 4 * lag.uncertainties[0]
+    assert lag.uncertainties[0] < 0.1 * cause.lag_ms
