@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Protocol
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
+from postproc.flow import Variables
 from postproc.motions import Motions
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
@@ -19,8 +20,18 @@ from postproc.setup import Setup
 class Interpreter(Protocol):
     """Meaning of a dialect: blocks in, moves out, modal state kept from chunk to chunk."""
 
-    def read(self, blocks: Sequence[Block]) -> Motions:
-        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood."""
+    ended: bool
+    """The program has come to its end."""
+
+    @property
+    def scope(self) -> Variables:
+        """The variables of the program."""
+
+    def read(self, blocks: Iterable[Block]) -> Motions:
+        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood.
+
+        Each is read before the next is asked for: what comes next may depend on where the tool stands.
+        """
 
 
 @dataclass(frozen=True)
@@ -31,6 +42,10 @@ class Dialect:
     join_lines: Callable[[Iterable[tuple[int, str]]], Iterator[tuple[int, str]]]
     """Numbered lines of a file into numbered texts of blocks."""
     read_block: Callable[[int, str], Block]
+    flow: re.Pattern[str]
+    """What stands in every block after which not always the next one runs, and perhaps in others."""
+    labels: Callable[[Block], Iterable[str]]
+    """The names under which jumps and calls find a block."""
     interpreter: Callable[[Machine, Setup, Notes], Interpreter]
     comment: str
     """A comment, as a format with one place for its text."""
@@ -39,12 +54,14 @@ class Dialect:
 
 
 def _iso() -> Dialect:
-    from postproc import iso, iso_blocks
+    from postproc import iso, iso_blocks, iso_statements
 
     return Dialect(
         "iso",
         iter,
         iso_blocks.read_block,
+        iso_statements.FLOW,
+        iso_statements.labels,
         iso.IsoInterpreter,
         "({})",
         lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),
@@ -58,6 +75,8 @@ def _heidenhain() -> Dialect:
         "heidenhain",
         heidenhain_blocks.join_lines,
         heidenhain_blocks.read_block,
+        re.compile(r"(?!)"),
+        lambda _: (),
         heidenhain.HeidenhainInterpreter,
         "; {}",
         lambda block: block.kind == "begin_pgm",

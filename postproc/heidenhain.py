@@ -10,6 +10,7 @@ from kinematics.machine import Machine
 from postproc.circles import Point, centre_from_radius, radius_fault, same
 from postproc.frames import Frame, cartesian
 from postproc.iso_codes import AXES, INCH
+from postproc.iso_variables import IsoVariables
 from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block, Word
@@ -118,6 +119,7 @@ class HeidenhainInterpreter:
     machine: Machine
     setup: Setup
     notes: Notes
+    scope: IsoVariables = field(default_factory=IsoVariables)
 
     def __post_init__(self) -> None:
         self.begun = self.ended = False
@@ -131,13 +133,18 @@ class HeidenhainInterpreter:
         self.pole_words: tuple[int | None, int | None] = (None, None)
         self.recorder = Recorder(self.machine, self._frame())
 
-    def read(self, blocks: Sequence[Block]) -> Motions:
-        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood."""
+    def read(self, blocks: Iterable[Block]) -> Motions:
+        """The moves of a chunk of blocks, each read before the next is asked for.
+
+        Refusal at the first block that isn't fully understood.
+        """
         self.pole_block, self.pole_words = -1, (None, None)
+        done = []
         for index, block in enumerate(blocks):
+            done.append(block)
             if block.kind not in HARMLESS_KINDS:
                 self._read_block(index, block)
-        return self.recorder.finish(list(blocks))
+        return self.recorder.finish(done)
 
     def _read_block(self, index: int, block: Block) -> None:
         if self.ended and block.kind != "begin_pgm":

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
@@ -42,13 +41,13 @@ from postproc.iso_codes import (
     UNITS,
     WORK_OFFSETS,
 )
+from postproc.iso_variables import IsoVariables
 from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block
 from postproc.setup import Setup
 
 CENTRE_WORD = {"X": "I", "Y": "J", "Z": "K"}
-_USER_VARIABLE = re.compile(r"#\s*(\d{1,3}|<[^_<>][^<>]*>)\s*=")
 
 
 @dataclass
@@ -70,6 +69,7 @@ class IsoInterpreter:
     machine: Machine
     setup: Setup
     notes: Notes
+    scope: IsoVariables = field(default_factory=IsoVariables)
 
     def __post_init__(self) -> None:
         self.begun = self.ended = False
@@ -96,12 +96,17 @@ class IsoInterpreter:
         self.tcp = self.machine.control.tcp_at_start
         self.recorder = Recorder(self.machine, self._frame())
 
-    def read(self, blocks: Sequence[Block]) -> Motions:
-        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood."""
+    def read(self, blocks: Iterable[Block]) -> Motions:
+        """The moves of a chunk of blocks, each read before the next is asked for.
+
+        Refusal at the first block that isn't fully understood.
+        """
+        done = []
         for index, block in enumerate(blocks):
+            done.append(block)
             if block.kind != "blank":
                 self._read_block(index, block)
-        return self.recorder.finish(list(blocks))
+        return self.recorder.finish(done)
 
     def _read_block(self, index: int, block: Block) -> None:
         if self.ended:
@@ -115,25 +120,14 @@ class IsoInterpreter:
             self._read_words(index, block)
         elif block.kind == "tape_mark":
             self._read_tape_mark(block)
-        else:
-            self._read_construct(block)
+        elif block.kind in CONSTRUCTS:
+            raise block.refuse(f"{block.detail}: {CONSTRUCTS[block.kind]}")
 
     def _read_tape_mark(self, block: Block) -> None:
         if block.words or block.skippable:
             raise block.refuse("a tape mark that does not stand alone")
         self.torn = self.begun and not self.opened
         self.opened, self.ended = True, self.begun
-
-    def _read_construct(self, block: Block) -> None:
-        if block.kind == "assignment" and not block.words:
-            if not _USER_VARIABLE.match(block.detail):
-                raise block.refuse(f"{block.detail}: sets a system variable of the control")
-            return
-        if block.kind == "computed" and block.detail[0].upper() in "FSP" and not block.words:
-            return
-        if block.kind == "computed":
-            raise block.refuse(f"{block.detail}: its value is computed while the program runs")
-        raise block.refuse(f"{block.detail}: {CONSTRUCTS.get(block.kind, 'is not understood')}")
 
     def _read_words(self, index: int, block: Block) -> None:
         content = self._sort(block)
@@ -333,7 +327,7 @@ class IsoInterpreter:
         value = word.value or 0.0
         if not abs(value) < LARGEST:
             raise block.refuse(f"{word.address} with a number that no control reads")
-        if value and "." not in block.text[word.start : word.end]:
+        if value and word.formula is None and "." not in block.text[word.start : word.end]:
             if self.machine.control.integer_words == "increments":
                 if unit == INCH:
                     raise block.refuse("an inch coordinate without decimal point: its increment is not known")

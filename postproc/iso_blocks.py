@@ -6,14 +6,17 @@ the grammar gives (a property test holds them together). Every other block goes 
 
 from __future__ import annotations
 
-import itertools
 import re
+from typing import Any
 
-from lark import Token
+from lark import Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 
 from grammars import block_parser
+from postproc.flow import check_order
+from postproc.iso_statements import CALLS, Ambiguous, computed_word, statement, with_calls
 from postproc.program import Block, Refusal, Word
+from postproc.statements import Code, Step
 
 # Written so that there is one way only to match a text: trying all would take for ever on a long block.
 _WORD = r"[A-Za-z][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
@@ -22,13 +25,11 @@ WORDS = re.compile(rf"(?:[ \t]*{_WORD})+[ \t]*")
 _PLAIN = re.compile(rf"((?:[ \t]*{_WORD})*)[ \t]*(?:\([^()\r\n]*\)[ \t]*|;[^\r\n]*)?[\r\n]*")
 _PARTS = re.compile(r"([A-Za-z])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
 
-CONSTRUCTS = ("TAPE_MARK", "SUBROUTINE", "KEYWORD", "assignment", "computed", "bracket", "NUMBER")
-"""What a block may hold beside words; the first that it holds names its kind, several values to compute `compound`."""
-
 
 def read_block(line: int, text: str) -> Block:
     """The block of one line of text, its end of line included. Refusal when the grammar doesn't know it."""
-    return _read_plain(line, text) or parse_block(line, text)
+    block = _read_plain(line, text) or parse_block(line, text)
+    return with_calls(block) if CALLS.search(text) else block
 
 
 def _read_plain(line: int, text: str) -> Block | None:
@@ -51,24 +52,38 @@ def parse_block(line: int, text: str) -> Block:
     except UnexpectedInput as fault:
         raise Refusal(line, text, _explain(text, fault)) from None
     words: list[Word] = []
-    details: dict[str, list[str]] = {}
-    for item in tree.children:
-        if isinstance(item, Token) and item.type == "WORD":
-            words.append(_word(item))
-        elif isinstance(item, Token):
-            details.setdefault(item.type, []).append(str(item))
-        else:
-            details.setdefault(item.data, []).append(text[item.meta.start_pos : item.meta.end_pos])
-    skippable = details.pop("SKIP", None) is not None
-    details.pop("COMMENT", None)
-    kind, detail = "words" if words else "blank", ""
-    for construct in CONSTRUCTS:
-        if construct in details:
-            kind, detail = construct.lower(), details[construct][0]
-            break
-    if kind in ("assignment", "computed") and sum(map(len, details.values())) > 1:
-        kind, detail = "compound", " ".join(itertools.chain(*details.values()))
-    return Block(line, text, kind, tuple(words), detail, skippable)
+    steps: list[Step] = []
+    kind, detail, skippable = "", "", False
+    try:
+        items: list[Any] = tree.children
+        for item in items:
+            match item.type if isinstance(item, Token) else item.data:
+                case "WORD":
+                    words.append(_word(item))
+                case "computed":
+                    words.append(computed_word(item))
+                case "SKIP":
+                    skippable = True
+                case "COMMENT":
+                    pass
+                case "TAPE_MARK" | "NUMBER" | "bracket" as construct:
+                    kind, detail = construct.lower(), _text_of(text, item)
+                case _:
+                    steps.append(statement(item))
+    except Ambiguous as reason:
+        raise Refusal(line, text, str(reason)) from None
+    code = Code(tuple(steps)) if steps or any(word.formula for word in words) else None
+    kind = kind or ("words" if words else "control" if steps else "blank")
+    block = Block(line, text, kind, tuple(words), detail, skippable, code)
+    if skippable and steps:
+        raise block.refuse("whether it runs depends on the block-skip switch")
+    if len(steps) > 1 and code is not None and code.turns:
+        raise block.refuse("two statements in one block of which one turns the run of the program")
+    return check_order(block)
+
+
+def _text_of(text: str, item: Tree[Token] | Token) -> str:
+    return str(item) if isinstance(item, Token) else text[item.meta.start_pos : item.meta.end_pos]
 
 
 def _word(token: Token) -> Word:

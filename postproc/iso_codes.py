@@ -90,9 +90,6 @@ MOVE_WORDS = frozenset("NFSTHDPQIJKR")
 """What may stand in a move beside G, M and axes."""
 
 CONSTRUCTS = {
-    "compound": "several values to compute in one block",
-    "keyword": "control flow (IF, WHILE, GOTO) is not followed",
-    "subroutine": "control flow (O-words) is not followed",
     "bracket": "an expression that stands alone is not understood",
     "number": "a number without an address",
 }

@@ -22,6 +22,7 @@ from kinematics.state import State
 from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
 from postproc.dialects import Dialect
+from postproc.execution import execution
 from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Kind, Known, Motions
@@ -31,7 +32,7 @@ from postproc.report import Report, Statistic
 from postproc.reversals import INNER
 from postproc.setup import Setup
 from postproc.significance import uncertainties_um
-from postproc.source import CHUNK, ENCODING, Source, chunks
+from postproc.source import ENCODING, Source
 from postproc.take_up import TakeUps
 from postproc.travel import check_size, note_outside, refuse_outside
 from postproc.writer import Writer, Written
@@ -87,15 +88,14 @@ class Pipeline:
         """
         job, report = self.job, self.report
         out.write(job.source.mark.encode(ENCODING))
-        try:
-            for lines in chunks(job.dialect.join_lines(job.source.lines()), CHUNK):
-                blocks = [job.dialect.read_block(line, text) for line, text in lines]
-                texts = self._correct(blocks)
-                out.writelines(text.encode(ENCODING) for text in texts)
-                report.blocks += len(blocks)
-                progress(sum(len(text) for _, text in lines))
-        except Refusal as refusal:
-            raise refusal.located(job.source.name) from None
+        program = execution(job.source, job.dialect, self.interpreter)
+        for part in program.parts():
+            try:
+                self._put(out, *program.finished(part, self._correct(part.motions)))
+            except Refusal as refusal:
+                raise refusal.located(job.source.name) from None
+            progress(part.size)
+        self._put(out, *program.rest())
         report.work_offsets, report.tools = job.setup.used_offsets, job.setup.used_tools
         report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
         return report
@@ -109,10 +109,20 @@ class Pipeline:
         ]
         return unused + beyond
 
-    def _correct(self, blocks: list[Block]) -> list[str]:
-        """Texts of a chunk of blocks, corrected."""
+    def _put(self, out: BinaryIO, blocks: list[Block], texts: list[str]) -> None:
+        """Write blocks of the program as they have become, with the mark at its place."""
         job, report = self.job, self.report
-        motions = self.interpreter.read(blocks)
+        report.blocks += len(blocks)
+        report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
+        place = mark_place(job.dialect, blocks) if self.model.effects and not self._marked else None
+        if place is not None:
+            texts = [*texts[:place], mark_line(job.dialect, job.machine, job.model, job.source), *texts[place:]]
+            self._marked = True
+        out.writelines(text.encode(ENCODING) for text in texts)
+
+    def _correct(self, motions: Motions) -> list[str]:
+        """Texts of a chunk of blocks, corrected."""
+        job, report, blocks = self.job, self.report, motions.blocks
         report.moves += len(motions)
         if job.travel_check:
             refuse_outside(motions, motions.machine_target, "as programmed")
@@ -129,14 +139,8 @@ class Pipeline:
             note_outside(motions, correction.corrected, self.notes)
         written = self.writer.write(motions, correction)
         self._judge(motions, correction, written)
-        texts = written.texts
-        report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
         report.added_blocks += written.added
-        place = None if self._marked else mark_place(job.dialect, blocks)
-        if place is not None:
-            texts.insert(place, mark_line(job.dialect, job.machine, job.model, job.source))
-            self._marked = True
-        return texts
+        return written.texts
 
     def _refuse_marked(self, blocks: list[Block]) -> None:
         for block in blocks:

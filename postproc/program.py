@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from kinematics.errors import UserError
+from postproc.expressions import Formula
+from postproc.statements import Code
 
 
 class Refusal(UserError):
@@ -34,6 +36,8 @@ class Word(NamedTuple):
     start: int
     end: int
     """The word is text[at:end], its number text[start:end]."""
+    formula: Formula | None = None
+    """What stands in the place of the number; the value is then that of the present pass, if known."""
 
 
 class Block(NamedTuple):
@@ -50,6 +54,10 @@ class Block(NamedTuple):
     """The construct behind `kind`, for messages and rare statements."""
     skippable: bool = False
     """True when the operator's block-skip switch decides whether it runs."""
+    code: Code | None = None
+    """Its statements; a block whose words hold formulas has one too, be it empty."""
+    alone: bool = False
+    """True where control comes or goes by a jump: what is put in front of it, or behind it, need not run."""
 
     def refuse(self, reason: str) -> Refusal:
         """The exception that stops the run at this block."""

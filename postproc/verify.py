@@ -21,15 +21,15 @@ from postproc.added_blocks import Tag, tag_of
 from postproc.compensate import COLD, missed
 from postproc.conditions import Conditions
 from postproc.dialects import Dialect
+from postproc.execution import execution
 from postproc.judge import Judge, in_a_program, where
 from postproc.motions import COLUMNS, Kind, Motions
 from postproc.notes import Notes
 from postproc.pieces import like
-from postproc.program import Refusal
 from postproc.report import Statistic
 from postproc.reversals import INNER
 from postproc.setup import Setup
-from postproc.source import CHUNK, Source, chunks
+from postproc.source import CHUNK, Source
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,9 @@ def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setu
     """All moves of a program, chunk by chunk; UserError, located, at the first block that isn't understood."""
     interpreter = dialect.interpreter(machine, setup, Notes())
     motions = []
-    try:
-        for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
-            blocks = [dialect.read_block(line, text) for line, text in lines]
-            chunk = _with_tags(interpreter.read(blocks))
-            motions.append(replace(chunk, blocks=[], words=[]))  # the columns are all that is looked at
-    except Refusal as refusal:
-        raise refusal.located(source.name) from None
+    for part in execution(source, dialect, interpreter).parts():
+        chunk = _with_tags(part.motions)
+        motions.append(replace(chunk, blocks=[], words=[]))  # the columns are all that is looked at
     return motions
 
 

@@ -30,7 +30,7 @@ class Layout:
         """The layout with what one more block shows of it."""
         numbers = self.numbers
         for word in block.words:
-            if rank(word) is not None:
+            if rank(word) is not None and word.formula is None:
                 numbers = NumberStyle.of(block.text[word.start : word.end], numbers)
         blank = block.text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else self.blank
         return self if numbers is self.numbers and blank == self.blank else Layout(blank, numbers)
@@ -48,7 +48,11 @@ class WordEditor:
         """Make a word say `value`, with no fewer decimals than it has or than given; returns what it says then."""
         word = self.block.words[index]
         number = self.rounded(index, value, decimals)
-        if number != word.value:
+        if number != word.value and word.formula is not None:
+            shift = f"{number - (word.value or 0.0):+.{max(decimals_of(self._number(word)), decimals)}f}"
+            text = word.formula.plus(self.block.text[word.start : word.end], shift)
+            self.edits.append(Edit(word.start, word.end, text))
+        elif number != word.value:
             decimals = max(decimals_of(self._number(word)), decimals)
             self.edits.append(Edit(word.start, word.end, self._style(word).write(number, decimals)))
         return number
@@ -58,6 +62,8 @@ class WordEditor:
         word = self.block.words[index]
         decimals = max(decimals_of(self._number(word)), decimals)
         number, original = round(value, decimals), word.value or 0.0
+        if word.formula is not None:
+            number = original + round(value - original, decimals)
         return original if abs(number - original) < 0.5 * 10.0**-decimals else number
 
     def insert(self, address: str, value: float, decimals: int) -> None:
@@ -84,11 +90,13 @@ class WordEditor:
 
     def lines_before(self, lines: list[str]) -> None:
         """Put lines before the block, ended as the block is."""
+        self._refuse_alone()
         end = self._end or "\n"
         self.edits.append(Edit(0, 0, "".join(line + end for line in lines)))
 
     def lines_after(self, lines: list[str]) -> None:
         """Put lines behind the block, ended as the block is; the last block of a file may have no end."""
+        self._refuse_alone()
         at = len(self.block.text)
         text = "".join(line + self._end if self._end else "\n" + line for line in lines)
         self.edits.append(Edit(at, at, text))
@@ -98,6 +106,10 @@ class WordEditor:
         first = next(word for word in self.block.words if word.address != "N")
         lower = self.block.text[first.at].islower()
         self.edits.append(Edit(first.at, first.at, (code.lower() if lower else code) + " " * self.layout.blank))
+
+    def _refuse_alone(self) -> None:
+        if self.block.alone:
+            raise self.block.refuse("needs a block of ncomp's own beside it, which a jump would leave out")
 
     @property
     def _end(self) -> str:
@@ -110,7 +122,8 @@ class WordEditor:
         return (address.lower() if lower else address) + gap + self._style(neighbour).write(value, decimals)
 
     def _number(self, word: Word) -> str:
-        return self.block.text[word.start : word.end]
+        """The number of a word as it is written; nothing where a formula stands in its place."""
+        return "" if word.formula else self.block.text[word.start : word.end]
 
     def _style(self, word: Word) -> NumberStyle:
         return NumberStyle.of(self._number(word), self.layout.numbers)

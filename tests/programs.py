@@ -17,6 +17,7 @@ from kinematics.effects import ErrorMotion, LocationError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Provenance, no_errors, reference
 from postproc.dialects import find_dialect
+from postproc.execution import execution
 from postproc.motions import Motions
 from postproc.notes import Notes
 from postproc.pipeline import Job, Pipeline
@@ -55,10 +56,12 @@ def read_lines(
     text: str, machine: Machine, offsets: Iterable[str] = (), tools: Iterable[str] = ()
 ) -> tuple[Motions, list[int]]:
     """All moves of an ISO program, and the line of each."""
-    dialect = find_dialect("iso", "test.nc", "")
-    blocks = [dialect.read_block(line, part) for line, part in source_of(text).lines()]
-    motions = dialect.interpreter(machine, setup_of(machine, offsets, tools), Notes()).read(blocks)
-    return motions, [blocks[i].line for i in motions.block]
+    source = source_of(text)
+    dialect = find_dialect("iso", source.name, "")
+    interpreter = dialect.interpreter(machine, setup_of(machine, offsets, tools), Notes())
+    parts = [part.motions for part in execution(source, dialect, interpreter).parts()]
+    lines = [motions.blocks[i].line for motions in parts for i in motions.block]
+    return parts[0] if len(parts) == 1 else merged(parts), lines
 
 
 def read(text: str, machine: Machine, offsets: Iterable[str] = (), tools: Iterable[str] = ()) -> Motions:

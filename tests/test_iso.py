@@ -420,12 +420,17 @@ REFUSED = {
     "X1 R5": "R without an arc",
     "M19 R90": "R without an arc",
     "X1 I5": "I without an arc",
-    "X#1": "its value is computed while the program runs",
-    "X1 Y[1+2]": "its value is computed while the program runs",
-    "F#1 X#2": "several values to compute",
-    "#1=2 X5": "is not understood",
+    "X#1": "X#1: #1 is not set by the program",
+    "F#1 X#2": "X#2: #2 is not set by the program",
+    "#1=#5041\nX#1": "X#1: #1 is not known: #5041 is not set by the program",
+    "#1=2 X#1": "sets a variable and reads it in one block",
+    "#1=1/0\nX#1": "#1 is not known: / has no value for 1, 0",
+    "#1=ROUND[2.5]\nX#1": "#1 is not known: how 2.5 is rounded depends on the control",
+    "#1=[2 AND 3]\nX#1": "AND of numbers: logical on some controls, bit by bit on others",
+    "#1=[0.1 EQ 0.10001]\nX#1": "whether 0.1 equals 0.10001 depends on the control",
     "#5221=10": "sets a system variable of the control",
-    "#1=5 #5221=10": "several values to compute",
+    "#1=5 #5221=10": "sets a system variable of the control",
+    "#0=5": "#0 is the empty variable of some controls",
     "X1 0.5": "a number without an address",
     # arcs
     "G2 X5": "an arc without I or J or R",
@@ -486,9 +491,16 @@ REFUSED = {
     "X5;G91": "words behind a semicolon",
     "M8 ; M6": "words behind a semicolon",
     # control flow and other constructs
-    "IF[#1 EQ 2] GOTO 10": "control flow (IF, WHILE, GOTO) is not followed",
-    "GOTO10": "control flow (IF, WHILE, GOTO) is not followed",
-    "o100 call": "control flow (O-words) is not followed",
+    "IF[#1 EQ 2] GOTO 10": "#1 is not set by the program",
+    "GOTO10": "no block with the label 10",
+    "N5\nGOTO5\nN5": "5 is the label of 2 blocks",
+    "o100 call": "no O100 in this file",
+    "M98 P100": "no O100 in this file",
+    "M99": "M99 jumps back in the program, outside of a subprogram",
+    "WHILE[1 EQ 1]DO1": "the end of what it opens is missing",
+    "END1": "closes what is not open here",
+    "o100 break": "stands in no loop",
+    "O100 sub\no100 call\nO100 endsub\nO100 call": "subprograms that call each other without end",
     "[5]": "an expression that stands alone",
     # coordinates that are a move for one code and none for the other
     "G1 G50.1 X5": "coordinates that two codes may take",
@@ -554,6 +566,11 @@ def test_integers_in_an_inch_program_have_no_known_increment():
         read("G20 G0 X10\n", machine)
 
 
+def test_a_program_without_end(monkeypatch):
+    monkeypatch.setattr("postproc.flow.LONGEST", 1000)
+    assert "the program does not come to an end within 1000 blocks" in refusal("N5 G0 X1\nGOTO5\n")
+
+
 def test_long_blocks_are_shown_short():
     message = refusal(SAY + "G31 " + "X1 (" + "a" * 200 + ")\n")
     assert len(message) < 200
@@ -573,7 +590,7 @@ def test_chunks_read_as_the_whole(monkeypatch, size):
     text = "G90\n".join(GOLDEN[name][0] for name in names)
     whole = read(text, load("gantry"), **G54)
     assert len(text) < CHUNK
-    monkeypatch.setattr("postproc.verify.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK", size)
     assert as_tables(read(text, load("gantry"), **G54)) == as_tables(whole)
 
 

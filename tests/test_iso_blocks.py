@@ -9,8 +9,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from postproc.expressions import Constant, Operation, Variable
 from postproc.iso_blocks import _read_plain, parse_block, read_block
 from postproc.program import Block, Refusal
+from postproc.statements import Assign, Begin, Call, End, Jump, Return, When
 
 FREECAD = Path(__file__).parent / "data" / "freecad"
 
@@ -55,11 +57,12 @@ def both_ways(text: str) -> Block | None:
 def check_words(block: Block) -> None:
     """The places of the words hold what the words say, in order and apart."""
     end = 0
-    for address, value, at, start, stop in block.words:
+    for address, value, at, start, stop, formula in block.words:
         assert end <= at < start < stop
         assert block.text[at].upper() == address
         assert block.text[at + 1 : start].strip(" \t") == ""
-        assert float(re.sub(r"[ \t]", "", block.text[start:stop])) == value
+        if formula is None:
+            assert float(re.sub(r"[ \t]", "", block.text[start:stop])) == value
         end = stop
 
 
@@ -144,26 +147,81 @@ def test_words(text, expected):
     [
         ("%\n", "tape_mark", "%"),
         ("\0\0%O12\n", "tape_mark", "%O12"),
-        ("#1=5\n", "assignment", "#1=5"),
-        ("#<name>=[#2*3]\n", "assignment", "#<name>=[#2*3]"),
-        ("F#1\n", "computed", "F#1"),
-        ("G1 X[#1+2]\n", "computed", "X[#1+2]"),
-        ("IF[#1 LT #2] THEN #1= #2\n", "keyword", "IF"),
-        ("WHILE[#1GT#2]DO1\n", "keyword", "WHILE"),
-        ("GOTO 10\n", "keyword", "GOTO"),
-        ("o100 while [#1 lt 3]\n", "subroutine", "o100 while"),
-        ("o<x> call [1]\n", "subroutine", "o<x> call"),
+        ("#1=5\n", "control", ""),
+        ("F#1\n", "words", ""),
         ("X1 0.5\n", "number", "0.5"),  # LinuxCNC reads X10.5
         ("X1\x000\n", "number", "0"),  # a control that skips the NUL reads X10
-        # one harmless value to compute must not hide another
-        ("F#1 X#2\n", "compound", "F#1 X#2"),
-        ("#1=5 #5221=10\n", "compound", "#1=5 #5221=10"),
-        ("#1=5 X#1\n", "compound", "#1=5 X#1"),
     ],
 )
 def test_constructs(text, kind, detail):
     block = read_block(1, text)
     assert (block.kind, block.detail) == (kind, detail)
+
+
+ONE, TWO, THREE = Constant(1.0), Constant(2.0), Constant(3.0)
+FIRST, SECOND = Variable("#", (ONE,)), Variable("#", (TWO,))
+
+
+@pytest.mark.parametrize(
+    ("text", "step"),
+    [
+        ("#1=3\n", Assign(FIRST, THREE)),
+        ("#<A b>=[#2*3]\n", Assign(Variable("#<ab>"), Operation("*", (SECOND, THREE)))),
+        ("##1=-2**3\n", Assign(Variable("#", (FIRST,)), Operation("**", (Operation("neg", (TWO,)), THREE)))),
+        ("#1=1-2-3\n", Assign(FIRST, Operation("-", (Operation("-", (ONE, TWO)), THREE)))),
+        ("#1=1+2mod3\n", Assign(FIRST, Operation("+", (ONE, Operation("MOD", (TWO, THREE)))))),
+        ("#1=ATAN[1]/[2]\n", Assign(FIRST, Operation("ATAN2", (ONE, TWO)))),
+        ("IF[#1 LT #2] THEN #1= #2\n", When(Operation("LT", (FIRST, SECOND)), Assign(FIRST, SECOND))),
+        ("IF[#1EQ2]GOTO3\n", When(Operation("EQ", (FIRST, TWO)), Jump(THREE))),
+        ("WHILE[#1GT#2]DO1\n", Begin("WHILE", "DO1", Operation("GT", (FIRST, SECOND)))),
+        ("END1\n", End("WHILE", "DO1")),
+        ("GOTO 2\n", Jump(TWO)),
+        ("o100 while [#1 lt 3]\n", Begin("WHILE", "O100", Operation("LT", (FIRST, THREE)))),
+        ("o<X> call [1] [#2]\n", Call("O<x>", ((1, ONE), (2, SECOND)))),
+    ],
+)
+def test_statements(text, step):
+    block = read_block(1, text)
+    assert block.code.before == (step,)
+    assert block.words == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "step"),
+    [
+        ("N5 M98 P2 L3\n", "N", Call(Operation("O", (TWO,)), None, THREE)),
+        ("G1 X5 M98 P2\n", "GX", Call(Operation("O", (TWO,)), None, None)),
+        ("G65 P2 A1. X#1\n", "", Call(Operation("O", (TWO,)), ((1, ONE), (24, FIRST)), None)),
+        ("M99\n", "", Return("M99 jumps back in the program, outside of a subprogram: it runs for ever")),
+    ],
+)
+def test_calls(text, words, step):
+    block = read_block(1, text)
+    assert block.code.after == (step,)
+    assert "".join(word.address for word in block.words) == words
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("#1=5 X#1\n", "sets a variable and reads it in one block"),
+        ("#1=5 #2=#[#3]\n", "sets a variable and reads it in one block"),
+        ("#1=[#2 EQ 1 AND #3 EQ 2]\n", "brackets are missing"),
+        ("#1=[1 LT #2 LT 3]\n", "brackets are missing"),
+        ("#1=[[#1 EQ 1] AND [#2 EQ 2] OR [#3 EQ 3]]\n", "brackets are missing"),
+        ("#1=ATAN[1]/2\n", "ATAN and a quotient"),
+        ("/#1=5\n", "block-skip switch"),
+        ("/M98 P5\n", "beside something else"),
+        ("M98\n", "M98 without P"),
+        ("M98 P20100\n", "more than four digits"),
+        ("M99 P5\n", "M99 with P"),
+        ("G65 P5 X1. X2.\n", "two words of one address"),
+        ("#5=1 GOTO 5\n", "two statements in one block"),
+    ],
+)
+def test_statements_that_controls_read_differently(text, message):
+    with pytest.raises(Refusal, match=re.escape(message)):
+        read_block(1, text)
 
 
 @pytest.mark.parametrize("text", ["/N10 X1\n", "N10 /X1\n", "/2 X1\n", "/ X1"])

@@ -121,7 +121,7 @@ def test_chunks_of_any_size_give_the_same_bytes(name, seed):
     whole = correct(text, machine, model, **setup)
     for size in (1, 3, 7):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("postproc.pipeline.CHUNK", size)
+            patch.setattr("postproc.execution.CHUNK", size)
             part = correct(text, machine, model, **setup)
         assert part.text == whole.text
         assert part.report.notes == whole.report.notes
@@ -294,7 +294,7 @@ def test_every_form_of_a_file_is_kept(name):
     ],
 )
 def test_place_of_the_mark(monkeypatch, text, place, size):
-    monkeypatch.setattr("postproc.pipeline.CHUNK", size)
+    monkeypatch.setattr("postproc.execution.CHUNK", size)
     machine = load("gantry")
     output = correct(text, machine, shifted(machine, X=-10.0)).text
     lines = re.split(r"(?<=\n)", output)
@@ -313,7 +313,7 @@ def test_the_mark_names_program_machine_and_calibration():
 
 
 def test_a_mark_far_down_is_found(monkeypatch):
-    monkeypatch.setattr("postproc.pipeline.CHUNK", 10)
+    monkeypatch.setattr("postproc.execution.CHUNK", 10)
     machine = load("gantry")
     marked = correct("G0 X1\n", machine, shifted(machine, X=1.0)).text
     with pytest.raises(UserError, match=r":101: .*already corrected by ncomp \(calibration [0-9A-F]+\); --force"):

@@ -1,0 +1,139 @@
+"""A program through its dialect: lines to blocks, blocks as they run, what runs to moves; and back to lines in order.
+
+A program in which one block follows the other is read chunk by chunk, and every chunk can be written at once. One with
+jumps, loops or calls is held as a whole: its chunks are of blocks as they run, so that a block may come in several.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from postproc.dialects import Dialect, Interpreter
+from postproc.flow import Flow, straight
+from postproc.motions import Motions
+from postproc.program import Block, Refusal
+from postproc.source import CHUNK, Source, chunks
+
+
+@dataclass(frozen=True)
+class Part:
+    """A chunk of blocks as they ran."""
+
+    motions: Motions
+    places: Sequence[int]
+    """Of every block that ran: its index in the program."""
+    size: int
+    """Characters of text that were read for it."""
+
+
+class Execution(Protocol):
+    """Runs a program once, and puts what is made of its blocks in the order in which they stand."""
+
+    def parts(self) -> Iterator[Part]:
+        """The chunks as they run; UserError, located in the program, for what can't be used."""
+
+    def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
+        """Blocks, in the order of the program, whose texts are known when the blocks of a part have become `texts`."""
+
+    def rest(self) -> tuple[list[Block], list[str]]:
+        """Those that are left at the end."""
+
+
+def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Execution:
+    """How a program has to be run."""
+    if _turns(source, dialect):
+        return Walk(source, dialect, interpreter)
+    return Straight(source, dialect, interpreter)
+
+
+def _turns(source: Source, dialect: Dialect) -> bool:
+    """True for a program that holds a jump, a loop or a call."""
+    for line, text in dialect.join_lines(source.lines()):
+        if dialect.flow.search(text):
+            try:
+                block = dialect.read_block(line, text)
+            except Refusal:
+                continue
+            if block.code is not None and block.code.turns:
+                return True
+    return False
+
+
+@dataclass
+class Straight:
+    """A program whose blocks run one after the other."""
+
+    source: Source
+    dialect: Dialect
+    interpreter: Interpreter
+
+    def parts(self) -> Iterator[Part]:
+        """Chunk by chunk."""
+        try:
+            for lines in chunks(self.dialect.join_lines(self.source.lines()), CHUNK):
+                blocks = [self.dialect.read_block(line, text) for line, text in lines]
+                motions = self.interpreter.read(straight(blocks, self.interpreter.scope))
+                yield Part(motions, range(len(blocks)), sum(len(text) for _, text in lines))
+        except Refusal as refusal:
+            raise refusal.located(self.source.name) from None
+
+    def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
+        """All of them."""
+        return part.motions.blocks, texts
+
+    def rest(self) -> tuple[list[Block], list[str]]:
+        """Nothing."""
+        return [], []
+
+
+@dataclass
+class Walk:
+    """A program that is held as a whole and walked through."""
+
+    source: Source
+    dialect: Dialect
+    interpreter: Interpreter
+    blocks: list[Block] = field(init=False, default_factory=list)
+    texts: dict[int, str] = field(init=False, default_factory=dict)
+    """What became of the blocks that ran."""
+
+    def parts(self) -> Iterator[Part]:
+        """Chunks of blocks as they run."""
+        try:
+            lines = self.dialect.join_lines(self.source.lines())
+            self.blocks = [self.dialect.read_block(line, text) for line, text in lines]
+            flow = Flow(self.blocks, self.interpreter.scope, self.dialect.labels)
+            steps = flow.run(lambda: self.interpreter.ended)
+            size = sum(len(block.text) for block in self.blocks)
+            more = True
+            while more:
+                places: list[int] = []
+                motions = self.interpreter.read(_noting(itertools.islice(steps, CHUNK), places.append))
+                more = len(places) == CHUNK
+                yield Part(motions, places, size)
+                size = 0
+        except Refusal as refusal:
+            raise refusal.located(self.source.name) from None
+
+    def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
+        """None before the end; a block that runs more than once has to become the same every time."""
+        for place, text in zip(part.places, texts, strict=True):
+            first = self.texts.setdefault(place, text)
+            if first != text:
+                block = self.blocks[place]
+                shown = " and ".join(repr(part.strip()) for part in (first, text))
+                raise block.refuse(f"runs at several places, where it wants different corrections: {shown}")
+        return [], []
+
+    def rest(self) -> tuple[list[Block], list[str]]:
+        """All of them; those that did not run as they were."""
+        return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
+
+
+def _noting(steps: Iterator[tuple[int, Block]], note: Callable[[int], None]) -> Iterator[Block]:
+    for place, block in steps:
+        note(place)
+        yield block

@@ -1,0 +1,178 @@
+"""Expressions of NC programs as trees, and their values; the operations are each dialect's own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple, Protocol, TypeAlias
+
+Value: TypeAlias = float | str
+"""Truth is 1.0, falsehood 0.0."""
+Operations: TypeAlias = Mapping[str, Callable[..., Value]]
+
+CLOSE = 1e-9
+"""Numbers that differ by no more, of themselves or of 1, differ by how a control rounds its sums."""
+
+
+class NotKnown(Exception):
+    """A value that the text of the program does not give; says why."""
+
+
+class Constant(NamedTuple):
+    """A number or a text."""
+
+    value: Value
+
+
+class Variable(NamedTuple):
+    """A variable, `#5` as `#` with the index 5; indices are expressions too."""
+
+    name: str
+    indices: tuple[Expression, ...] = ()
+
+
+class Operation(NamedTuple):
+    """An operator or a function with its operands, as the dialect's table names it."""
+
+    name: str
+    operands: tuple[Expression, ...]
+
+
+Expression: TypeAlias = Constant | Variable | Operation
+
+
+class Formula(NamedTuple):
+    """The expression that a word has in the place of a number, and how something is added to its text."""
+
+    expression: Expression
+    before: str = ""
+    tail: int = 0
+    """Characters at the end of the text that what is added stands in front of."""
+    after: str = ""
+    carrier: str = ""
+    """A variable of ncomp's own that takes the sum, where a word can't hold one; with `{}`, `{}` for text and sum."""
+
+    def plus(self, text: str, shift: str) -> str:
+        """The text of a word with a signed number added."""
+        at = len(text) - self.tail
+        return self.before + text[:at] + shift + text[at:] + self.after
+
+
+class Scope(Protocol):
+    """The variables of a running program."""
+
+    @property
+    def operations(self) -> Operations:
+        """Operators and functions by name; they raise NotKnown where controls differ."""
+
+    def get(self, name: str, indices: tuple[Value, ...]) -> Value:
+        """The value of a variable; NotKnown when the program has not said it."""
+
+    def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
+        """Give a variable a value, or the reason why it has none that is known; NotKnown when it is none to be set."""
+
+
+def evaluate(expression: Expression, scope: Scope) -> Value:
+    """The value of an expression; NotKnown, with the reason, where the program does not give it."""
+    if isinstance(expression, Constant):
+        return expression.value
+    if isinstance(expression, Variable):
+        return scope.get(expression.name, tuple(evaluate(index, scope) for index in expression.indices))
+    values = [evaluate(operand, scope) for operand in expression.operands]
+    operation = scope.operations.get(expression.name)
+    if operation is None:
+        raise NotKnown(f"{expression.name} is not known to ncomp")
+    try:
+        value = operation(*values)
+    except (ArithmeticError, TypeError, ValueError):
+        said = ", ".join(f"{value:g}" if isinstance(value, float) else repr(value) for value in values)
+        raise NotKnown(f"{expression.name} has no value for {said}") from None
+    if isinstance(value, float) and not math.isfinite(value):
+        raise NotKnown(f"{expression.name} has no finite value")
+    return value
+
+
+def number(expression: Expression, scope: Scope) -> float:
+    """The value of an expression that has to be a number."""
+    value = evaluate(expression, scope)
+    if not isinstance(value, float):
+        raise NotKnown(f"{value!r} is no number")
+    return value
+
+
+def whole(expression: Expression, scope: Scope) -> int:
+    """The value of an expression that has to be a whole number."""
+    value = number(expression, scope)
+    if value != int(value):
+        raise NotKnown(f"{value:g} is not whole")
+    return int(value)
+
+
+def variables(expression: Expression) -> Iterator[Variable]:
+    """All variables that an expression reads."""
+    if isinstance(expression, Variable):
+        yield expression
+        for index in expression.indices:
+            yield from variables(index)
+    elif isinstance(expression, Operation):
+        for operand in expression.operands:
+            yield from variables(operand)
+
+
+def may_be_one(a: Variable, b: Variable) -> bool:
+    """True unless two variables are certainly different ones."""
+    if a.name != b.name or len(a.indices) != len(b.indices):
+        return False
+    pairs = zip(a.indices, b.indices, strict=True)
+    return not any(isinstance(i, Constant) and isinstance(j, Constant) and i != j for i, j in pairs)
+
+
+# ---- what the tables of the dialects have in common
+
+
+def truth(value: bool) -> float:
+    """A condition as a number."""
+    return 1.0 if value else 0.0
+
+
+def nearly(a: float, b: float) -> bool:
+    """True for numbers that are one but for rounding."""
+    return abs(a - b) <= CLOSE * max(1.0, abs(a), abs(b))
+
+
+def equal(a: Value, b: Value) -> bool:
+    """True for one text, or one number but for rounding; TypeError for a text and a number."""
+    if isinstance(a, str) and isinstance(b, str):
+        return a == b
+    if isinstance(a, str) or isinstance(b, str):
+        raise TypeError
+    return nearly(a, b)
+
+
+COMPARISONS: dict[str, Callable[..., Value]] = {
+    "==": lambda a, b: truth(equal(a, b)),
+    "<>": lambda a, b: truth(not equal(a, b)),
+    "<": lambda a, b: truth(a < b and not equal(a, b)),
+    ">": lambda a, b: truth(a > b and not equal(a, b)),
+    "<=": lambda a, b: truth(a < b or equal(a, b)),
+    ">=": lambda a, b: truth(a > b or equal(a, b)),
+}
+ARITHMETIC: dict[str, Callable[..., Value]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "/": lambda a, b: a / b,
+    "neg": lambda a: -a,
+    "pos": lambda a: +a,
+    "ABS": abs,
+    "SQRT": math.sqrt,
+    "LN": math.log,
+    "EXP": math.exp,
+    "SIN": lambda a: math.sin(math.radians(a)),
+    "COS": lambda a: math.cos(math.radians(a)),
+    "TAN": lambda a: math.tan(math.radians(a)),
+    "ASIN": lambda a: math.degrees(math.asin(a)),
+    "ACOS": lambda a: math.degrees(math.acos(a)),
+    "ATAN": lambda a: math.degrees(math.atan(a)),
+}
+"""Angles in degrees, as all controls have them."""

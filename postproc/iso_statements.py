@@ -1,0 +1,266 @@
+"""Statements of ISO / Fanuc / LinuxCNC blocks: trees of the grammar `iso.lark`, and calls made of words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from lark import Token, Tree
+
+from postproc.expressions import Constant, Expression, Formula, Operation, Variable
+from postproc.program import Block, Word
+from postproc.statements import (
+    Again,
+    Assign,
+    Begin,
+    Call,
+    Code,
+    Else,
+    End,
+    Jump,
+    Leave,
+    Return,
+    Step,
+    When,
+)
+
+Node = Tree[Token] | Token
+
+CALLS = re.compile(r"(M[ \t]*0*9[89]|G[ \t]*0*65)(?![\d.])", re.IGNORECASE)
+"""What a block may hold that calls a subprogram or ends one."""
+FLOW = re.compile(rf"{CALLS.pattern}|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]", re.IGNORECASE)
+"""What a program may hold in which not always the next block runs."""
+ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
+"""Local variables that take the words behind G65."""
+CALLING = frozenset((("M", 98.0), ("M", 99.0), ("G", 65.0)))
+LONGEST_NUMBER = 9999
+"""Of a subprogram; more digits hold a number of passes too, on some controls."""
+
+
+class Ambiguous(Exception):
+    """An expression that controls read in different ways; says why."""
+
+
+# ---- expressions
+
+
+def expression(node: Node) -> Expression:
+    """The expression that a part of a block says."""
+    if isinstance(node, Token):
+        return Constant(float(node))
+    return _EXPRESSIONS[node.data](node.children)
+
+
+def _variable(inner: Node) -> Variable:
+    """`#5`, `#[...]`, `##5` or `#<name>`, by what stands behind the first `#`."""
+    if isinstance(inner, Token) and inner.type == "NAME":
+        return Variable("#" + re.sub(r"[ \t]", "", inner).lower())
+    return Variable("#", (expression(inner),))
+
+
+def _chain(children: list[Node], name: Callable[[Token], str]) -> Expression:
+    """Operands with operators between them, worked out from left to right."""
+    result = expression(children[0])
+    for operator, operand in zip(children[1::2], children[2::2], strict=True):
+        assert isinstance(operator, Token)
+        result = Operation(name(operator), (result, expression(operand)))
+    return result
+
+
+def _product(children: list[Node]) -> Expression:
+    """Powers first, then from left to right; the arc tangent takes the bracket behind its slash."""
+    parts = list(children)
+    while "**" in parts:
+        i = [str(part) for part in parts].index("**")
+        parts[i - 1 : i + 2] = [Tree("power", [parts[i - 1], parts[i + 1]])]
+    result = _factor(parts[0])
+    for i in range(1, len(parts), 2):
+        operator, operand = str(parts[i]).upper(), parts[i + 1]
+        arc = operator == "/" and isinstance(result, Operation) and result.name == "ATAN"
+        if arc and not (isinstance(operand, Tree) and operand.data == "bracket"):
+            raise Ambiguous("ATAN and a quotient: controls read this differently")
+        if arc and isinstance(result, Operation):
+            result = Operation("ATAN2", (*result.operands, _factor(operand)))
+        else:
+            result = Operation(operator, (result, _factor(operand)))
+    return result
+
+
+def _factor(node: Node) -> Expression:
+    if isinstance(node, Tree) and node.data == "power":
+        return Operation("**", tuple(_factor(child) for child in node.children))
+    return expression(node)
+
+
+def _condition(children: list[Node]) -> Expression:
+    operators = {str(operator).upper() for operator in children[1::2]}
+    if not operators:
+        return expression(children[0])
+    if len(operators) > 1 or (len(children) > 3 and not operators <= {"AND", "OR", "XOR"}):
+        raise Ambiguous("what belongs together in this condition depends on the control: brackets are missing")
+    if operators <= {"AND", "OR", "XOR"} and not all(map(_is_operand, children[::2])):
+        raise Ambiguous("what belongs together in this condition depends on the control: brackets are missing")
+    return _chain(children, lambda operator: str(operator).upper())
+
+
+def _is_operand(node: Node) -> bool:
+    """True for a sum of one operand alone."""
+    while isinstance(node, Tree) and node.data in ("sum", "product") and len(node.children) == 1:
+        node = node.children[0]
+    return isinstance(node, Token) or node.data not in ("sum", "product")
+
+
+def computed_word(node: Tree[Token]) -> Word:
+    """A word with an expression in the place of its number."""
+    address, operand = node.children
+    assert isinstance(address, Token)
+    start, end = _span(operand)
+    at = address.start_pos or 0
+    arithmetic = isinstance(operand, Tree) and operand.data == "bracket" and len(_condition_of(operand)) == 1
+    how = ("", 1, "") if arithmetic else ("[", 0, "]")
+    return Word(str(address).upper(), None, at, start, end, Formula(expression(operand), *how))
+
+
+def _condition_of(bracket: Tree[Token]) -> list[Node]:
+    (condition,) = bracket.children
+    assert isinstance(condition, Tree)
+    return condition.children
+
+
+def _span(node: Node) -> tuple[int, int]:
+    if isinstance(node, Token):
+        return node.start_pos or 0, node.end_pos or 0
+    return node.meta.start_pos, node.meta.end_pos
+
+
+_EXPRESSIONS: dict[str, Callable[[list[Any]], Expression]] = {
+    "bracket": lambda parts: expression(parts[0]),
+    "condition": _condition,
+    "sum": lambda parts: _chain(parts, str),
+    "product": _product,
+    "signed": lambda parts: Operation("neg" if parts[0] == "-" else "pos", (expression(parts[1]),)),
+    "function": lambda parts: Operation(str(parts[0]).upper(), (expression(parts[1]),)),
+    "variable": lambda parts: _variable(parts[0]),
+}
+
+
+# ---- statements
+
+
+def statement(node: Tree[Token]) -> Step:
+    """The statement that a part of a block makes."""
+    return _STATEMENTS[node.data](node.children)
+
+
+def _assign(parts: list[Any]) -> Assign:
+    target, value = parts
+    return Assign(_variable(target.children[0]), expression(value))
+
+
+_SUBROUTINE = re.compile(r"O[ \t]*(\d+|<[^<>]*>)[ \t]*([A-Z]+)", re.IGNORECASE)
+_TESTED = frozenset(("IF", "ELSEIF", "WHILE", "REPEAT"))
+
+
+def _subroutine(parts: list[Any]) -> Step:
+    match = _SUBROUTINE.fullmatch(str(parts[0]))
+    assert match is not None
+    name = re.sub(r"[ \t]", "", match[1]).lower()
+    key, word = "O" + (name if name.startswith("<") else f"{int(name)}"), match[2].upper()
+    values = [expression(part) for part in parts[1:]]
+    if len(values) != (word in _TESTED) and word not in ("CALL", "ENDSUB", "RETURN"):
+        raise Ambiguous(f"{word} with {len(values)} values")
+    test = values[0] if values else None
+    others: dict[str, Step] = {
+        "ELSEIF": Else(key, test),
+        "ELSE": Else(key),
+        "BREAK": Leave(key),
+        "CONTINUE": Again(key),
+        "CALL": Call(key, tuple(enumerate(values, start=1))),
+        "RETURN": Return("RETURN stands in no subprogram"),
+    }
+    if word in others:
+        return others[word]
+    return End(word.removeprefix("END"), key) if word.startswith("END") else Begin(word, key, test)
+
+
+def _key(number: Token) -> str:
+    return f"DO{int(number)}"
+
+
+_STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
+    "assignment": _assign,
+    "if_goto": lambda parts: When(expression(parts[1]), Jump(expression(parts[3]))),
+    "if_then": lambda parts: When(expression(parts[1]), statement(parts[3])),
+    "goto": lambda parts: Jump(expression(parts[1])),
+    "while": lambda parts: Begin("WHILE", _key(parts[3]), expression(parts[1])),
+    "do": lambda parts: Begin("WHILE", _key(parts[1]), Constant(1.0)),
+    "end": lambda parts: End("WHILE", _key(parts[1])),
+    "subroutine": _subroutine,
+}
+
+
+# ---- calls
+
+
+def with_calls(block: Block) -> Block:
+    """The block with M98, M99 and G65 as statements and no longer as words."""
+    at = [i for i, word in enumerate(block.words) if (word.address, word.value) in CALLING]
+    if not at:
+        return block
+    if len(at) > 1 or block.skippable or (block.code and (block.code.before or block.code.after)):
+        raise block.refuse("a call beside something else that turns the run of the program")
+    word = block.words[at[0]]
+    if word.value == 99.0:
+        if any(other.address in "PLQ" for other in block.words):
+            raise block.refuse("M99 with P: jumps somewhere else than behind its call")
+        step: Step = Return("M99 jumps back in the program, outside of a subprogram: it runs for ever")
+        kept = tuple(other for other in block.words if other is not word)
+        return _with_step(block, kept, step)
+    taken = "PL" if word.address == "M" else "PL" + "".join(ARGUMENTS)
+    words = {other.address: other for other in block.words if other.address in taken and other is not word}
+    if sum(other.address in taken and other is not word for other in block.words) > len(words):
+        raise block.refuse("two words of one address in a call")
+    if "P" not in words:
+        raise block.refuse(f"{word.address}{word.value:g} without P")
+    name = words.pop("P")
+    if name.value is not None and not (name.value == int(name.value) and 0 <= name.value <= LONGEST_NUMBER):
+        raise block.refuse("P with more than four digits: number of passes and of the subprogram, for some controls")
+    times = _value(words.pop("L")) if "L" in words else None
+    called = Operation("O", (_value(name),))
+    arguments = None
+    if word.address == "G":
+        arguments = tuple((ARGUMENTS[address], _argument(block, other)) for address, other in words.items())
+    gone = set(taken)
+    kept = tuple(other for other in block.words if other is not word and other.address not in gone)
+    if word.address == "M" and any(other.address in "HQ" for other in kept):
+        raise block.refuse("M98 with a block number")
+    if any(other.address not in "NGM" for other in kept) and word.address == "G":
+        raise block.refuse("G65 beside something else")
+    return _with_step(block, kept, Call(called, arguments, times))
+
+
+def _with_step(block: Block, words: tuple[Word, ...], step: Step) -> Block:
+    return block._replace(kind="words" if words else "control", words=words, code=Code((), (step,)))
+
+
+def _value(word: Word) -> Expression:
+    return word.formula.expression if word.formula else Constant(word.value or 0.0)
+
+
+def _argument(block: Block, word: Word) -> Expression:
+    """An argument; one without decimal point is a number of increments, for some controls."""
+    if word.formula is None and word.value and "." not in block.text[word.start : word.end]:
+        return Operation("an argument without decimal point", (Constant(word.value),))
+    return _value(word)
+
+
+def labels(block: Block) -> list[str]:
+    """The names under which jumps and calls find a block."""
+    prefixes = {"N": "", "O": "O"}
+    found = [
+        f"{prefixes[w.address]}{w.value:.10g}" for w in block.words if w.address in prefixes and w.value is not None
+    ]
+    if block.code is not None:
+        found += [step.key for step in block.code.before if isinstance(step, Begin) and step.kind == "SUB"]
+    return found

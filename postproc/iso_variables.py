@@ -1,0 +1,131 @@
+"""Variables, operators and functions of ISO / Fanuc / LinuxCNC programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from postproc.expressions import (
+    ARITHMETIC,
+    COMPARISONS,
+    NotKnown,
+    Operations,
+    Value,
+    nearly,
+    truth,
+)
+
+LOCALS = range(1, 34)
+"""Numbers of the variables that a macro has of its own."""
+LINUXCNC_LOCALS = 30
+SYSTEM = 1000
+"""Numbers from here on belong to the control; LinuxCNC lets programs use them up to 5000."""
+LINUXCNC_EQUAL = 1e-4
+"""LinuxCNC takes numbers that differ by less for one."""
+
+
+def _agreed(a: float, b: float) -> bool:
+    """True when two numbers are one; NotKnown where that is so for some controls."""
+    if not nearly(a, b) and abs(a - b) < LINUXCNC_EQUAL:
+        raise NotKnown(f"whether {a:.9g} equals {b:.9g} depends on the control")
+    return nearly(a, b)
+
+
+def _logic(name: str, result: Callable[[bool, bool], bool]) -> Callable[[float, float], float]:
+    def operation(a: float, b: float) -> float:
+        if a not in (0.0, 1.0) or b not in (0.0, 1.0):
+            raise NotKnown(f"{name} of numbers: logical on some controls, bit by bit on others")
+        return truth(result(bool(a), bool(b)))
+
+    return operation
+
+
+def _round(a: float) -> float:
+    if nearly(a % 1.0, 0.5):
+        raise NotKnown(f"how {a:g} is rounded depends on the control")
+    return float(round(a))
+
+
+def _modulo(a: float, b: float) -> float:
+    if a < 0.0 or b <= 0.0:
+        raise NotKnown("MOD of a negative number depends on the control")
+    return math.fmod(a, b)
+
+
+def _power(a: float, b: float) -> float:
+    return math.pow(a, b)
+
+
+OPERATIONS: Operations = {
+    **ARITHMETIC,
+    "**": _power,
+    "MOD": _modulo,
+    "EQ": lambda a, b: truth(_agreed(a, b)),
+    "NE": lambda a, b: truth(not _agreed(a, b)),
+    "LT": COMPARISONS["<"],
+    "LE": COMPARISONS["<="],
+    "GT": COMPARISONS[">"],
+    "GE": COMPARISONS[">="],
+    "AND": _logic("AND", lambda a, b: a and b),
+    "OR": _logic("OR", lambda a, b: a or b),
+    "XOR": _logic("XOR", lambda a, b: a != b),
+    "FIX": lambda a: float(math.floor(a)) if a >= 0.0 else _differing("FIX"),
+    "FUP": lambda a: float(math.ceil(a)) if a >= 0.0 else _differing("FUP"),
+    "ROUND": _round,
+    "O": lambda number: f"O{int(number)}",
+    "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)) if b > 0.0 else _differing("ATAN"),
+}
+
+
+def _differing(name: str) -> float:
+    raise NotKnown(f"{name} of these numbers depends on the control")
+
+
+@dataclass
+class IsoVariables:
+    """What `#1`, `#<name>` hold; nothing is known of a variable that the program has not set."""
+
+    operations: Operations = field(default_factory=lambda: OPERATIONS)
+    shared: dict[str, Value | NotKnown] = field(default_factory=dict)
+    own: list[dict[str, Value | NotKnown]] = field(default_factory=lambda: [{}])
+    """Local variables of the main program, and of each subprogram that runs."""
+
+    def get(self, name: str, indices: tuple[Value, ...]) -> Value:
+        """The value of `#` with its number, or of `#<name>`."""
+        key, store = self._place(name, indices)
+        value = store.get(key)
+        if value is None:
+            raise NotKnown(f"{key} is not set by the program")
+        if isinstance(value, NotKnown):
+            raise NotKnown(f"{key} is not known: {value}")
+        return value
+
+    def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
+        """Set it; NotKnown for a system variable."""
+        key, store = self._place(name, indices)
+        if key.startswith("#") and key[1:].isdigit() and int(key[1:]) >= SYSTEM:
+            raise NotKnown(f"{key}: sets a system variable of the control")
+        store[key] = value
+
+    def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
+        """Begin a macro with variables of its own, or a subprogram without."""
+        own = self.own[-1] if arguments is None else {f"#{n}": value for n, value in arguments.items()}
+        self.own.append(own)
+
+    def leave(self) -> None:
+        """End it."""
+        self.own.pop()
+
+    def _place(self, name: str, indices: tuple[Value, ...]) -> tuple[str, dict[str, Value | NotKnown]]:
+        if not indices:
+            return name, self.shared if name.startswith("#<_") else self.own[-1]
+        (index,) = indices
+        if not isinstance(index, float) or not nearly(index, round(index)):
+            raise NotKnown(f"#{index}: no number of a variable")
+        number = round(index)
+        if number == 0:
+            raise NotKnown("#0 is the empty variable of some controls")
+        if number > LINUXCNC_LOCALS and number in LOCALS and len(self.own) > 1:
+            raise NotKnown(f"whether a subprogram has a #{number} of its own depends on the control")
+        return f"#{number}", self.own[-1] if number in LOCALS else self.shared

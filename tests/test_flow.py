@@ -1,0 +1,172 @@
+"""Programs with variables, jumps, loops and subprograms: which block runs when, with which values, and what is written."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from programs import correct, load, random_model, read, shifted
+
+from kinematics.errors import UserError
+from postproc.verify import verify
+
+HEAD = "G21 G90 G54 G0 X0. Y0. Z0.\n"
+OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
+SHIFT = [-0.003, 0.0042, -0.0055]
+
+
+def ends(text, axis="X"):
+    """Positions of an axis after each move but those of the head."""
+    motions = read(HEAD + text, load("gantry"))
+    column = motions.target[:, load("gantry").index(axis)]
+    return [round(float(value), 9) + 0.0 for value in column[1:]]
+
+
+RUNS = {
+    "values": ("#1=2 #2=3\nX#1\nX[#1+#2]\nX-#1\nX[-#1*#2]\nX##1\n", [2, 5, -2, -6, 3]),
+    "functions": ("#1=30\nX[SIN[#1]*10]\nX[ATAN[1]/[1]]\nX[SQRT[16]+ABS[-1]]\nX[2**3**2]\nX[7 MOD 4]\n", [5, 45, 5, 64, 3]),
+    "order": ("X[2+3*4]\nX[[2+3]*4]\nX[10-2-3]\nX[-2+3]\nX[2*-3]\nX[FIX[2.7]+FUP[2.1]]\n", [14, 20, 5, 1, -6, 5]),
+    "names": ("#<a b>=4\nX#<AB>\n#<_cut>=5\nX#<_cut>\n", [4, 5]),
+    "conditions": ("#1=1\nIF[#1 EQ 1] THEN #1=7\nIF[#1 NE 7] THEN #1=8\nX#1\n", [7]),
+    "jumps": ("#1=0\nN10 X#1\n#1=#1+1\nIF[#1 LT 3]GOTO 10\nGOTO20\nX99.\nN20 X9.\n", [0, 1, 2, 9]),
+    "computed jump": ("#1=20\nGOTO#1\nX1.\nN20 X2.\n", [2]),
+    "loops": ("#1=0\nWHILE[#1 LT 2]DO1\n#2=0\nWHILE[#2 LT 2]DO2\nX[#1*10+#2]\n#2=#2+1\nEND2\n#1=#1+1\nEND1\n", [0, 1, 10, 11]),
+    "sums of tenths": ("#1=0\nWHILE[#1 LT 1]DO1\n#1=#1+.1\nX#1\nEND1\n", [0.1 * n for n in range(1, 11)]),
+    "subprograms": ("#1=5\nM98 P7 L2\nX0.\nM30\nO7\nX#1\n#1=#1+1\nM99\n", [5, 6, 0]),
+    "macros": ("#1=5\nG65 P7 A1. X2.\nX#1\nM30\nO7\nX[#1+#24]\n#1=9\nM99\n", [3, 5]),
+    "a call in a move": ("X1. M98 P7\nX3.\nM30\nO7\nX2.\nM99\n", [1, 2, 3]),
+    "nested calls": ("M98 P7\nX3.\nM30\nO7\nM98 P8 L2\nX2.\nM99\nO8\nX1.\nM99\n", [1, 1, 2, 3]),
+    "an end within": ("IF[1 EQ 1]GOTO5\nN4 X1.\nM30\nN5 X2.\nGOTO4\n", [2, 1]),
+    "o-words": ("o1 sub\nX#1\nX#2\no1 endsub\no1 call [3] [4]\no1 call [5] [6]\n", [3, 4, 5, 6]),
+    "o-word branches": (
+        "#1=2\no1 if [#1 eq 1]\nX1.\no1 elseif [#1 eq 2]\nX2.\no1 else\nX3.\no1 endif\n"
+        "o2 if [#1 gt 5]\nX4.\no2 else\nX5.\no2 endif\n", [2, 5],
+    ),
+    "o-word loops": (
+        "#1=0\no1 while [#1 lt 2]\nX#1\n#1=[#1+1]\no1 endwhile\no2 do\nX#1\n#1=[#1-1]\no2 while [#1 gt 0]\n"
+        "o3 repeat [2]\nX7.\no3 endrepeat\n", [0, 1, 2, 1, 7, 7],
+    ),
+    "leaving": (
+        "#1=0\no1 while [#1 lt 9]\n#1=[#1+1]\no2 if [#1 eq 2]\no1 continue\no2 endif\no3 if [#1 gt 3]\no1 break\no3 endif\n"
+        "X#1\no1 endwhile\n", [1, 3],
+    ),
+    "returning": ("o1 sub\nX1.\no2 if [#1 eq 1]\no1 return\no2 endif\nX2.\no1 endsub\no1 call [1]\no1 call [2]\n", [1, 1, 2]),
+    "recursion": ("o1 sub\no2 if [#1 gt 0]\nX#1\no1 call [#1-1]\no2 endif\nX[#1*10]\no1 endsub\no1 call [2]\n", [2, 1, 0, 10, 20]),
+}  # fmt: skip
+LINUXCNC_TOO = [
+    name for name, (text, _) in RUNS.items() if not any(word in text for word in ("GOTO", "THEN", "DO1", "G65", "M98"))
+]
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_which_blocks_run(name):
+    text, expected = RUNS[name]
+    assert ends(text) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", RUNS)
+@pytest.mark.parametrize("size", [1, 3])
+def test_chunks_run_as_the_whole(monkeypatch, name, size):
+    monkeypatch.setattr("postproc.execution.CHUNK", size)
+    text, expected = RUNS[name]
+    assert ends(text) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_without_errors_the_bytes_stay(name):
+    text = HEAD + RUNS[name][0]
+    assert correct(text, load("gantry"), travel_check=False).text == text
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_with_a_constant_error_every_move_goes_by_it(name):
+    """Also where one block runs at many places; the corrected text is read anew."""
+    text, machine = HEAD + RUNS[name][0], load("gantry")
+    model = shifted(machine, **OFFSET)
+    written = correct(text, machine, model, travel_check=False).text
+    before, after = read(text, machine).target, read(written, machine).target
+    np.testing.assert_allclose(after - before, np.broadcast_to(SHIFT, before.shape), atol=1e-9)
+    assert "\n".join(
+        line for line in written.split("\n") if line.startswith(("#", "IF", "o", "G65", "M98"))
+    ) == "\n".join(line for line in text.split("\n") if line.startswith(("#", "IF", "o", "G65", "M98")))
+
+
+@pytest.mark.parametrize("name", LINUXCNC_TOO)
+def test_linuxcnc_runs_them_alike(linuxcnc, name):
+    text = HEAD + RUNS[name][0] + "M2\n"
+    machine = load("gantry")
+    written = correct(text, machine, shifted(machine, **OFFSET), travel_check=False).text
+    for program in (text, written):
+        seen = linuxcnc.run(program)
+        assert seen.exit_status == 0, seen
+        np.testing.assert_allclose([move.end[:3] for move in seen.moves], read(program, machine).target, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("block", "written"),
+    [
+        ("X#1", "X[#1-0.0030]"),
+        ("X-#1", "X[-#1-0.0030]"),
+        ("X[#1]", "X[#1-0.0030]"),
+        ("X[#1*2]", "X[#1*2-0.0030]"),
+        ("X [ #1 + 2 ]", "X [ #1 + 2 -0.0030]"),
+        ("X[#1 GT 2]", "X[[#1 GT 2]-0.0030]"),
+        ("X SIN[#1]", "X [SIN[#1]-0.0030]"),
+        ("x#<depth>", "x[#<depth>-0.0030]"),
+        ("X#1 Y5", "X[#1-0.0030] Y5.0042"),
+        ("G91 X#1", "G91 X#1"),
+        ("F#1 X#2", "F#1 X[#2-0.0030]"),
+    ],
+)
+def test_what_is_added_to_a_formula(block, written):
+    machine = load("gantry")
+    text = f"{HEAD}#1=5\n#2=6\n#<depth>=7\n{block}\n"
+    assert correct(text, machine, shifted(machine, **OFFSET), travel_check=False).text.splitlines()[-1] == written
+
+
+def test_arcs_with_formulas(linuxcnc):
+    machine = load("gantry")
+    text = HEAD + "#1=10\n#2=5\nG1 X[#1*1] Y0. F500\nG2 X[#1+#2*2] Y0 I#2\nG3 X#1 Y0. R#2\nM2\n"
+    model = random_model(machine, 3)
+    written = correct(text, machine, model, travel_check=False).text
+    seen = linuxcnc.run(written)
+    assert seen.exit_status == 0
+    np.testing.assert_allclose([move.end[:3] for move in seen.moves], read(written, machine).target, atol=1e-6)
+    verdict = verify(read(text, machine), read(written, machine), model)
+    assert verdict.before.largest > 10.0
+    assert verdict.after.largest < 0.2
+
+
+def test_a_block_at_several_places_that_want_different_corrections():
+    machine = load("gantry")
+    text = HEAD + "#1=0\nWHILE[#1 LT 3]DO1\nG1 X[#1*100] F100\n#1=#1+1\nEND1\n"
+    with pytest.raises(
+        UserError, match=r"test.nc:4: .*runs at several places, where it wants different corrections: 'G1 X\["
+    ):
+        correct(text, machine, random_model(machine, 3), travel_check=False)
+
+
+def test_one_place_twice_is_one_place():
+    machine = load("gantry")
+    text = HEAD + "G0 X10. Y10. Z0.\nM98 P5\nG0 X10. Y10. Z0.\nM98 P5\nM30\nO5\nG1 X10. Y30. F100\nX50. Z-5.\nM99\n"
+    written = correct(text, machine, random_model(machine, 3), travel_check=False).text
+    assert written != text
+    assert written.count("M98 P5") == 2
+
+
+names = st.sampled_from(["#1", "#2", "#150", "#<a>"])
+sums = st.recursive(
+    names | st.integers(0, 9).map(str),
+    lambda inner: st.tuples(inner, st.sampled_from("+-*"), inner).map(lambda t: f"[{t[0]}{t[1]}{t[2]}]"),
+    max_leaves=5,
+)
+
+
+@given(st.lists(st.one_of(st.tuples(names, sums), st.tuples(st.sampled_from("XYZ"), sums)), min_size=3, max_size=12))
+def test_generated_formulas_keep_their_values(parts):
+    head = HEAD + "#1=1\n#2=2\n#150=3\n#<a>=4\n"
+    text = head + "".join(f"{name}={value}\n" if name[0] == "#" else f"{name}{value}\n" for name, value in parts)
+    machine = load("gantry")
+    model = shifted(machine, **OFFSET)
+    written = correct(text, machine, model, travel_check=False).text
+    before, after = read(text, machine).target, read(written, machine).target
+    np.testing.assert_allclose(after - before, np.broadcast_to(SHIFT, before.shape), atol=1e-9)
