@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -42,6 +42,26 @@ def write_whole(path: Path, data: bytes) -> None:
     """Write all of `data` as `path`, whole or not at all."""
     with whole_file(path) as file:
         file.write(data)
+
+
+def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
+    """Write files, by name, as a new folder, whole or not at all; UserError when one that is not empty stands there.
+
+    What lies there already could be taken for a part of what is written now.
+    """
+    if path.exists() and not path.is_dir():
+        raise UserError(f"can't write {path}: it is no folder")
+    try:
+        if path.is_dir() and any(path.iterdir()):
+            raise UserError(f"can't write {path}: it is not empty; name a new folder")
+        with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as made:
+            new = Path(made) / "whole"
+            new.mkdir()
+            for name, data in files.items():
+                write_whole(new / name, data)
+            new.replace(path)
+    except OSError as fault:
+        raise UserError(f"can't write {path}: {fault.strerror}") from None
 
 
 def read_input(path: Path, what: str) -> bytes:

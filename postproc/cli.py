@@ -9,7 +9,20 @@ import typer
 from typer.core import TyperGroup
 
 from kinematics.errors import UserError
-from postproc.commands import correct, diagnose, fit, iso230, machines, plan, predict, simulate, three_points, verify
+from postproc.commands import (
+    correct,
+    diagnose,
+    export,
+    fit,
+    import_tables,
+    iso230,
+    machines,
+    plan,
+    predict,
+    simulate,
+    three_points,
+    verify,
+)
 
 MAIN_JOB = "correct"
 
@@ -42,8 +55,10 @@ app = typer.Typer(
 app.command(MAIN_JOB, epilog=correct.EPILOG)(correct.correct)
 app.command("verify", epilog=verify.EPILOG)(verify.verify)
 app.command("machines", epilog=machines.EPILOG)(machines.machines)
+app.command("export", epilog=export.EPILOG)(export.export)
 app.command("fit", epilog=fit.EPILOG)(fit.fit)
 app.command("diagnose", epilog=diagnose.EPILOG)(diagnose.diagnose)
+app.command("import", epilog=import_tables.EPILOG)(import_tables.import_tables)
 app.command("iso230", epilog=iso230.EPILOG)(iso230.iso230)
 app.command("plan", epilog=plan.EPILOG)(plan.plan)
 app.command("predict", epilog=predict.EPILOG)(predict.predict)

@@ -13,6 +13,7 @@ from kinematics.effects import (
     AirScale,
     AngleHarmonic,
     Backlash,
+    ControlTable,
     CrossAxis,
     Cyclic,
     DriftWithSensor,
@@ -115,6 +116,15 @@ EXAMPLES = [
     Example(Cyclic("Z", "C", 360.0, (3.0, 1.0), (0.0, 2.0)), "cyclic E_ZC", "deg um um um um", "period_deg sine_um cosine_um", "E_ZC"),
     Example(QuantisedCompensation("X", 4.0, 25.0, 3.0), "quantised-compensation X", "um mm mm", "step_um pitch_mm offset_mm", "E_XX"),
     Example(QuantisedCompensation("C", -6.0, 15.0), "quantised-compensation C", "urad deg deg", "step_urad pitch_deg offset_deg", "E_CC"),
+    Example(
+        ControlTable("X", ("X",), ((-250.0, 0.0, 100.0),), (3.0, -2.0, 5.0), 1), "control-table X(X) forward", "um um um", "values_um", "E_XX"
+    ),
+    Example(ControlTable("Z", ("Y",), ((0.0,),), (4.0,), u=(1.0,)), "control-table Z(Y)", "um", "values_um", "E_ZZ"),
+    Example(
+        ControlTable("C", ("X", "B"), ((0.0, 200.0), (0.0, 90.0, 180.0)), (1.0, 2.0, -3.0, 4.0, 0.0, 6.0), -1),
+        "control-table C(X,B) backward", "urad " * 6, "values_urad", "E_CC",
+    ),
+    Example(ControlTable("X", ("X", "Y"), ((0.0, 600.0), (0.0, 400.0)), (1.0, 2.0, -3.0, 4.0)), "control-table X(X,Y)", "um " * 4, "values_um", "E_XX", BACKWARD),
     Example(FollowingError("Y", 1.5), "following-error Y", "ms", "lag_ms", "E_YY"),
     Example(FollowingError("C", 1.5, 12.0), "following-error C", "ms ms2", "lag_ms compliance_ms2", "E_CC"),
     Example(Settling("Z", 30.0), "settling Z", "ppm", "share_ppm", "E_ZZ"),

@@ -15,6 +15,7 @@ from effect_examples import BACKWARD, DMU50, EXAMPLES, Example, full_state
 from kinematics.basis import Polynomial
 from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis, Effect, ErrorMotion, LocationError
 from kinematics.effects.base import Remedy
+from kinematics.effects.control import ControlTable
 from kinematics.effects.describe import describe, markdown
 from kinematics.effects.drive import Backlash, Cyclic
 from kinematics.effects.geometric import Racking, Wobble
@@ -160,6 +161,11 @@ REFUSED = {
         lambda: ThermalDrift(component="Z", amplitudes=(1.0,), time_constants_s=(0.0,)),
     "thermal-scale C: C has no length that could grow": lambda: GrowthWithTime(axis="C", rate=1.0),
     "outliers: three numbers for each of its 2 rows": lambda: Outliers((1, 2), (0.0, 0.0, 0.0)),
+    "control-table X(): a function of one axis or two, with nodes of each": lambda: ControlTable("X", (), (), ()),
+    "control-table X(Y): nodes must be finite and ascending, at least one":
+        lambda: ControlTable("X", ("Y",), ((1.0, 1.0),), (0.0, 0.0)),
+    "control-table X(Y): its nodes take 2 values, got 3":
+        lambda: ControlTable("X", ("Y",), ((0.0, 1.0),), (0.0, 0.0, 0.0)),
     "E_C0Y: 1 parameters with 2 u": lambda: LocationError("C", "Y", 1.0, u=(1.0, 1.0)),
 }  # fmt: skip
 

@@ -19,6 +19,7 @@ from kinematics.effects.base import (
     Remedy,
     unit_of,
 )
+from kinematics.effects.control import ControlTable
 from kinematics.effects.drive import Backlash, Cyclic, FirstCycle, FollowingError, QuantisedCompensation, Settling
 from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, Racking, Wobble
 from kinematics.effects.instrument import (
@@ -42,6 +43,7 @@ Effect = (
     | Backlash
     | Cyclic
     | QuantisedCompensation
+    | ControlTable
     | FollowingError
     | Settling
     | FirstCycle
@@ -74,6 +76,7 @@ __all__ = [
     "Cause",
     "Columns",
     "Component",
+    "ControlTable",
     "CrossAxis",
     "Cyclic",
     "DriftWithSensor",

@@ -1,0 +1,105 @@
+"""`ncomp import`: compensation tables of a control as an error model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinematics.errors import UserError
+from postproc.commands.export import FormatName, SettingTexts, SignName
+from postproc.commands.shared import MachineName, check_places, machine_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp import machine.ini comp_x.txt comp_y.txt --machine gantry --format linuxcnc -o in_control.json`\n\n"
+    "`ncomp import tables --machine mill.toml --format siemens-cec --sign error --less-tables-from cal.json "
+    "-o rest.json`"
+)
+
+
+def import_tables(
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Tables; a folder stands for its files.")],
+    machine: MachineName,
+    format: FormatName,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.json", help="The error model.")],
+    sign: SignName = None,
+    settings: SettingTexts = None,
+    less_tables_from: Annotated[
+        Path | None,
+        typer.Option("--less-tables-from", metavar="CAL.json", help="Write this calibration less what the tables do."),
+    ] = None,
+    with_tables_to: Annotated[
+        Path | None,
+        typer.Option(
+            "--with-tables-to",
+            metavar="CAL.json",
+            help="Measured with these tables active: write the errors of the machine without them.",
+        ),
+    ] = None,
+) -> None:
+    """Read a control's tables as the errors that they take away.
+
+    A calibration measured without them, less what they do, is what is left for programs to correct; one measured with
+    them active, plus what they do, is the machine itself, from which new tables can be made.
+    """
+    import datetime
+
+    import msgspec
+
+    from kinematics.model import ErrorModel, Provenance, read_model, reference, write_model
+    from postproc.table_readers import read_tables
+    from postproc.table_readers.source import Source
+    from postproc.tables.export import sign_of
+    from postproc.tables.formats import find_format
+    from postproc.tables.rest import joined
+    from postproc.terminal import say
+
+    if less_tables_from is not None and with_tables_to is not None:
+        raise UserError("--less-tables-from and --with-tables-to: one of them")
+    check_places((*files, less_tables_from, with_tables_to), (output,))
+    found = machine_of(machine)
+    form = find_format(format)
+    said = dict(text.partition("=")[::2] for text in settings or ())
+    texts, prints = _texts(files)
+    effects = read_tables(format, Source(found, texts, sign_of(form, sign), said))
+    base = less_tables_from or with_tables_to
+    if base is None:
+        made = Provenance("ncomp import", datetime.datetime.now(datetime.UTC), form.title, prints)
+        model = ErrorModel(machine=reference(found), provenance=made, effects=tuple(effects))
+    else:
+        model = joined(read_model(base, found), effects, -1.0 if less_tables_from else 1.0)
+        made = msgspec.structs.replace(
+            model.provenance,
+            source=f"{model.provenance.source}; {'less' if less_tables_from else 'with'} {form.title}".removeprefix(
+                "; "
+            ),
+            inputs=model.provenance.inputs | prints,
+        )
+        model = msgspec.structs.replace(model, provenance=made)
+    write_model(model, output)
+    say("read", ", ".join(effect.name for effect in effects))
+
+
+def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
+    """Texts and fingerprints by name; of a folder, all but its sheet."""
+    from kinematics.files import fingerprint, read_input
+
+    files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
+    texts, prints = {}, {}
+    for file in files:
+        if file.suffix == ".md" or file.is_dir():
+            continue
+        data = read_input(file, "tables")
+        if file.name in texts:
+            raise UserError(f"{file}: a second file of that name")
+        try:
+            texts[file.name] = data.decode("latin-1" if not data.isascii() else "ascii")
+        except UnicodeDecodeError:
+            raise UserError(f"tables {file}: no text") from None
+        prints[file.name] = fingerprint(data)
+    return texts, prints

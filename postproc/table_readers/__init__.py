@@ -1,0 +1,28 @@
+"""Readers of controller tables, one for each format; they share no code with the writers.
+
+A reader gives the errors that the tables take away, as effects of an error model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from kinematics.effects import Effect
+from kinematics.errors import UserError
+from postproc.table_readers import iso_csv, linuxcnc
+from postproc.table_readers.source import Source
+
+READERS: dict[str, Callable[[Source], list[Effect]]] = {
+    "linuxcnc": linuxcnc.read,
+    "csv": iso_csv.read,
+}
+
+
+def read_tables(format: str, source: Source) -> list[Effect]:
+    """The errors that tables take away; UserError for an unknown format, or files without any table."""
+    if format not in READERS:
+        raise UserError(f"--format {format}: none of {', '.join(READERS)}")
+    found = READERS[format](source)
+    if not found:
+        raise UserError(f"no table of format {format} in {', '.join(source.files) or 'no file'}")
+    return found

@@ -1,0 +1,25 @@
+"""The places of a program: block ends, and points along feed moves, with the direction each axis comes from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinematics.model import ErrorModel
+from postproc.compensate import COLD
+from postproc.judge import Judge
+from postproc.motions import Motions
+from postproc.reversals import INNER
+from postproc.tables.remaining import Places
+
+
+def places_of(motions: Motions, model: ErrorModel, tolerance_um: float = 1.0) -> Places:
+    """Of all moves whose ends and ways are known; half the tolerance is no reversal."""
+    machine = motions.machine
+    directions = Judge(model, machine, COLD, tolerance_um).along(motions)
+    q, approach, tool = [], [], []
+    shares = [(share, i, motions.judged_ways) for i, share in enumerate(INNER)]
+    for share, i, rows in [*shares, (1.0, -1, motions.judged)]:
+        q.append(motions.in_machine(motions.along(share))[rows])
+        approach.append(np.zeros_like(q[-1]) if directions is None else directions[rows, i])
+        tool.append(motions.tool[rows])
+    return Places(np.concatenate(q), np.concatenate(approach), np.concatenate(tool))

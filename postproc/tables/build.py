@@ -1,0 +1,237 @@
+"""From a machine's errors to the tables of a control: the least volumetric error that they can leave.
+
+The sum of tables nearest to the wanted correction, in least squares over the working volume, is made of its means: of
+one variable each; of two, of what those leave, as a surface or as the best product of two functions of one each, which
+is its first singular pair (Eckart and Young, 1936). These parts are orthogonal, so a control that holds few tables gets
+those that take away most. Each is then written with the best nodes the control allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from kinematics.transforms import Array
+from postproc.tables.limits import Limits, check_terms
+from postproc.tables.nodes import choose_nodes, fitted
+from postproc.tables.target import Target, closes, evenly, spread_out
+from postproc.tables.terms import Curve, Surface, Term, added
+
+FINE, COARSE = {3: 401}, {3: 81}
+"""Places along an axis at which curves, and surfaces, are known, by the number of axes of the machine."""
+FEW = (201, 25)
+"""The same for machines of more axes."""
+WORTH = 1e-4
+"""mm RMS: a product or surface that takes away less is left out."""
+BALANCE = 2048
+"""Places in the volume at which what is left in the end should be 0 on the mean."""
+FACTOR = 1e-6
+"""Resolution of the dimensionless factor of a product, which is 1 at most."""
+
+
+@dataclass(frozen=True)
+class Carries:
+    """What the tables of a format can be functions of."""
+
+    outputs: str = "XYZUVWABC"
+    """Letters of the axes that something can be added to."""
+    own: bool = True
+    """True when a table can add to the axis that it is a function of."""
+    cross: bool = False
+    """True when it can add to another."""
+    both_ways: bool = False
+    """True when an axis' own table may differ with the direction of travel."""
+    products: bool = False
+    """True when two tables can be multiplied."""
+    surfaces: str = ""
+    """Letters of the axes of which tables can be functions of two."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """Tables, and what was left out of them as a constant."""
+
+    terms: tuple[Term, ...]
+    datum: dict[str, float] = field(default_factory=dict)
+    """By axis, mm or degrees: the constant that was taken off the tables for them to be 0 at the reference position."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the wanted correction: of one output, as a function of one axis or of two."""
+
+    output: int
+    sources: tuple[int, ...]
+    places: tuple[Array, ...]
+    values: Array
+    """`(m, ways)` of one axis, `(m, k)` of two, mm or degrees."""
+    tables: int
+    gain: float
+    """Mean square of what it takes away."""
+
+
+def build(target: Target, carries: Carries, limits: Limits, what: str) -> Built:
+    """The tables of a format for one machine; UserError when its limits leave no way."""
+    outputs = [i for i, axis in enumerate(target.machine.axes) if axis.name[0] in carries.outputs]
+    parts = _of_one_axis(target, outputs, carries)
+    parts += _of_two_axes(target, outputs, carries)
+    kept = _best(parts, limits)
+    writer = _Writer(target, limits)
+    two = [part for part in kept if len(part.sources) == 2]
+    for part in two:
+        writer.surface(part) if carries.surfaces else writer.product(part)
+    for part in kept:
+        if len(part.sources) == 1:
+            writer.curve(part)
+    writer.balance()
+    check_terms(writer.terms, limits, what)
+    return Built(tuple(sorted(writer.terms, key=lambda term: (len(term.factors), term.output))), writer.datum)
+
+
+def _of_one_axis(target: Target, outputs: Sequence[int], carries: Carries) -> list[_Part]:
+    """Mean corrections along each axis; in that of an axis' own, what is constant over the volume."""
+    found = []
+    for j in range(len(target.machine.axes)):
+        if not carries.cross and (j not in outputs or not carries.own):
+            continue
+        x = target.places(j, FINE.get(len(target.machine.axes), FEW[0]))
+        ways = (1, -1) if carries.both_ways and j in outputs and target.depends_on_way(j) else (0,)
+        values = np.stack([target.mean((j,), (x,), way) for way in ways], axis=1)
+        for i in outputs:
+            if i == j and carries.own:
+                curves = values[:, :, i]
+                found.append(_Part(i, (j,), (x,), curves, curves.shape[1], float(np.mean(curves**2))))
+            elif i != j and carries.cross:
+                curve = values[:, :, i].mean(axis=1, keepdims=True)
+                curve = curve - curve.mean()
+                found.append(_Part(i, (j,), (x,), curve, 1, float(np.mean(curve**2))))
+    return found
+
+
+def _of_two_axes(target: Target, outputs: Sequence[int], carries: Carries) -> list[_Part]:
+    if not carries.products and not carries.surfaces:
+        return []
+    axes, found = target.machine.axes, []
+    for pair in combinations(range(len(axes)), 2):
+        if carries.surfaces and not all(axes[k].name[0] in carries.surfaces for k in pair):
+            continue
+        n = COARSE.get(len(axes), FEW[1])
+        places = tuple(evenly(target.bounds[k], n) for k in pair)
+        both = target.mean(pair, places)
+        alone = both - both.mean(axis=(0, 1))
+        if carries.cross:
+            alone = alone - alone.mean(axis=0, keepdims=True) - alone.mean(axis=1, keepdims=True)
+        for i in outputs:
+            gain = float(np.mean(alone[:, :, i] ** 2))
+            if gain >= WORTH**2:
+                found.append(_Part(i, pair, places, alone[:, :, i], 1 if carries.surfaces else 2, gain))
+    return found
+
+
+def _best(parts: Iterable[_Part], limits: Limits) -> list[_Part]:
+    """Those that take away most for each table they need, as many as the control holds."""
+    kept, left = [], float("inf") if limits.tables is None else limits.tables
+    for part in sorted(parts, key=lambda part: -part.gain / part.tables):
+        if part.tables <= left:
+            kept.append(part)
+            left -= part.tables
+    return kept
+
+
+class _Writer:
+    """Gathers tables, and keeps account of what is constant and of what products do to the means of one axis."""
+
+    def __init__(self, target: Target, limits: Limits) -> None:
+        self._target, self._limits = target, limits
+        self.terms: list[Term] = []
+        self.datum: dict[str, float] = {}
+
+    def curve(self, part: _Part) -> None:
+        """A table of one axis, of each direction where they differ."""
+        output, source = (self._target.machine.axes[i] for i in (part.output, part.sources[0]))
+        x = part.places[0]
+        curves = part.values - self._means_of_products(part)[:, None]
+        if np.abs(curves).max() < self._limits.resolution / 2:
+            return
+        nodes = choose_nodes(x, curves, self._limits, source.home)
+        values = fitted(x, curves, nodes)
+        if closes(source):
+            values[[0, -1]] = values[[0, -1]].mean(axis=0)
+        if self._limits.zero_at_home:
+            here = float(np.mean([np.interp(source.home, nodes, column) for column in values.T]))
+            values = values - here
+        step = self._limits.resolution
+        values = np.round(np.round(values / step) * step, 12)
+        for way, column in zip((1, -1) if values.shape[1] == 2 else (0,), values.T, strict=True):
+            if way or column.any():
+                self.terms.append(Term(output.name, (Curve(source.name, nodes, column),), way))
+
+    def balance(self) -> None:
+        """Take the constant that is left on the mean of the volume into the axes' own tables, or into the datum."""
+        machine = self._target.machine
+        low, high = self._target.bounds.T
+        q = (low + (high - low) * spread_out(BALANCE, len(low))) * machine.scale
+        left = (self._target.correction(q) - added(self.terms, machine, q)).mean(axis=0) / machine.scale
+        step = self._limits.resolution
+        for k, term in enumerate(self.terms):
+            curve = term.factors[0]
+            if term.inputs == (term.output,) and isinstance(curve, Curve) and not self._limits.zero_at_home:
+                shift = np.round(left[machine.index(term.output)] / step) * step
+                values = np.round(curve.values + shift, 12)
+                self.terms[k] = replace(term, factors=(replace(curve, values=values),))
+        if self._limits.zero_at_home:
+            self.datum = {machine.names[i]: float(left[i]) for i in np.flatnonzero(np.abs(left) >= step)}
+
+    def product(self, part: _Part) -> None:
+        """Two tables that are multiplied; both are 0 at the reference positions, as a lever that begins there."""
+        axes = self._target.machine.axes
+        left, sizes, right = np.linalg.svd(part.values)
+        factors = []
+        size = float(np.abs(right[0]).max())
+        resolutions = (self._limits.resolution, FACTOR)
+        for k, values in enumerate((left[:, 0] * sizes[0] * size, right[0] / size)):
+            axis, x = axes[part.sources[k]], part.places[k]
+            limits = self._limits if k == 0 else replace(self._limits, resolution=FACTOR, finest=1e-4)
+            at_home = values - np.interp(axis.home, x, values)
+            nodes = choose_nodes(x, at_home[:, None], limits, axis.home)
+            fit = fitted(x, at_home[:, None], nodes)[:, 0]
+            fit = fit - np.interp(axis.home, nodes, fit)
+            factors.append(Curve(axis.name, nodes, np.round(np.round(fit / resolutions[k]) * resolutions[k], 12)))
+        self.terms.append(Term(axes[part.output].name, tuple(factors)))
+
+    def surface(self, part: _Part) -> None:
+        """A table of two axes, with equidistant nodes on both."""
+        axes = [self._target.machine.axes[k] for k in part.sources]
+        n = min(int(np.sqrt(self._limits.points)), len(part.places[0]) // 2 + 1)
+        nodes = [evenly(self._target.bounds[k], n).round(9) for k in part.sources]
+        values = fitted(part.places[0], part.values, nodes[0])
+        values = fitted(part.places[1], values.T, nodes[1]).T
+        step = self._limits.resolution
+        rounded = np.round(np.round(values / step) * step, 12)
+        surface = Surface((axes[0].name, axes[1].name), (nodes[0], nodes[1]), rounded)
+        self.terms.append(Term(self._target.machine.axes[part.output].name, (surface,)))
+
+    def _means_of_products(self, part: _Part) -> Array:
+        """What products add on the mean `(m,)` to the same output, along the axis of a part of one axis."""
+        machine = self._target.machine
+        output, source = machine.axes[part.output].name, machine.axes[part.sources[0]].name
+        total = np.zeros(len(part.places[0]))
+        for term in self.terms:
+            if term.output != output or len(term.factors) != 2:
+                continue
+            here = np.ones_like(total)
+            for factor in term.factors:
+                (axis,) = factor.axes
+                everywhere = evenly(self._target.bounds[machine.index(axis)], 401)
+                mean = float(np.mean(_along(factor, everywhere)))
+                here = here * (_along(factor, part.places[0]) if axis == source else mean)
+            total += here if part.output == part.sources[0] else here - here.mean()
+        return total
+
+
+def _along(factor: Curve | Surface, x: Array) -> Array:
+    """A function of one axis at positions of it."""
+    return factor.at(lambda _: x)

@@ -1,0 +1,111 @@
+"""From a calibration to the files of one control, and what they will leave of the errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from kinematics.correction import correct_position
+from kinematics.effects import Effect
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+from postproc.tables.build import build
+from postproc.tables.format import Content, Format, Settings, Sign
+from postproc.tables.motion_tables import build_motions, effects_of_motions
+from postproc.tables.not_carried import Left, not_carried
+from postproc.tables.remaining import Move, in_the_volume, stages, summary
+from postproc.tables.rest import effects_of, joined
+from postproc.tables.target import Target, standing
+from postproc.tables.terms import added
+
+ANGULAR = 1e-9
+"""rad: resolution of angular errors in formats that hold them."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Tables of one control."""
+
+    format: Format
+    content: Content
+    target: Target
+    whole: ErrorModel
+    """The calibration."""
+    files: dict[str, str]
+    taken: ErrorModel
+    """The errors that the tables take away."""
+    datum: dict[str, float] = field(default_factory=dict)
+    """Constants by axis, mm or degrees, that the tables must not hold."""
+
+    @property
+    def rest(self) -> ErrorModel:
+        """The calibration less what the tables take away: what a program is left to correct."""
+        left = joined(self.whole, self.taken.effects, -1.0)
+        source = f"{self.whole.provenance.source}; less tables in the control ({self.format.name})".lstrip("; ")
+        return msgspec.structs.replace(left, provenance=msgspec.structs.replace(left.provenance, source=source))
+
+    @property
+    def moves(self) -> Move:
+        """What the control with the tables does with commands."""
+        if self.format.carries is not None:
+            return lambda q, approach: q + added(self.content.terms, self.target.machine, q, approach)
+        return self._by_motions
+
+    @property
+    def left(self) -> list[Left]:
+        """What the tables can't carry."""
+        carries = self.format.carries
+        return not_carried(self.target, self.whole, None if carries is None else carries(self.content.settings))
+
+    def in_the_volume(self) -> dict[str, Any]:
+        """Errors over the volume, by stage."""
+        return summary(stages(self.target, self.moves, self.taken, in_the_volume(self.target)))
+
+    def _by_motions(self, q: Array, approach: Array) -> Array:
+        machine = self.target.machine
+        tool, movable = np.broadcast_to(self.target.tool, (len(q), 3)), np.ones(q.shape, bool)
+        return correct_position(machine, lambda p: self.taken.errors(machine, State(p, approach)), q, tool, movable)
+
+
+def sign_of(format: Format, given: str | None) -> Sign:
+    """What the values of its files are; UserError when that is not known, or not what was said."""
+    if given not in (None, "error", "correction"):
+        raise UserError(f"--sign {given}: error or correction")
+    if format.sign is None and given is None:
+        raise UserError(
+            f"no source says whether values of {format.name} are errors or corrections: find out with the table that "
+            f"'ncomp export --format {format.name} --probe AXIS' writes, and say --sign error or --sign correction"
+        )
+    if format.sign is not None and given not in (None, format.sign):
+        raise UserError(f"--sign {given}: values of {format.name} are known to mean the {format.sign}")
+    return format.sign or ("error" if given == "error" else "correction")
+
+
+def export(
+    machine: Machine, model: ErrorModel, format: Format, settings: Settings, sign: Sign, tool: tuple[float, ...]
+) -> Exported:
+    """The tables of a control for one tool, in its format."""
+    part = model.part(standing)
+    if not part.effects:
+        raise UserError("the calibration has no errors that a table could hold")
+    limits = format.limits(settings)
+    if format.carries is None:
+        target = Target(machine, part, np.array(tool))
+        motions = tuple(build_motions(target, limits, ANGULAR, both_ways=format.name == "csv"))
+        content, datum = Content(machine, settings, sign, motions=motions), {}
+        effects: list[Effect] = effects_of_motions(machine, motions)
+    else:
+        carries = format.carries(settings)
+        rotary = any(axis.rotary and axis.name[0] in carries.outputs for axis in machine.axes) and carries.own
+        target = Target(machine, part, np.array(tool), rotary)
+        built = build(target, carries, limits, format.name)
+        content, datum = Content(machine, settings, sign, terms=built.terms), built.datum
+        effects = effects_of(machine, built.terms)
+    taken = msgspec.structs.replace(model, effects=tuple(effects), covariance=None)
+    return Exported(format, content, target, model, format.write(content), taken, datum)

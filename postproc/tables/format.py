@@ -1,0 +1,118 @@
+"""What a format of controller tables is: its settings, what it can hold, how it is written, what is known of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import msgspec
+
+from kinematics.errors import UserError
+from kinematics.machine import Axis, Machine
+from kinematics.transforms import Array
+from postproc.tables.build import Carries
+from postproc.tables.limits import Limits
+from postproc.tables.motion_tables import MotionTable
+from postproc.tables.terms import Curve, Term
+
+Sign = Literal["error", "correction"]
+"""What the values of a file are: actual minus commanded, or what is added to the command."""
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a user can say about the control with `--set NAME=VALUE`."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What is to be written: tables of a machine, the sign they are written with, and what the user set."""
+
+    machine: Machine
+    settings: Any
+    sign: Sign
+    terms: tuple[Term, ...] = ()
+    motions: tuple[MotionTable, ...] = ()
+
+    @property
+    def factor(self) -> float:
+        """What makes a correction a value of the file."""
+        return 1.0 if self.sign == "correction" else -1.0
+
+
+@dataclass(frozen=True)
+class Format:
+    """One format of one control."""
+
+    name: str
+    title: str
+    settings: type[Settings]
+    limits: Callable[[Any], Limits]
+    """By the user's settings."""
+    write: Callable[[Content], dict[str, str]]
+    """Files by name; UserError for what the format can't hold."""
+    meaning: str
+    """For the sheet: what a value of the file is, units, direction, interpolation, outside the table."""
+    loading: str
+    """For the sheet: how it comes into the control."""
+    certainty: str
+    """For the sheet: how well it is known that all this is so."""
+    carries: Callable[[Any], Carries] | None = None
+    """None of a format that holds error motions by ISO 230-1, which the control makes corrections of."""
+    sign: Sign | None = None
+    """What its values are; None where no source says so."""
+    parameters: str = ""
+    """The family of controls whose parameters the sheet names."""
+    probe: Callable[[Content], dict[str, str]] | None = None
+
+
+def parse_settings(kind: type[Settings], texts: Iterable[str]) -> Settings:
+    """Settings from `NAME=VALUE`; UserError for one that the format has not, or that is out of its bounds."""
+    values: dict[str, str] = {}
+    names = [field.name for field in msgspec.structs.fields(kind)]
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or name not in names:
+            raise UserError(f"--set {text}: expected NAME=VALUE with a name of {', '.join(names) or 'none'}")
+        if name in values:
+            raise UserError(f"--set {text}: {name} is given twice")
+        values[name] = value
+    try:
+        return msgspec.convert(values, kind, strict=False)
+    except msgspec.ValidationError as fault:
+        raise UserError(f"--set: {fault}") from None
+
+
+@dataclass(frozen=True)
+class Own:
+    """The table of an axis over itself; forward and backward are one where it does not depend on the direction."""
+
+    nodes: Array
+    forward: Array
+    backward: Array
+
+    @property
+    def both_ways(self) -> bool:
+        """True when the direction matters."""
+        return bool((self.forward != self.backward).any())
+
+
+def own_table(terms: Sequence[Term], axis: Axis) -> Own | None:
+    """What the terms say of an axis over itself; None when they say nothing. Both directions share their nodes."""
+    found = {term.way: term.factors[0] for term in terms if term.output == axis.name and term.inputs == (axis.name,)}
+    curves = {way: factor for way, factor in found.items() if isinstance(factor, Curve)}
+    if not curves:
+        return None
+    if 0 in curves:
+        return Own(curves[0].nodes, curves[0].values, curves[0].values)
+    return Own(curves[1].nodes, curves[1].values, curves[-1].values)
+
+
+def lettered(machine: Machine) -> list[Axis]:
+    """The axes of a machine in the order X Y Z A B C U V W, in which controls number them."""
+    return sorted(machine.axes, key=lambda axis: ("XYZABCUVW".index(axis.name[0]), axis.name))
+
+
+def number(value: float, decimals: int) -> str:
+    """Fixed decimals, no minus before zero."""
+    return f"{value:z.{decimals}f}"

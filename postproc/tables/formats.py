@@ -1,0 +1,16 @@
+"""The table of formats."""
+
+from __future__ import annotations
+
+from kinematics.errors import UserError
+from postproc.tables import iso_csv, linuxcnc
+from postproc.tables.format import Format
+
+FORMATS: dict[str, Format] = {module.FORMAT.name: module.FORMAT for module in (linuxcnc, iso_csv)}
+
+
+def find_format(name: str) -> Format:
+    """The format of that name; UserError names those there are."""
+    if name not in FORMATS:
+        raise UserError(f"--format {name}: none of {', '.join(FORMATS)}")
+    return FORMATS[name]

@@ -1,0 +1,109 @@
+"""Error motions of ISO 230-1 as tables, for controls that make corrections of them by their own kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from kinematics.basis import BSpline
+from kinematics.effects import COMPONENTS, UM, URAD, Component, ControlTable, Effect, ErrorMotion
+from kinematics.effects.base import own_component, own_motion
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+from postproc.tables.limits import Limits
+from postproc.tables.nodes import choose_nodes, fitted
+from postproc.tables.target import Target, closes, spread_out
+
+FINE, OTHERS = 401, 16
+FINEST = (5e-6, 2e-8)
+"""mm and rad RMS that are not worth further nodes."""
+
+
+@dataclass(frozen=True)
+class MotionTable:
+    """One error motion of an axis, actual minus nominal, counted as in ncomp (docs/conventions.md)."""
+
+    component: str
+    axis: str
+    nodes: Array
+    """Positions `(k,)`, mm or degrees."""
+    forward: Array
+    """`(k,)`, mm or rad."""
+    backward: Array
+
+    @property
+    def name(self) -> str:
+        """E_XX ... E_CC."""
+        return f"E_{self.component}{self.axis}"
+
+    @property
+    def angular(self) -> bool:
+        """True of a rotation, in rad."""
+        return self.component in "ABC"
+
+    @property
+    def mean(self) -> Array:
+        """Of both directions."""
+        return np.asarray((self.forward + self.backward) / 2)
+
+
+def build_motions(target: Target, limits: Limits, angular_resolution: float, *, both_ways: bool) -> list[MotionTable]:
+    """Tables of all error motions of a machine, with means over what they depend on besides their own axis.
+
+    Location errors are in them, as slopes and constants. Resolution of translations in mm by the limits, of rotations
+    in rad. Positioning by direction only with `both_ways`.
+    """
+    machine, found = target.machine, []
+    others = spread_out(OTHERS, len(machine.axes))
+    low, high = target.bounds.T
+    for j, axis in enumerate(machine.axes):
+        x = target.places(j, FINE)
+        errors = {way: _mean_errors(target, j, x, way, low + (high - low) * others) for way in (1, -1)}
+        for k, component in enumerate(COMPONENTS):
+            curves = np.stack([errors[1][:, k], errors[-1][:, k]], axis=1)
+            if not (both_ways and component == own_component(axis.name)):
+                curves = curves.mean(axis=1, keepdims=True)
+            resolution = angular_resolution if component in "ABC" else limits.resolution
+            if np.abs(curves).max() < resolution / 2:
+                continue
+            fine = replace(limits, resolution=resolution, finest=FINEST["ABC".find(component) >= 0])
+            nodes = choose_nodes(x, curves, fine, axis.home)
+            values = fitted(x, curves, nodes)
+            if closes(axis):
+                values[[0, -1]] = values[[0, -1]].mean(axis=0)
+            values = np.round(np.round(values / resolution) * resolution, 15)
+            found.append(MotionTable(component, axis.name, nodes, values[:, 0], values[:, -1]))
+    return found
+
+
+def _mean_errors(target: Target, column: int, x: Array, way: int, others: Array) -> Array:
+    """Error motions of an axis `(m, 6)`, mm and rad, over positions of the others `(s, axes)`, mm and degrees."""
+    machine = target.machine
+    q = np.tile(others, (len(x), 1))
+    q[:, column] = np.repeat(x, len(others))
+    approach = np.zeros_like(q)
+    approach[:, column] = way
+    errors = target.model.errors(machine, State(q * machine.scale, approach))[:, column]
+    return np.asarray(errors.reshape(len(x), len(others), 6).mean(axis=1))
+
+
+def effects_of_motions(machine: Machine, tables: Iterable[MotionTable]) -> list[Effect]:
+    """The errors that the tables stand for."""
+    found: list[Effect] = []
+    for table in tables:
+        size = URAD if table.angular else UM
+        nodes = tuple(table.nodes.tolist())
+        if (table.forward == table.backward).all():
+            values = tuple((table.forward / size).tolist())
+            u = (0.0,) * len(values)
+            found.append(ErrorMotion(cast(Component, table.component), table.axis, BSpline(nodes, 1), values, u=u))
+            continue
+        forward = own_motion(machine, table.axis)[2]
+        for way, row in ((1, table.forward), (-1, table.backward)):
+            counted = tuple((forward / size * row).tolist())
+            found.append(ControlTable(table.axis, (table.axis,), (nodes,), counted, cast(Any, way)))
+    return found

@@ -1,0 +1,127 @@
+"""Where the nodes of a table stand, and what it holds there: the least that is left of a curve, in least squares.
+
+Free nodes are the best choice among the places where the curve is known, by dynamic programming over all of them
+(Bellman and Roth, Curve fitting by segmented straight lines, 1969); equidistant ones, the best number of them. Values
+are then fitted, not sampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinematics.errors import UserError
+from kinematics.transforms import Array
+from postproc.tables.limits import Limits
+
+ENOUGH = 0.25
+"""Of the resolution of values: RMS below this is not worth further nodes."""
+
+
+def choose_nodes(x: Array, curves: Array, limits: Limits, home: float) -> Array:
+    """Nodes for one or more curves that share them.
+
+    x `(m,)`: ascending; curves `(m, c)`: values there. home: the reference position, on which equidistant nodes stand.
+    """
+    enough = len(x) * max(ENOUGH * limits.resolution, limits.finest) ** 2
+    if limits.equidistant:
+        return _equidistant(x, curves, limits, home, enough)
+    return _free(x, curves, limits.points, enough)
+
+
+def fitted(x: Array, curves: Array, nodes: Array) -> Array:
+    """Values `(k, c)` at the nodes whose interpolation is nearest to curves `(m, c)` at x `(m,)`, in least squares."""
+    from scipy.linalg import solveh_banded
+
+    i = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
+    t = np.clip((x - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0, 1.0)
+    k = len(nodes)
+    banded = np.zeros((2, k))
+    banded[1] = np.bincount(i, (1 - t) ** 2, k) + np.bincount(i + 1, t**2, k)
+    banded[0, 1:] = np.bincount(i, t * (1 - t), k)[: k - 1]
+    sampled = np.stack([np.interp(nodes, x, curve) for curve in curves.T], axis=1)
+    ridge = 1e-9  # nodes that no sample lies between take the curve's own value
+    banded[1] += ridge
+    right = [np.bincount(i, (1 - t) * c, k) + np.bincount(i + 1, t * c, k) for c in curves.T]
+    return np.asarray(solveh_banded(banded, np.stack(right, axis=1) + ridge * sampled))
+
+
+def left_over(x: Array, curves: Array, nodes: Array, values: Array) -> float:
+    """Sum of squares of what the interpolation leaves."""
+    approximations = np.stack([np.interp(x, nodes, column) for column in values.T], axis=1)
+    return float(np.sum((curves - approximations) ** 2))
+
+
+def _free(x: Array, curves: Array, points: int, enough: float) -> Array:
+    cost = sum((_chord_costs(x, curve) for curve in curves.T), np.zeros((len(x), len(x))))
+    best, came = cost[0].copy(), []  # of ways from the first place to each, with one segment, two, ...
+    totals = [best[-1]]
+    for _ in range(min(points, len(x)) - 2):
+        if totals[-1] <= enough:
+            break
+        through = best[:, None] + cost
+        before = np.argmin(through, axis=0)
+        best = through[before, np.arange(len(x))]
+        came.append(before)
+        totals.append(best[-1])
+    worth = max(enough, totals[-1] * (1 + 1e-9))
+    segments = next(k for k, total in enumerate(totals) if total <= worth)
+    chosen = [len(x) - 1]
+    for before in reversed(came[:segments]):
+        chosen.append(int(before[chosen[-1]]))
+    return np.unique(x[[0, *chosen]])
+
+
+def _chord_costs(x: Array, f: Array) -> Array:
+    """`(m, m)`: sum of squares between curve and chord over places i ... j; infinite for j <= i."""
+    u = (x - x[0]) / (x[-1] - x[0])
+    sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (np.ones_like(u), u, u * u, f, u * f, f * f)]
+
+    def over(k: int) -> Array:
+        return np.asarray(sums[k][None, 1:] - sums[k][:-1, None])
+
+    n, s_u, s_uu, s_f, s_uf, s_ff = (over(k) for k in range(6))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (f[None, :] - f[:, None]) / (u[None, :] - u[:, None])
+        base = f[:, None] - slope * u[:, None]
+        cost = s_ff - 2 * base * s_f - 2 * slope * s_uf + base**2 * n + 2 * base * slope * s_u + slope**2 * s_uu
+    cost = np.maximum(cost, 0.0)
+    cost[np.tril_indices(len(x))] = np.inf
+    return np.asarray(cost)
+
+
+def _equidistant(x: Array, curves: Array, limits: Limits, home: float, enough: float) -> Array:
+    best: Array | None = None
+    least = np.inf
+    for spacing in _spacings(x, limits):
+        nodes = _around(home, spacing, x[0], x[-1])
+        if len(nodes) > limits.points:
+            continue
+        left = left_over(x, curves, nodes, fitted(x, curves, nodes))
+        if left < least * (1 - 1e-6) - 1e-30:
+            best, least = nodes, left
+        if least <= enough:
+            break
+    if best is None:
+        asked = f" {limits.interval:g} apart" if limits.interval else ""
+        raise UserError(f"{limits.points} points{asked} do not reach from {x[0]:g} to {x[-1]:g}")
+    return best
+
+
+def _spacings(x: Array, limits: Limits) -> Sequence[float]:
+    """From wide to narrow, in whole steps."""
+    if limits.interval is not None:
+        return [limits.interval]
+    numbers = np.arange(1, limits.points)
+    if len(numbers) > 256:
+        numbers = np.unique(np.concatenate([numbers[:200], np.geomspace(200, limits.points - 1, 56).astype(int)]))
+    spacing = np.ceil((x[-1] - x[0]) / numbers / limits.spacing_step - 1e-9) * limits.spacing_step
+    return [float(s) for s in np.unique(np.round(spacing, 9))[::-1]]
+
+
+def _around(home: float, spacing: float, low: float, high: float) -> Array:
+    """Nodes at whole spacings from home that cover low ... high, at least two."""
+    first = int(np.floor((low - home) / spacing + 1e-9))
+    last = max(int(np.ceil((high - home) / spacing - 1e-9)), first + 1)
+    return np.round(home + spacing * np.arange(first, last + 1), 9)

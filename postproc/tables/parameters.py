@@ -1,0 +1,99 @@
+"""What belongs in parameters of a control rather than in tables: play, growth with heat, places of rotary axes.
+
+Names of parameters are marked as in the sheet: [manual] read in a maker's manual, [common] common knowledge that no
+source was found for. None of them is written into a control by ncomp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.effects import UM, Backlash, GrowthWithSensor, GrowthWithTime, LocationError, ThermalDrift
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+
+
+class Row(NamedTuple):
+    """One parameter: what it is of, its value with unit, where it goes."""
+
+    what: str
+    value: str
+    place: str
+
+
+PLACES: Mapping[str, Mapping[str, str]] = {
+    "linuxcnc": {
+        "play": "[JOINT_n] BACKLASH [manual]; ignored where the joint has a COMP_FILE",
+        "growth": "no parameter: external offset by a HAL component [common]",
+        "rotary": "x-offset, y-offset, z-offset and *-rot-point pins of xyzac/xyzbc-trt-kins [manual]",
+    },
+    "siemens": {
+        "play": "MD32450 $MA_BACKLASH [common]; only where no table holds both directions",
+        "growth": "MD32750 TEMP_COMP_TYPE, SD43900 ... SD43920 temperature compensation [common]",
+        "rotary": "TRAORI: MD24500, MD24550, MD24558, MD24560 offsets, MD24570/24572 axis vectors; "
+        "swivel data $TC_CARR1..20, fine offsets $TC_CARR41..60 [manual]",
+    },
+    "heidenhain": {
+        "play": "MP_backLash; MP750.x on older controls [manual]; only where no table has a BACKLASH column",
+        "growth": "no public description found",
+        "rotary": "COORD of the Trans rows before the MachAxis row in the kinematics description [manual]",
+    },
+    "fanuc": {
+        "play": "1851 backlash, 1852 in rapid traverse, detection units [common]; 0 with bidirectional tables",
+        "growth": "thermal growth compensation along the tool: an option [common]",
+        "rotary": "19700 ... 19755 offsets of the five-axis kinematics [common]",
+    },
+    "isg": {
+        "play": "lr_param.backlash [common]; included in tables with bilateral 1 [manual]",
+        "growth": "temperature compensation, keyword TEMP of COMP ON [manual: existence only]",
+        "rotary": "kinematic parameters of the channel; X0C ... of the volumetric compensation [manual]",
+    },
+    "mitsubishi": {
+        "play": "#2011 and #2012 backlash compensation [common]",
+        "growth": "no source found",
+        "rotary": "rotary axis configuration parameters [common]",
+    },
+    "firmware": {
+        "play": "M425 on Marlin; none on Klipper and RepRapFirmware [common]",
+        "growth": "none",
+        "rotary": "none",
+    },
+}
+
+
+def parameter_rows(model: ErrorModel, machine: Machine, family: str) -> list[Row]:
+    """The rows of the sheet for one control, in the order of the calibration."""
+    places = PLACES.get(family, {})
+    rows = []
+    for effect in model.effects:
+        if isinstance(effect, Backlash):
+            unit = effect.quantities()[0].unit
+            windup = "" if effect.windup is None else f", and {effect.windup:.3f} {effect.quantities()[1].unit}"
+            value = f"{effect.width:.3f} {unit}{windup} (forward minus backward: {-effect.width:.3f} {unit})"
+            rows.append(Row(f"play of {effect.axis}", value, places.get("play", "")))
+        elif isinstance(effect, GrowthWithSensor):
+            value = f"{effect.coefficient:.4f} um/m/K of sensor {effect.sensor}, fixed at {effect.fixed_point:g}"
+            rows.append(Row(f"growth of {effect.axis}", value, places.get("growth", "")))
+        elif isinstance(effect, GrowthWithTime | ThermalDrift):
+            parts = zip(effect.parameter_table, effect.parameters, strict=True)
+            rows.append(
+                Row(effect.name, ", ".join(f"{p.name} {v:.4f} {p.unit}" for p, v in parts), places.get("growth", ""))
+            )
+        elif isinstance(effect, LocationError) and machine.axes[machine.index(effect.axis)].rotary:
+            rows.append(Row(effect.name, _line(effect, machine), places.get("rotary", "")))
+    return rows
+
+
+def _line(effect: LocationError, machine: Machine) -> str:
+    """Where the line of a rotary axis really lies: at the value in the head, at minus the value in a table."""
+    axis = machine.axes[machine.index(effect.axis)]
+    if effect.component in "ABC":
+        tilt = effect.value if axis.side == "tool" else -effect.value
+        return f"{effect.value:.3f} urad: the line is tilted by {tilt:.3f} urad about {effect.component}"
+    k = "XYZ".index(effect.component)
+    shift = axis.error_frame[:, k] * effect.value * UM * (1.0 if axis.side == "tool" else -1.0)
+    x, y, z = np.asarray(axis.point) + shift
+    return f"{effect.value:.3f} um: the line lies at X {x:.6f} Y {y:.6f} Z {z:.6f} mm instead of {list(axis.point)}"

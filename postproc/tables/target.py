@@ -1,0 +1,158 @@
+"""What tables should do: the correction that puts every command right, and its means over the working volume."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from kinematics.basis import BSpline
+from kinematics.correction import correct_position
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects.base import own_motion
+from kinematics.errors import UserError
+from kinematics.machine import Axis, Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+
+TURN = 360.0
+SAMPLES = {1: 96, 2: 32}
+"""Positions of the other axes that a mean is taken over, by the number of axes it is a function of."""
+
+
+def standing(effect: Effect) -> bool:
+    """True for what depends on positions and directions alone, as tables do."""
+    return effect.ACTS_ON != "instrument" and effect.REMEDY != "none" and set(effect.needs) <= {"approach"}
+
+
+def volume(machine: Machine) -> Array:
+    """Bounds `(axes, 2)` of the working volume, mm and degrees; UserError where an axis has none."""
+    return np.array([bounds(axis) for axis in machine.axes])
+
+
+def bounds(axis: Axis) -> tuple[float, float]:
+    """Its travel, or one turn of an axis that turns without end."""
+    low, high = axis.travel
+    if axis.rotary and (np.isinf(low) or np.isinf(high) or high - low > TURN):
+        return 0.0, TURN
+    if np.isinf(low) or np.isinf(high):
+        raise UserError(f"axis {axis.name} has no ends in its machine file: tables need its travel")
+    return low, high
+
+
+def closes(axis: Axis) -> bool:
+    """True when it turns without end, so that its table begins again where it ends."""
+    return axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN
+
+
+@dataclass(frozen=True)
+class Target:
+    """One machine with its errors, and the tool it is to be right for."""
+
+    machine: Machine
+    model: ErrorModel
+    """Of standing errors."""
+    tool: Array
+    """`(3,)`, mm, from the tool reference point."""
+    rotary: bool = True
+    """False when nothing may be added to rotary axes."""
+
+    def correction(self, q: Array, approach: Array | None = None) -> Array:
+        """What must be added to commands q `(n, axes)`, mm and rad, for the tool point to be where they mean it.
+
+        Rotary axes are turned by their own positioning error, whatever that does to the tool point; the linear axes
+        that place the tool do the rest.
+        """
+        came = np.zeros_like(q) if approach is None else approach
+
+        def errors(positions: Array) -> Array:
+            return self.model.errors(self.machine, State(positions, came))
+
+        start = q.copy()
+        for i in np.flatnonzero(self.machine.rotary).tolist() if self.rotary else ():
+            _, component, forward = own_motion(self.machine, self.machine.names[i])
+            for _ in range(3):  # each leaves 1e-4 of what the one before left
+                start[:, i] = q[:, i] - forward * errors(start)[:, i, component]
+        tool = np.broadcast_to(self.tool, (len(q), 3))
+        movable = np.ones(q.shape, bool)
+        return np.asarray(correct_position(self.machine, errors, q, tool, movable, start) - q)
+
+    @cached_property
+    def bounds(self) -> Array:
+        """`(axes, 2)`, mm and degrees."""
+        return volume(self.machine)
+
+    def mean(self, axes: Sequence[int], positions: Sequence[Array], way: int = 0) -> Array:
+        """Mean corrections over all other axes, on the grid of these: `(k, ..., axes)`, mm and degrees.
+
+        axes: columns, with positions of each, mm and degrees; way: the direction the first of them comes from.
+        """
+        others = [i for i in range(len(self.machine.axes)) if i not in axes]
+        low, high = self.bounds[others].T
+        if len(others) <= 2 and not any(self.machine.axes[i].rotary for i in others):
+            shares, weights = gauss(len(others))
+        else:
+            shares = spread_out(SAMPLES[len(axes)], len(others))
+            weights = np.full(len(shares), 1.0 / len(shares))
+        samples = low + (high - low) * shares
+        grid = np.stack(np.meshgrid(*positions, indexing="ij"), axis=-1).reshape(-1, len(axes))
+        q = np.empty((len(grid), len(samples), len(self.machine.axes)))
+        q[:, :, list(axes)], q[:, :, others] = grid[:, None, :], samples[None]
+        approach = np.zeros(len(self.machine.axes))
+        approach[axes[0]] = way
+        flat = q.reshape(-1, q.shape[2]) * self.machine.scale
+        found = self.correction(flat, np.broadcast_to(approach, flat.shape)) / self.machine.scale
+        mean = np.einsum("s,nsa->na", weights, found.reshape(q.shape))
+        return np.asarray(mean.reshape(*(len(p) for p in positions), -1))
+
+    def places(self, column: int, n: int) -> Array:
+        """Commands along an axis, mm or degrees: n evenly spread, and those that bring it to a kink of its errors."""
+        machine = self.machine
+        kinks: set[float] = set()
+        for effect in self.model.effects:
+            if isinstance(effect, ErrorMotion) and effect.axis == machine.names[column]:
+                kinks.update(effect.basis.nodes if isinstance(effect.basis, BSpline) else effect.basis.interval)
+        stands = np.array(sorted(kinks))
+        q = np.tile(self.bounds.mean(axis=1), (len(stands), 1))
+        q[:, column] = stands
+        commands = stands - self.correction(q * machine.scale)[:, column] / machine.scale[column]
+        low, high = self.bounds[column]
+        inside = commands[(commands > low) & (commands < high)]
+        return np.unique(np.concatenate([evenly(self.bounds[column], n), inside]).round(9))
+
+    def depends_on_way(self, column: int) -> bool:
+        """True when errors depend on the direction this axis comes from."""
+        name = self.machine.names[column]
+        return any("approach" in effect.needs and name in effect.axes for effect in self.model.effects)
+
+
+def evenly(bounds: Array, n: int) -> Array:
+    """n positions from one bound to the other."""
+    return np.linspace(float(bounds[0]), float(bounds[1]), n)
+
+
+def gauss(dimensions: int) -> tuple[Array, Array]:
+    """Places `(n, dimensions)` in 0 ... 1 and their weights: Gauss and Legendre's rule on each axis."""
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    places = np.array(list(product((nodes + 1) / 2, repeat=dimensions))).reshape(-1, dimensions)
+    return places, np.array([float(np.prod(w)) for w in product(weights / 2, repeat=dimensions)])
+
+
+def spread_out(n: int, dimensions: int) -> Array:
+    """`(n, dimensions)` in 0 ... 1, evenly spread: a lattice of irrational slopes, and its mirror image.
+
+    Means of what is linear come out exactly. Source: Roberts, The unreasonable effectiveness of quasirandom sequences,
+    2018; the tent that makes a lattice serve functions that do not close, Hickernell 2002.
+    """
+    if not dimensions:
+        return np.empty((1, 0))
+    ratio = 2.0
+    for _ in range(40):
+        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1))
+    u = (0.5 + np.outer(np.arange(n // 2), ratio ** -np.arange(1.0, dimensions + 1))) % 1.0
+    tent = 1.0 - np.abs(2.0 * u - 1.0)
+    return np.concatenate([tent, 1.0 - tent])

@@ -1,0 +1,105 @@
+"""What a control's tables do: functions of axis positions that it adds to commands.
+
+Positions and values are in the units of files, mm or degrees; values are *corrections*, what is added to the command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+
+Positions = Callable[[str], Array]
+"""Positions `(n,)` of an axis by its name, mm or degrees."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A function of one axis' position, linear between its nodes, that keeps its end values outside."""
+
+    axis: str
+    nodes: Array
+    """`(k,)`, ascending."""
+    values: Array
+    """`(k,)`."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """What it is a function of."""
+        return (self.axis,)
+
+    def at(self, position: Positions) -> Array:
+        """Values `(n,)`."""
+        return np.interp(position(self.axis), self.nodes, self.values)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A function of two axes' positions, bilinear between its nodes, that keeps its values at the edge outside."""
+
+    axes: tuple[str, ...]
+    """Two."""
+    nodes: tuple[Array, Array]
+    values: Array
+    """`(k, m)`."""
+
+    def at(self, position: Positions) -> Array:
+        """Values `(n,)`."""
+        (i, s), (j, t) = (_share(nodes, position(axis)) for axis, nodes in zip(self.axes, self.nodes, strict=True))
+        low = (1 - t) * self.values[i, j] + t * self.values[i, j + 1]
+        high = (1 - t) * self.values[i + 1, j] + t * self.values[i + 1, j + 1]
+        return np.asarray((1 - s) * low + s * high)
+
+
+@dataclass(frozen=True)
+class Term:
+    """The product of its factors is added to the command of the axis `output`."""
+
+    output: str
+    factors: tuple[Curve | Surface, ...]
+    way: int = 0
+    """1 or -1: only while the first factor's axis moves that way; 0: always."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The axes that it is a function of."""
+        return tuple(axis for factor in self.factors for axis in factor.axes)
+
+    @property
+    def name(self) -> str:
+        """X(X), Z(Y), Y(X*Z), X(C) forward, ..."""
+        joined = "*".join(self.inputs)
+        return f"{self.output}({joined})" + {1: " forward", -1: " backward"}.get(self.way, "")
+
+
+def added(terms: Iterable[Term], machine: Machine, q: Array, approach: Array | None = None) -> Array:
+    """What the tables add to commands `(n, axes)`, all mm and rad.
+
+    approach `(n, axes)`: the direction each axis comes from; one that has not moved yet, 0, counts half of either.
+    """
+    total = np.zeros_like(q)
+
+    def position(axis: str) -> Array:
+        i = machine.index(axis)
+        return np.asarray(q[:, i] / machine.scale[i])
+
+    for term in terms:
+        value = np.ones(len(q))
+        for factor in term.factors:
+            value = value * factor.at(position)
+        if term.way:
+            moving = 0.0 if approach is None else approach[:, machine.index(term.inputs[0])]
+            value = value * (1.0 + term.way * moving) / 2.0
+        i = machine.index(term.output)
+        total[:, i] += value * machine.scale[i]
+    return total
+
+
+def _share(nodes: Array, x: Array) -> tuple[np.ndarray, Array]:
+    """The interval each position lies in, and its share of the way through it."""
+    i = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
+    return i, np.clip((x - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0, 1.0)

@@ -1,0 +1,88 @@
+"""A case for each format of controller tables: a machine with errors that the format can carry, and what it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from programs import load, model_of
+
+from kinematics.basis import Legendre
+from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, LocationError
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from postproc.tables.export import Exported, export
+from postproc.tables.format import parse_settings
+from postproc.tables.formats import find_format
+
+TOOL = (0.0, 0.0, -100.0)
+
+
+def motions(machine: Machine, names: str, size: float = 20.0, degree: int = 3) -> list[Effect]:
+    """Smooth error motions, `XX YX AX ...`, each of about that size in um or urad, the same in every run."""
+    found: list[Effect] = []
+    for name in names.split():
+        component, axis = name[0], name[1:]
+        low, high = machine.axes[machine.index(axis)].travel
+        interval = (0.0, 360.0) if not np.isfinite(high - low) else (low, high)
+        rng = np.random.default_rng([ord(c) for c in name])
+        values = tuple((rng.uniform(-1, 1, degree + 1) * size / (1 + np.arange(degree + 1))).tolist())
+        found.append(ErrorMotion(component, axis, Legendre(interval, degree), values, u=(1.0,) * (degree + 1)))
+    return found
+
+
+POSITIONING = "XX YY ZZ"
+STRAIGHTNESS = "YX ZX XY ZY XZ YZ"
+ANGULAR = "AX BX CX AY BY CY AZ BZ CZ"
+SQUARENESS = [LocationError("C", "Y", 40.0), LocationError("B", "Z", -25.0), LocationError("A", "Z", 30.0)]
+ROUND = [Cyclic(component, "C", 360.0, (12.0, 3.0), (-7.0, 2.0)) for component in "XYZABC"]
+PLAY = [Backlash("X", 15.0), Backlash("Y", 8.0, 10.0)]
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a format is tried on."""
+
+    format: str
+    errors: str
+    """Error motions that it can carry."""
+    further: list[Effect] = field(default_factory=list)
+    machine: str = "cframe"
+    settings: tuple[str, ...] = ()
+    sign: str | None = None
+    leaves: float = 0.02
+    """um RMS at most, of errors of some tens."""
+    exact: float = 1e-9
+    """mm and rad: the difference of what is read back."""
+
+    @property
+    def id(self) -> str:
+        return " ".join((self.format, self.machine, *self.settings, self.sign or ""))
+
+    def model(self) -> ErrorModel:
+        machine = load(self.machine)
+        return model_of(machine, *motions(machine, self.errors), *self.further)
+
+    def exported(self) -> Exported:
+        if self.id not in _EXPORTED:
+            _EXPORTED[self.id] = self._export()
+        return _EXPORTED[self.id]
+
+    def _export(self) -> Exported:
+        form = find_format(self.format)
+        meaning = form.sign or self.sign
+        assert meaning in ("error", "correction")
+        settings = parse_settings(form.settings, self.settings)
+        return export(load(self.machine), self.model(), form, settings, meaning, TOOL)
+
+
+CASES = [
+    Case("linuxcnc", POSITIONING, PLAY),
+    Case("linuxcnc", POSITIONING, PLAY, settings=("type=0",)),
+    Case("linuxcnc", POSITIONING, [ROUND[5], Backlash("C", 40.0)], machine="head_table"),
+    Case("csv", " ".join((POSITIONING, STRAIGHTNESS, ANGULAR)), [*SQUARENESS, *PLAY], exact=2e-7),
+    Case("csv", "XX BX", [*ROUND, LocationError("X", "C", 30.0)], machine="head_table", exact=2e-7),
+]
+
+_EXPORTED: dict[str, Exported] = {}
+"""By case: each is worked out once."""

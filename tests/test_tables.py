@@ -1,0 +1,188 @@
+"""Controller tables of every format: written, read back by other code, and tried on a virtual machine."""
+
+import re
+
+import msgspec
+import numpy as np
+import pytest
+from programs import load, model_of
+from table_cases import CASES, TOOL, Case
+
+from kinematics.correction import correct_position
+from kinematics.effects import UM, ControlTable
+from kinematics.effects.base import COMPONENTS, own_component
+from kinematics.errors import UserError
+from kinematics.forward import forward, tool_point
+from kinematics.model import no_errors
+from kinematics.state import State
+from postproc.table_readers import READERS, read_tables
+from postproc.table_readers.source import Source
+from postproc.tables.formats import FORMATS, find_format
+from postproc.tables.remaining import in_the_volume
+
+every_case = pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
+
+
+def dense(machine, n=4000, beyond=0.1):
+    """Positions `(n, axes)`, mm and rad, in the volume and beyond its ends; directions."""
+    rng = np.random.default_rng(5)
+    low, high = np.array([(0.0, 360.0) if not np.isfinite(a.travel).all() else a.travel for a in machine.axes]).T
+    q = rng.uniform(low - beyond * (high - low), high + beyond * (high - low), (n, len(low)))
+    return q * machine.scale, rng.choice([-1.0, 1.0], q.shape)
+
+
+def read_back(case: Case, exported, sign=None):
+    """The errors that the files take away, by the reader."""
+    files = {name: text for name, text in exported.files.items() if not name.endswith(".md")}
+    said = dict(text.split("=") for text in case.settings)
+    source = Source(exported.target.machine, files, sign or exported.content.sign, said)
+    return msgspec.structs.replace(no_errors(exported.target.machine), effects=tuple(read_tables(case.format, source)))
+
+
+def commanded(exported, tables, q, approach):
+    """Where a control that holds these tables sends the axes, worked out without the writers' code."""
+    machine = exported.target.machine
+    if exported.format.carries is None:
+        tool, movable = np.tile(TOOL, (len(q), 1)), np.ones(q.shape, bool)
+        return correct_position(machine, lambda p: tables.errors(machine, State(p, approach)), q, tool, movable)
+    errors = tables.errors(machine, State(q, approach))
+    moved = q.copy()
+    for i, axis in enumerate(machine.axes):
+        k = COMPONENTS.index(own_component(axis.name))
+        along = axis.error_frame[:, k % 3] @ axis.unit_direction
+        moved[:, i] -= errors[:, i, k] * along
+    return moved
+
+
+def missed_um(exported, motors, q, approach):
+    """Deviation of the tool point `(n, 3)`, um, of the virtual machine whose motors stand there."""
+    machine = exported.target.machine
+    actual = forward(machine, motors, exported.whole.errors(machine, State(motors, approach))).apply(TOOL)
+    return (actual - tool_point(machine, q, TOOL)) / UM
+
+
+def rms(vectors):
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
+
+
+def test_every_format_has_a_reader_and_a_case():
+    assert set(FORMATS) == set(READERS) == {case.format for case in CASES}
+
+
+@every_case
+def test_the_reader_finds_what_was_written(case: Case):
+    exported = case.exported()
+    machine = exported.target.machine
+    q, approach = dense(machine)
+    state = State(q, approach)
+    written, found = (model.errors(machine, state) for model in (exported.taken, read_back(case, exported)))
+    assert np.abs(written - found).max() <= case.exact
+    assert np.abs(found).max() > 10 * UM
+    if exported.format.carries is not None:
+        assert commanded(exported, exported.taken, q, approach) == pytest.approx(exported.moves(q, approach), abs=1e-12)
+
+
+@every_case
+def test_the_right_sign_leaves_what_was_predicted_and_the_wrong_one_doubles_it(case: Case):
+    exported = case.exported()
+    places = in_the_volume(exported.target)
+    predicted = exported.in_the_volume()["tool_point_um"]
+    found = read_back(case, exported)
+    right = commanded(exported, found, places.q, places.approach)
+    other = {"error": "correction", "correction": "error"}[exported.content.sign]
+    wrong = 2 * places.q - right
+    if exported.format.sign is None:
+        wrong = commanded(exported, read_back(case, exported, other), places.q, places.approach)
+    before, after, doubled = (missed_um(exported, m, places.q, places.approach) for m in (places.q, right, wrong))
+    assert rms(before) == pytest.approx(predicted["before"]["rms"], abs=1e-3)
+    assert rms(after) == pytest.approx(predicted["after_tables"]["rms"], abs=2e-3)
+    assert np.linalg.norm(after, axis=1).max() == pytest.approx(predicted["after_tables"]["max"], abs=5e-3)
+    assert rms(after) <= case.leaves < 0.2 * rms(before)
+    assert rms(doubled) == pytest.approx(2 * rms(before), rel=0.01)
+    both = predicted["after_tables_and_nc_correction_of_the_rest"]
+    assert both["rms"] <= predicted["after_tables"]["rms"] + 1e-3
+    assert both["max"] <= 0.02
+
+
+@every_case
+def test_files_are_plain(case: Case):
+    for name, text in case.exported().files.items():
+        assert re.fullmatch(r"[\w.-]+", name)
+        assert text.isascii()
+        assert text.endswith("\n")
+        assert "nan" not in text.lower().split()
+        assert "-0.0000 " not in text
+
+
+@every_case
+def test_the_rest_is_the_calibration_less_the_tables(case: Case):
+    exported = case.exported()
+    machine = exported.target.machine
+    state = State(*dense(machine, 500))
+    whole, taken, rest = (m.errors(machine, state) for m in (exported.whole, exported.taken, exported.rest))
+    assert rest == pytest.approx(whole - taken, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_sign_that_no_source_confirms_is_demanded(name):
+    from postproc.tables.export import sign_of
+
+    form = find_format(name)
+    if form.sign is None:
+        with pytest.raises(UserError, match="--probe"):
+            sign_of(form, None)
+        assert sign_of(form, "error") == "error"
+    else:
+        assert sign_of(form, None) == form.sign
+        other = "error" if form.sign == "correction" else "correction"
+        with pytest.raises(UserError, match="are known to mean"):
+            sign_of(form, other)
+
+
+@every_case
+def test_the_probe_is_one_node(case: Case):
+    """Of the axis' own table, or of its positioning error; the reader finds it with the size that was said."""
+    from postproc.tables.format import parse_settings
+    from postproc.tables.probe import SIZE, probe
+
+    form, machine = find_format(case.format), load(case.machine)
+    settings = parse_settings(form.settings, case.settings)
+    if form.carries is not None and not form.carries(settings).own:
+        with pytest.raises(UserError, match="no table of X over itself"):
+            probe(machine, "X", form, settings)
+        return
+    files = probe(machine, "X", form, settings)
+    assert "--sign" in files.pop("probe.md")
+    sign = form.sign or "correction"
+    said = dict(text.split("=") for text in case.settings)
+    tables = read_tables(case.format, Source(machine, files, sign, said))
+    model = model_of(machine, *tables)
+    i = machine.index("X")
+    q = np.tile(np.mean([a.travel if np.isfinite(a.travel).all() else (0, 0) for a in machine.axes], axis=1), (2001, 1))
+    q[:, i] = np.linspace(*machine.axes[i].travel, 2001)
+    errors = model.errors(machine, State(q * machine.scale, np.ones(q.shape)))[:, i, 0]
+    assert np.abs(errors).max() == pytest.approx(SIZE, rel=0.06)
+    assert np.mean(np.abs(errors) > 0.001 * SIZE) < 0.25
+
+
+def test_settings_are_checked():
+    from postproc.tables.format import parse_settings
+
+    kind = find_format("linuxcnc").settings
+    assert parse_settings(kind, ["type=0", "points=20"]).points == 20
+    for text, why in {
+        "points=257": "<= 256",
+        "points=x": "int",
+        "type=2": "type",
+        "speed=3": "expected NAME=VALUE",
+        "points": "expected NAME=VALUE",
+    }.items():
+        with pytest.raises(UserError, match=why):
+            parse_settings(kind, [text])
+    with pytest.raises(UserError, match="given twice"):
+        parse_settings(kind, ["type=0", "type=1"])
+
+
+def test_taken_errors_are_tables():
+    exported = CASES[0].exported()
+    assert all(isinstance(effect, ControlTable) for effect in exported.taken.effects)

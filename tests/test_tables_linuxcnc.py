@@ -1,0 +1,102 @@
+"""LinuxCNC's simulator loads exported tables, and its joints move as the error model says."""
+
+import numpy as np
+import pytest
+from clients.linuxcnc_sim import Config, Table
+from programs import load, model_of
+
+from kinematics.basis import BSpline
+from kinematics.effects import Backlash, ErrorMotion
+from kinematics.effects.base import COMPONENTS, own_component
+from kinematics.state import State
+from postproc.tables.export import export
+from postproc.tables.format import parse_settings
+from postproc.tables.formats import find_format
+
+pytestmark = pytest.mark.slow
+
+CLOSE = 1e-6  # mm and degrees
+TRAVEL = {"cframe": {"X": (0, 600), "Y": (0, 450), "Z": (0, 500)}, "head_table": {"C": (0, 360), "X": (-500, 500)}}
+
+
+def measured(machine, axis, seed):
+    """A positioning error as it is measured: values every 25 mm or 15 degrees, rounded to 0.1 um or urad."""
+    low, high = TRAVEL[machine.name][axis]
+    nodes = np.linspace(low, high, 25)
+    rng = np.random.default_rng(seed)
+    values = np.cumsum(rng.normal(0.0, 4.0, len(nodes))).round(1)
+    if machine.axes[machine.index(axis)].rotary:
+        values[-1] = values[0]
+    return ErrorMotion(
+        own_component(axis), axis, BSpline(tuple(nodes.tolist()), 1), tuple(values.tolist()), u=(0.0,) * 25
+    )
+
+
+def model(name):
+    machine = load(name)
+    errors = [measured(machine, axis, seed) for seed, axis in enumerate(TRAVEL[name])]
+    plays = [Backlash(axis, 12.0 + 5 * k) for k, axis in enumerate(TRAVEL[name])]
+    return machine, model_of(machine, *errors, *plays)
+
+
+def stands(machine, errors, motors, ways):
+    """Where the axes with errors, mm or degrees, stand when their motors stand there; ends hold outside."""
+    found = np.empty_like(motors)
+    q = np.zeros((len(motors), len(machine.axes)))
+    q[:, [machine.index(axis) for axis in TRAVEL[machine.name]]] = motors
+    approach = np.zeros_like(q)
+    approach[:, [machine.index(axis) for axis in TRAVEL[machine.name]]] = ways
+    e = errors.errors(machine, State(q * machine.scale, approach))
+    for k, axis in enumerate(TRAVEL[machine.name]):
+        i = machine.index(axis)
+        found[:, k] = motors[:, k] + e[:, i, COMPONENTS.index(own_component(axis))] / machine.scale[i]
+    return found
+
+
+@pytest.mark.parametrize(("name", "kind"), [("cframe", 1), ("cframe", 0), ("head_table", 1)])
+def test_joints_move_as_the_error_model_says(linuxcnc_sim, name, kind):
+    """At rest, from both sides, in the travel, at its ends and outside: the motor is where the axis is right."""
+    machine, errors = model(name)
+    form = find_format("linuxcnc")
+    exported = export(machine, errors, form, parse_settings(form.settings, [f"type={kind}"]), "correction", (0, 0, -80))
+    letters = "XYZC" if name == "head_table" else "XYZ"
+    files = {axis: exported.files[f"comp_{axis.lower()}.txt"] for axis in TRAVEL[name]}
+    config = Config(
+        letters, tables={axis: Table(text, kind) for axis, text in files.items()}, velocity=500.0, acceleration=3000.0
+    )
+    columns = [letters.index(axis) for axis in TRAVEL[name]]
+    ends = np.array(list(TRAVEL[name].values()), float)
+    shares = np.append(np.linspace(-0.08, 1.08, 30).round(2), [0.263, 0.777])
+    shares.sort()
+    up = ends[:, 0] + shares[:, None] * (ends[:, 1] - ends[:, 0])
+    asked = np.concatenate([up[:1] - 5.0, up, up[-1:] + 5.0, up[::-1]])
+    ways = np.sign(np.diff(asked, axis=0, prepend=np.zeros_like(asked[:1])))
+    blocks = [
+        "G53 G0 " + " ".join(f"{axis}{v:.9f}" for axis, v in zip(TRAVEL[name], row, strict=True)) for row in asked
+    ]
+    samples = linuxcnc_sim.at_rest(config, blocks)
+    joints, motors = samples.joint[:, columns], samples.motor[:, columns]
+    assert joints == pytest.approx(asked, abs=1e-9)
+
+    inside = (asked >= ends[:, 0]) & (asked <= ends[:, 1])
+    reached = stands(machine, errors, motors, ways)
+    assert np.abs((reached - asked)[inside]).max() <= CLOSE, "inside, at the ends too"
+    assert np.abs((motors - joints)[inside]).max() > 0.005
+    held = np.where(asked < ends[:, 0], ends[:, 0], ends[:, 1])
+    outside = stands(machine, errors, held + motors - joints, ways) - held
+    assert np.abs(outside[~inside]).max() <= CLOSE, "outside, the value at the end holds"
+
+
+def test_a_joint_without_a_table_does_not_move(linuxcnc_sim):
+    machine = load("cframe")
+    form = find_format("linuxcnc")
+    errors = model_of(machine, measured(machine, "X", 1))
+    exported = export(machine, errors, form, parse_settings(form.settings, []), "correction", (0, 0, 0))
+    assert set(exported.files) == {"comp_x.txt", "linuxcnc.ini"}
+    assert exported.files["linuxcnc.ini"].splitlines()[1:] == [
+        "[JOINT_0]", "COMP_FILE = comp_x.txt", "COMP_FILE_TYPE = 1"
+    ]  # fmt: skip
+    config = Config("XYZ", tables={"X": Table(exported.files["comp_x.txt"])}, velocity=500.0, acceleration=3000.0)
+    samples = linuxcnc_sim.at_rest(config, ["G53 G0 X200 Y200 Z100", "G53 G0 X40 Y100 Z300"])
+    assert (samples.motor == samples.joint)[:, 1:].all()
+    assert (samples.motor != samples.joint)[:, 0].all()
