@@ -149,17 +149,31 @@ def ties(args: argparse.Namespace) -> None:
 
 def table_1(args: argparse.Namespace, pool: ThreadPoolExecutor) -> None:
     """The gantry of the virtual calibration paper."""
-    results = list(pool.map(lambda seed: exam.volumetric(draws.of_table_1(seed)), args.seeds))
-    for seed, (named, before, after) in zip(args.seeds, results, strict=True):
+
+    def question(seed: int) -> tuple[bool, float, float] | str:
+        try:
+            return exam.volumetric(draws.of_table_1(seed))
+        except RuntimeError as fault:
+            return str(fault)
+
+    done = []
+    for seed, result in zip(args.seeds, pool.map(question, args.seeds), strict=True):
+        if isinstance(result, str):
+            print(f"    table 1 {seed}: {result}")
+            continue
+        named, before, after = result
+        done.append(result)
         print(
             f"    table 1 {seed}: E_XX {'named' if named else 'MISSED'}, "
-            f"volumetric error {before:.1f} -> {after:.1f} um"
+            f"volumetric error {before:.1f} -> {after:.1f} um",
+            flush=True,
         )
-    named, before, after = np.array(results, float).T
-    print(
-        f"table 1: higher-frequency E_XX named in {named.sum():.0f}/{len(named)}; "
-        f"volumetric error {before.mean():.1f} -> {after.mean():.1f} um (95 %: {np.quantile(after, 0.95):.1f})"
-    )
+    if done:
+        right, befores, afters = np.array(done, float).T
+        print(
+            f"table 1: higher-frequency E_XX named in {right.sum():.0f}/{len(args.seeds)}; volumetric error "
+            f"{befores.mean():.1f} -> {afters.mean():.1f} um (95 %: {np.quantile(afters, 0.95):.1f})"
+        )
 
 
 def head() -> None:

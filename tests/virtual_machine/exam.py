@@ -91,10 +91,10 @@ def tied(draw: Draw, kinds: Sequence[str]) -> tuple[bool, str]:
     """Whether one of two kinds is named as tied and the other as its alternative, and nothing else; what was said."""
     with tempfile.TemporaryDirectory() as name:
         said = diagnose(draw, Path(name)).diagnosis["effects"]
-    told = [(e["kind"], e["verdict"], sorted(a["kind"] for a in e.get("alternatives", ()))) for e in said]
+    told = [(e["kind"], e["axis"], e["verdict"], sorted(a["kind"] for a in e.get("alternatives", ()))) for e in said]
     both = len(said) == 1 and any(
         kind == one and verdict == "tied" and other in alternatives
-        for kind, verdict, alternatives in told
+        for kind, _, verdict, alternatives in told
         for one, other in (tuple(kinds), tuple(kinds)[::-1])
     )
     return both, str(told)
