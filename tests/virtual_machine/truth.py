@@ -12,8 +12,10 @@ from virtual_machine.chain import Array, Axis, Chain
 
 SIZE = (10.0, 30.0)
 """um and urad: largest value of an error motion over the travel."""
-FADING = (1.0, 0.5, 0.2, 0.1, 0.1)
-"""Of the Legendre polynomials of degree 1, 2, 3 and one wave over the travel."""
+FADING = (1.0, 0.5, 0.2)
+"""Of the Legendre polynomials of degree 1, 2, 3."""
+WAVE = 0.02
+"""Of a wave over the travel, beside them: no curve is quite a polynomial."""
 FADING_OF_TURNS = (1.0, 1.0, 0.5, 0.5)
 """Of one and two waves a turn."""
 MICRO = np.array([1e-3] * 3 + [1e-6] * 3)
@@ -59,11 +61,14 @@ def smooth(chain: Chain, rng: np.random.Generator) -> Curves:
     """Low Legendre polynomials and a wave on linear axes, two harmonics of a turn on rotary ones; no constants."""
     found = {}
     for axis in chain.axes:
-        everywhere = _terms(axis, np.linspace(*axis.travel, 101))
         fading = np.array(FADING_OF_TURNS if axis.rotary else FADING)
         drawn = rng.normal(size=(6, len(fading))) * fading
-        largest = np.abs(everywhere @ drawn.T).max(axis=0)
-        found[axis.name] = drawn * (rng.uniform(*SIZE, 6) / largest)[:, None]
+        everywhere = _terms(axis, np.linspace(*axis.travel, 101))[:, : len(fading)]
+        size = rng.uniform(*SIZE, 6)[:, None]
+        drawn *= size / np.abs(everywhere @ drawn.T).max(axis=0)[:, None]
+        phase = rng.uniform(0.0, 2 * np.pi, (6, 1))
+        wave = WAVE * size * np.concatenate([np.sin(phase), np.cos(phase)], axis=1)
+        found[axis.name] = drawn if axis.rotary else np.concatenate([drawn, wave], axis=1)
     return Curves(found)
 
 
