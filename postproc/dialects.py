@@ -13,7 +13,7 @@ from kinematics.machine import Machine
 from postproc.flow import Variables
 from postproc.motions import Motions
 from postproc.notes import Notes
-from postproc.program import Block, Refusal
+from postproc.program import Block
 from postproc.setup import Setup
 
 
@@ -83,7 +83,22 @@ def _heidenhain() -> Dialect:
     )
 
 
-DIALECTS = {"iso": _iso, "heidenhain": _heidenhain}
+def _siemens() -> Dialect:
+    from postproc import siemens, siemens_blocks, siemens_statements
+
+    return Dialect(
+        "siemens",
+        iter,
+        siemens_blocks.read_block,
+        siemens_statements.FLOW,
+        siemens_statements.labels,
+        siemens.SiemensInterpreter,
+        "; {}",
+        lambda block: block.kind == "header" or "$PATH" in block.text,
+    )
+
+
+DIALECTS = {"iso": _iso, "siemens": _siemens, "heidenhain": _heidenhain}
 """A run loads the one it needs."""
 NAMES = ("auto", "iso", "siemens", "heidenhain")
 
@@ -106,19 +121,7 @@ def find_dialect(name: str, file: str, head: str) -> Dialect:
         raise UserError(f"--dialect {name}: expected one of {', '.join(NAMES)}")
     if name == "auto":
         name = _guess(PurePath(file).suffix.lower(), head)
-    if name == "siemens":
-        line, text = _first_siemens(head)
-        raise Refusal(line, text, "Siemens 840D code; ncomp reads iso and heidenhain (--dialect overrules)").located(
-            file
-        )
     return DIALECTS[name]()
-
-
-def _first_siemens(head: str) -> tuple[int, str]:
-    """Number and text of the first line that only Siemens writes, or of the first that says something."""
-    lines = list(enumerate(head.splitlines(), start=1))
-    speaking = [(i, text) for i, text in lines if _spoken(text).strip()] or [(1, head)]
-    return next(((i, text) for i, text in speaking if _SIEMENS.search(_spoken(text))), speaking[0])
 
 
 def _spoken(line: str) -> str:

@@ -46,16 +46,16 @@ class Formula(NamedTuple):
 
     expression: Expression
     before: str = ""
+    close: str = ""
+    """What stands behind the text and in front of what is added."""
     tail: int = 0
     """Characters at the end of the text that what is added stands in front of."""
     after: str = ""
-    carrier: str = ""
-    """A variable of ncomp's own that takes the sum, where a word can't hold one; with `{}`, `{}` for text and sum."""
 
     def plus(self, text: str, shift: str) -> str:
         """The text of a word with a signed number added."""
         at = len(text) - self.tail
-        return self.before + text[:at] + shift + text[at:] + self.after
+        return self.before + text[:at] + self.close + shift + text[at:] + self.after
 
 
 class Scope(Protocol):

@@ -359,8 +359,8 @@ class Flow:
         times = 1 if step.times is None else whole(step.times, self.scope)
         if times < 1:
             return None
-        firsts = [place for place in self.labels.get(step.first, ()) if place < at]
-        if len(self.labels.get(step.first, ())) != 1 or not firsts:
+        firsts = self.labels.get(step.first, [])
+        if len(firsts) != 1 or (firsts[0] >= at and not step.last) or "ENDLABEL" in self.labels:
             raise block.refuse(f"no block {step.first} before it, or more than one")
         last = at - 1
         if step.last:

@@ -118,7 +118,7 @@ def computed_word(node: Tree[Token]) -> Word:
     start, end = _span(operand)
     at = address.start_pos or 0
     arithmetic = isinstance(operand, Tree) and operand.data == "bracket" and len(_condition_of(operand)) == 1
-    how = ("", 1, "") if arithmetic else ("[", 0, "]")
+    how = ("", "", 1, "") if arithmetic else ("[", "", 0, "]")
     return Word(str(address).upper(), None, at, start, end, Formula(expression(operand), *how))
 
 

@@ -38,6 +38,10 @@ class Word(NamedTuple):
     """The word is text[at:end], its number text[start:end]."""
     formula: Formula | None = None
     """What stands in the place of the number; the value is then that of the present pass, if known."""
+    mode: str = ""
+    """AC, IC, DC, ... of a Siemens word that says itself how its value counts."""
+    tail: int = 0
+    """Characters behind the number that belong to the word."""
 
 
 class Block(NamedTuple):

@@ -42,9 +42,9 @@ class Setup:
         left = sorted(self.given_tools - self.used_tools.keys(), key=int)
         return [f"tool length T{number} was given and is not used" for number in left]
 
-    def tool_length(self, number: int) -> float:
-        """Length of a tool, mm, from the tool reference point to the tip."""
-        key = str(number)
+    def tool_length(self, tool: int | str) -> float:
+        """Length of a tool by number or name, mm, from the tool reference point to the tip."""
+        key = str(tool)
         length = self.tools.get(key, self.machine.tools.get(key))
         self.used_tools[key] = "0 (default)" if length is None else f"{length:g}"
         return length or 0.0

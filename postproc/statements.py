@@ -31,6 +31,15 @@ class Assign(NamedTuple):
         scope.set(self.target.name, indices, value)
 
 
+class Label(NamedTuple):
+    """A name for a block, to be jumped to."""
+
+    name: str
+
+    def run(self, scope: Scope) -> None:
+        """Nothing happens."""
+
+
 class Jump(NamedTuple):
     """Go on at a label: a text, or an expression whose value names it."""
 

@@ -74,14 +74,14 @@ class WordEditor:
         neighbour = before[-1] if before else ranked[0][1]
         text = self._like(neighbour, address, value, decimals)
         blank = " " if self.layout.blank else ""
-        at = neighbour.end if before else neighbour.at
+        at = neighbour.end + neighbour.tail if before else neighbour.at
         self.edits.append(Edit(at, at, blank + text if before else text + blank))
 
     def replace(self, index: int, words: list[tuple[str, float]], decimals: int) -> None:
         """Put other words in the place of one."""
         word = self.block.words[index]
         texts = [self._like(word, address, value, decimals) for address, value in words]
-        self.edits.append(Edit(word.at, word.end, (" " if self.layout.blank else "").join(texts)))
+        self.edits.append(Edit(word.at, word.end + word.tail, (" " if self.layout.blank else "").join(texts)))
 
     def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
         """Klartext: put the pole of an arc before it."""
@@ -117,7 +117,7 @@ class WordEditor:
 
     def _like(self, neighbour: Word, address: str, value: float, decimals: int) -> str:
         lower = self.block.text[neighbour.at].islower()
-        gap = " " if neighbour.start > neighbour.at + len(neighbour.address) else ""
+        gap = " " if self.block.text[neighbour.at + len(neighbour.address) : neighbour.start].isspace() else ""
         decimals = max(decimals, decimals_of(self._number(neighbour)))
         return (address.lower() if lower else address) + gap + self._style(neighbour).write(value, decimals)
 

@@ -57,7 +57,7 @@ def both_ways(text: str) -> Block | None:
 def check_words(block: Block) -> None:
     """The places of the words hold what the words say, in order and apart."""
     end = 0
-    for address, value, at, start, stop, formula in block.words:
+    for address, value, at, start, stop, formula, *_ in block.words:
         assert end <= at < start < stop
         assert block.text[at].upper() == address
         assert block.text[at + 1 : start].strip(" \t") == ""

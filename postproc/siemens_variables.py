@@ -1,0 +1,192 @@
+"""Variables, operators and functions of Siemens 840D programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from postproc.expressions import (
+    ARITHMETIC,
+    COMPARISONS,
+    Expression,
+    NotKnown,
+    Operation,
+    Operations,
+    Scope,
+    Value,
+    evaluate,
+    nearly,
+    truth,
+    whole,
+)
+
+AXES = frozenset("XYZABCUVWE")
+"""Names of axes that may be the index of a variable."""
+TRUTHS = {"TRUE": 1.0, "FALSE": 0.0}
+SETTINGS = frozenset(("ACC", "ACCLIMA", "JERKLIM", "JERKLIMA", "VELOLIM", "VELOLIMA", "OVRA"))
+"""Of axes: speeds, which move nothing elsewhere."""
+MOST = 100_000
+"""Elements of a field."""
+
+
+def _quotient(a: float, b: float) -> float:
+    return float(math.trunc(a / b + math.copysign(1e-12, a * b)))
+
+
+def _modulo(a: float, b: float) -> float:
+    if a < 0.0 or b <= 0.0:
+        raise NotKnown("MOD of a negative number: its sign is not documented")
+    return math.fmod(a, b)
+
+
+def _rounded(a: float) -> float:
+    if nearly(a % 1.0, 0.5) and a < 0.0:
+        raise NotKnown(f"how {a:g} is rounded is not documented")
+    return float(math.floor(a + 0.5))
+
+
+def _joined(a: Value, b: Value) -> str:
+    parts = [part if isinstance(part, str) else f"{part:.10g}" for part in (a, b)]
+    return "".join(parts)
+
+
+OPERATIONS: Operations = {
+    **ARITHMETIC,
+    **COMPARISONS,
+    "DIV": _quotient,
+    "MOD": _modulo,
+    "AND": lambda a, b: truth(bool(a) and bool(b)),
+    "OR": lambda a, b: truth(bool(a) or bool(b)),
+    "XOR": lambda a, b: truth(bool(a) != bool(b)),
+    "NOT": lambda a: truth(not a),
+    "B_AND": lambda a, b: float(_bits(a) & _bits(b)),
+    "B_OR": lambda a, b: float(_bits(a) | _bits(b)),
+    "B_XOR": lambda a, b: float(_bits(a) ^ _bits(b)),
+    "<<": _joined,
+    "POT": lambda a: a * a,
+    "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)),
+    "TRUNC": lambda a: float(math.trunc(a)),
+    "ROUND": _rounded,
+    "MINVAL": min,
+    "MAXVAL": max,
+    "BOUND": lambda low, high, value: min(max(low, value), high),
+}
+
+
+def _bits(a: float) -> int:
+    if a != int(a) or a < 0.0:
+        raise NotKnown(f"{a:g} bit by bit")
+    return int(a)
+
+
+@dataclass
+class SiemensVariables:
+    """R parameters and declared variables; nothing is known of others."""
+
+    operations: Operations = field(default_factory=lambda: OPERATIONS)
+    values: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
+    """Of declared variables."""
+
+    def get(self, name: str, indices: tuple[Value, ...]) -> Value:
+        """The value of a variable; the name of an axis that stands alone is its own value."""
+        shown = name + (f"[{', '.join(map(_shown, indices))}]" if indices and name != "R" else "")
+        if name == "R" and indices:
+            shown = f"R{_shown(indices[0])}"
+        if name in TRUTHS and not indices:
+            return TRUTHS[name]
+        if name.startswith("$"):
+            raise NotKnown(f"{shown} belongs to the control")
+        if name in AXES and not indices and name not in self.kinds:
+            return name
+        value = self.values.get((name, _places(indices)))
+        if value is None:
+            raise NotKnown(f"{shown} is not set by the program")
+        if isinstance(value, NotKnown):
+            raise NotKnown(f"{shown} is not known: {value}")
+        return value
+
+    def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
+        """Set it; NotKnown for one that is not declared: it could be an axis."""
+        if name in SETTINGS:
+            return
+        if name != "R" and name not in self.kinds:
+            raise NotKnown(f"{name} is declared nowhere: an axis, a variable of the control or of another program")
+        if self.kinds.get(name) == "INT" and isinstance(value, float):
+            value = _rounded(value)
+        self.values[name, _places(indices)] = value
+
+    def declare(self, kind: str, name: str, sizes: Sequence[int], values: Sequence[Value | NotKnown | None]) -> None:
+        """A new variable, with first values in the order of its elements, last index first."""
+        self.kinds[name] = kind
+        empty: Value = "" if kind in ("STRING", "CHAR", "AXIS") else 0.0
+        elements = math.prod(sizes)
+        if elements > MOST:
+            raise NotKnown(f"a field of {elements} elements")
+        for i in range(elements):
+            place, left = [], i
+            for size in reversed(sizes):
+                left, index = divmod(left, size)
+                place.append(index)
+            given = values[i] if i < len(values) else None
+            self.values[name, tuple(reversed(place))] = empty
+            if given is not None:
+                self.set(name, tuple(float(index) for index in reversed(place)), given)
+
+    def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
+        """Subprograms in the same file have no variables of their own."""
+
+    def leave(self) -> None:
+        """Nothing ends."""
+
+
+class Declare(NamedTuple):
+    """DEF: a new variable."""
+
+    kind: str
+    name: str
+    sizes: tuple[Expression, ...]
+    first: Expression | None
+
+    def run(self, scope: Scope) -> None:
+        """Declare it; SET gives the elements one by one, REP all alike."""
+        assert isinstance(scope, SiemensVariables)
+        sizes = [whole(size, scope) for size in self.sizes]
+        scope.declare(self.kind, self.name, sizes, self._values(scope, math.prod(sizes)))
+
+    def _values(self, scope: Scope, elements: int) -> list[Value | NotKnown | None]:
+        first = self.first
+        if isinstance(first, Operation) and first.name == "SET":
+            return [None if part == EMPTY else _known(part, scope) for part in first.operands]
+        if isinstance(first, Operation) and first.name == "REP":
+            times = whole(first.operands[1], scope) if len(first.operands) > 1 else elements
+            return [_known(first.operands[0], scope)] * times
+        return [] if first is None else [_known(first, scope)]
+
+
+EMPTY = Operation("nothing", ())
+"""An argument that is left out."""
+
+
+def _known(expression: Expression, scope: Scope) -> Value | NotKnown:
+    try:
+        return evaluate(expression, scope)
+    except NotKnown as reason:
+        return reason
+
+
+def _places(indices: tuple[Value, ...]) -> tuple[int, ...]:
+    places = []
+    for index in indices:
+        if not isinstance(index, float):
+            raise NotKnown(f"a value of the axis {index}")
+        if index != int(index) or index < 0.0:
+            raise NotKnown(f"{index:g} is no index")
+        places.append(int(index))
+    return tuple(places)
+
+
+def _shown(index: Value) -> str:
+    return index if isinstance(index, str) else f"{index:g}"
