@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from calibration.diagnosis import words
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -12,14 +14,8 @@ if TYPE_CHECKING:
     from calibration.diagnosis.selection import Stage
     from calibration.diagnosis.verdict import Named
 
-MANY = 8
-"""Names of one sort that are printed; all are in the JSON."""
-COVERAGE = 2
-ORIGINS = {
-    "automatic": "error motions of all axes, their basis by the evidence",
-    "refitted": "the given calibration, made from these data: its structure, fitted anew",
-    "updated": "the given calibration, with its uncertainties as prior knowledge",
-}
+WIDTH = 100
+"""Of what is printed into a pipe."""
 
 
 def summary(found: Diagnosis) -> dict[str, Any]:
@@ -97,28 +93,34 @@ def _tests(tests: Any) -> list[dict[str, Any]]:
 
 def show(found: Diagnosis, to: Console) -> None:
     """The diagnosis for people."""
+    from rich import box
     from rich.table import Table
 
+    width = to.width if to.is_terminal else WIDTH
     for line in _head(found):
         to.print(line)
     if found.causes:
-        table = Table("", "cause", f"size ± U (k={COVERAGE})", "dBIC", "held out", "share", "verdict", "siblings (cos)")
+        table = Table(box=box.SIMPLE, padding=(0, 1, 0, 0), width=width)
+        table.add_column("")
+        table.add_column("cause", overflow="fold", min_width=24)
+        table.add_column(f"size ± U (k={words.COVERAGE})", overflow="fold")
+        for head in ("dBIC", "held out, um", "share", "verdict"):
+            table.add_column(head, no_wrap=True, justify="left" if head == "verdict" else "right")
         for number, cause in enumerate(found.causes, start=1):
-            siblings = ", ".join(
-                f"{other.name} ({other.cosine:.2f}, odds {odds(other.odds)})" for other in cause.alternatives[:2]
-            )
             table.add_row(
                 str(number),
-                title(cause),
-                "\n".join(sizes(cause)),
+                words.title(cause),
+                "\n".join(words.sizes(cause)),
                 f"{cause.delta_bic:.0f}",
-                f"{-cause.heldout_gain_um:+.2f} um",
+                f"{-cause.heldout_gain_um:+.2f}",
                 f"{cause.share:.0%}",
-                cause.verdict.upper() if cause.verdict == "tied" else cause.verdict,
-                siblings or "none",
+                words.verdict(cause),
             )
         to.print(table)
-    figure = Table("residual, um", "RMS", "max", "chi2/dof", "held out")
+        for number, cause in enumerate(found.causes, start=1):
+            for other in cause.alternatives[: words.SIBLINGS]:
+                to.print(f"{f'{number} is like':<13}{words.sibling(other)}")
+    figure = Table("residual, um", "RMS", "max", "chi2/dof", "held out", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for name, stage in (("before", found.before), ("after", found.after)):
         fit = stage.fit
         figure.add_row(
@@ -129,73 +131,31 @@ def show(found: Diagnosis, to: Console) -> None:
         to.print(line)
 
 
-def title(cause: Named) -> str:
-    """Kind and place, for people."""
-    words = {"location": cause.effect.name, "error-motion": f"change of {cause.effect.name}"}
-    if cause.kind == "higher-frequency":
-        return f"{cause.effect.name} needs a higher spatial frequency"
-    return words.get(cause.kind, cause.effect.name) + (" (instrument)" if cause.where == "instrument" else "")
-
-
-def sizes(cause: Named) -> list[str]:
-    """Parameters with their expanded uncertainties."""
-    if cause.kind == "higher-frequency":
-        basis = getattr(cause.effect, "basis", None)
-        return [
-            f"{len(cause.effect.parameters)} parameters" if basis is None else f"written with {basis.size} parameters"
-        ]
-    if cause.kind == "outliers":
-        return [f"{len(getattr(cause.effect, 'rows', ()))} rows"]
-    rows = zip(cause.effect.parameter_table, cause.effect.parameters, cause.effect.uncertainties, strict=True)
-    return [f"{q.name} {value:.4g} ± {COVERAGE * u:.2g} {q.unit}" for q, value, u in list(rows)[:MANY]]
-
-
-def odds(value: float) -> str:
-    """Odds in few digits."""
-    return f"{value:.0f}" if value < 1e4 else f"{value:.0e}" if value < 1e99 else "> 1e99"
-
-
 def _head(found: Diagnosis) -> Iterator[str]:
-    fit, m = found.before.fit, found.measurement
-    runs = "" if m.run is None else f", {len(set(m.run.tolist()))} runs"
-    yield f"data         {m.source}: {len(m)} rows, {fit.observations} observations{runs}"
-    bases = (
-        "" if found.base.choice is None else ": " + ", ".join(f"{a} {b}" for a, b in found.base.choice.bases.items())
-    )
-    yield f"model        {ORIGINS[found.base.origin]}{bases}; {len(fit.model.parameters)} parameters"
+    yield f"data         {words.data_line(found)}"
+    yield f"model        {words.model_line(found)}"
     for finding in found.findings:
         yield f"note         {finding.says}"
     if found.repeats is not None:
-        yield f"noise        {found.repeats.says}"
+        yield f"noise        {found.repeats.says.removeprefix('noise ')}"
     significant = [test for test in found.tests if test.p_value < 1e-3]
-    because = "; ".join(f"{test.what} p = {test.p_value:.1g}" for test in significant[:MANY])
+    because = "; ".join(f"{test.what} p = {test.p_value:.1g}" for test in significant[: words.MANY])
     verdict = "SOMETHING IS MISSING" if found.causes or found.unexplained else "nothing is missing"
-    yield f"residual     chi2/dof {fit.chi2_reduced:.3g}{'; ' if because else ''}{because} -> {verdict}"
-    by_remedy: dict[str, list[str]] = {}
-    for entry in found.not_visible:
-        by_remedy.setdefault(entry.remedy, []).append(f"{entry.name} ({entry.share:.2f})")
-    for remedy, names in by_remedy.items():
-        more = f" and {len(names) - MANY} more" if len(names) > MANY else ""
-        yield f"NOT VISIBLE  {', '.join(names[:MANY])}{more}: it needs {remedy}"
+    yield f"residual     chi2/dof {found.before.fit.chi2_reduced:.3g}{'; ' if because else ''}{because} -> {verdict}"
+    for remedy, names in words.hidden(found).items():
+        more = f" and {len(names) - words.MANY} more" if len(names) > words.MANY else ""
+        yield f"NOT VISIBLE  {', '.join(names[: words.MANY])}{more}: it needs {remedy}"
     for blind in found.visibility.blind if found.visibility else ():
         yield f"NOT VISIBLE  {blind}"
 
 
 def _tail(found: Diagnosis) -> Iterator[str]:
     fit = found.after.fit
-    left = found.unexplained
-    depends = "depends on nothing that is known of the data"
-    if left is not None:
-        depends = f"{found.unexplained_um:.2f} um of it depend on {', '.join(left.variables)} (p = {left.p_value:.2g})"
-    times, head = fit.rms_um / max(found.noise_um, 1e-12), "LEFT" if left is None else "UNEXPLAINED"
-    yield f"{head:<13}{fit.rms_um:.2f} um RMS, {times:.2f} times the noise; {depends}"
-    for row in fit.outliers[:MANY]:
+    yield f"{'UNEXPLAINED' if found.unexplained else 'LEFT':<13}{words.left_line(found)}"
+    for row in fit.outliers[: words.MANY]:
         yield f"left out     {found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the rest"
-    if len(fit.outliers) > MANY:
-        yield f"left out     ... and {len(fit.outliers) - MANY} more outliers"
-    for cause in found.causes:
-        for note in cause.notes:
-            yield f"note         {cause.effect.name}: {note}"
-        if cause.where == "instrument":
-            yield f"note         {cause.effect.name} is the instrument's: taken out of the data, not written"
+    if len(fit.outliers) > words.MANY:
+        yield f"left out     ... and {len(fit.outliers) - words.MANY} more outliers"
+    for note in words.notes(found):
+        yield f"note         {note}"
     yield f"DO NEXT      {found.next_measurement}"

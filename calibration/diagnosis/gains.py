@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.selection import Stage
+from calibration.fit import Fit
 from calibration.instruments import LaserTracker
 from calibration.models import distinct_positions, moving_axes
 from kinematics.basis import BSpline
@@ -37,15 +38,19 @@ def by_direction(stage: Stage) -> dict[str, float]:
     """RMS residual, um, in x, y and z of what a tracker stands on; of an interferometer by axis."""
     fit = stage.fit
     measurement, kept = fit.measurement, fit.kept
-    if isinstance(measurement.instrument, LaserTracker):
-        back = np.swapaxes(fit.registration.rotations(measurement), 1, 2)
-        own = (back @ fit.residual[:, :, None])[kept, :, 0] * 1e3
-        return dict(zip("xyz", np.sqrt(np.mean(own**2, axis=0)).tolist(), strict=True))
-    micro = (fit.residual * measurement.per_micro)[kept]
+    micro = in_micro(fit, fit.residual)[kept]
     if measurement.axis is None:
         return dict(zip("xyz", np.sqrt(np.mean(micro**2, axis=0)).tolist(), strict=False))
     names = measurement.axis[kept]
     return {name: float(np.sqrt(np.mean(micro[names == name] ** 2))) for name in np.unique(names).tolist()}
+
+
+def in_micro(fit: Fit, values: Array) -> Array:
+    """Observed values `(n, d)` of all rows in um (rotary axes: urad), of a tracker in x, y, z of what it stands on."""
+    measurement = fit.measurement
+    if isinstance(measurement.instrument, LaserTracker):
+        values = np.einsum("nji,nj->ni", fit.registration.rotations(measurement), values)
+    return np.asarray(values * measurement.per_micro)
 
 
 def volume(before: Stage, after: Stage) -> Volume:

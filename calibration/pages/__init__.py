@@ -40,14 +40,15 @@ class Section:
     figure: str = ""
 
 
-def page(title: str, lead: str, sections: Sequence[Section]) -> bytes:
-    """The whole page."""
+def page(title: str, lead: str, sections: Sequence[Section], verdict: str = "") -> bytes:
+    """The whole page; the verdict stands at its head."""
     from jinja2 import Environment, PackageLoader
 
     environment = Environment(
         loader=PackageLoader("calibration.pages", "."), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    return environment.get_template("page.html").render(title=title, lead=lead, sections=sections).encode()
+    template = environment.get_template("page.html")
+    return template.render(title=title, lead=lead, sections=sections, verdict=verdict).encode()
 
 
 @contextmanager

@@ -1,0 +1,135 @@
+"""The figure of a cause: readings of single rows, their means, and the fitted cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibration.pages import figure
+from calibration.pages.cause_views import View
+from kinematics.transforms import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+POINTS = ("#7a9cc6", "#d99a6c")
+MEANS = ("#204a87", "#a33c00")
+FITTED = "#111111"
+MANY = 4000
+"""At most so many points are drawn of one kind."""
+MEANS_ALONG, MAP_CELLS = 24, 8
+WIDTHS = {1: 6.5, 2: 8.6, 3: 9.6}
+"""Of a figure with so many panels in a row, inches."""
+PER_MEAN = 4
+"""Rows of a mean, at least."""
+OUTER = 1.0
+"""Per cent of the points that may lie outside of a panel, each side."""
+
+
+def cause_figure(views: Sequence[View]) -> str:
+    """SVG of the panels of one cause, at most three in a row."""
+    widths = [2 if view.over is not None else 1 for view in views]
+    across = min(sum(widths), 3)
+    down = -(-sum(widths) // across)
+    with figure(WIDTHS[across], 2.8 * down) as (canvas, drawn):
+        places = iter(canvas.subplots(down, across, squeeze=False).ravel())
+        for view in views:
+            if view.over is None:
+                _panel(next(places), view)
+            else:
+                _maps(canvas, (next(places), next(places)), view)
+        for place in places:
+            place.set_axis_off()
+    return drawn[0]
+
+
+def _panel(place: Axes, view: View) -> None:
+    told = np.isfinite(view.u)
+    groups = view.groups or (("", np.ones(len(told), bool)),)
+    for number, (name, group) in enumerate(groups):
+        rows = _some(np.flatnonzero(group & told))
+        place.plot(view.x[rows], view.y[rows], ".", markersize=2.5, color=POINTS[number], alpha=0.6, rasterized=True)
+        label = name or "mean of rows, U (k=2)"
+        if not view.means:
+            place.plot(view.x[rows], view.y[rows], "o", markersize=3, color=MEANS[number], label=label, rasterized=True)
+            continue
+        x, mean, u = np.array(list(_means(view, group & told))).reshape(-1, 3).T
+        place.errorbar(x, mean, 2 * u, fmt="o", markersize=3, color=MEANS[number], linewidth=0.9, label=label)
+    if view.curves:
+        for curve in view.curves:
+            colour = MEANS[curve.group] if len(view.curves) > 1 else FITTED
+            place.plot(curve.x, curve.y, color=colour, linewidth=1.3, label="fitted" if not curve.group else None)
+    elif view.means:
+        rows = _some(np.flatnonzero(told))
+        place.plot(view.x[rows], view.fitted[rows], ".", markersize=2, color=FITTED, label="fitted", rasterized=True)
+    if view.moment is not None:
+        place.axvline(view.moment, color="#cc0000", linewidth=1, linestyle="--", label="moment found")
+    if view.ticks:
+        place.set_xticks(range(len(view.ticks)), view.ticks)
+    place.set_ylim(*_limits(view, told))
+    place.set_title(view.title)
+    place.set_xlabel(view.x_label)
+    place.set_ylabel(view.y_label)
+    place.legend(loc="best", fontsize=7, framealpha=0.7, edgecolor="none")
+
+
+def _limits(view: View, told: np.ndarray) -> tuple[float, float]:
+    """Of the y axis: nearly all points, and all of the fitted cause."""
+    inner = np.percentile(view.y[told], (OUTER, 100.0 - OUTER)) if told.any() else np.zeros(1)
+    drawn = np.concatenate([inner, view.fitted[told], *(curve.y for curve in view.curves)])
+    low, high = float(drawn.min()), float(drawn.max())
+    margin = 0.08 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def _means(view: View, rows: np.ndarray) -> Iterator[tuple[float, float, float]]:
+    """Weighted means of rows next to each other: x, y, standard uncertainty."""
+    if not rows.any():
+        return
+    numbers = np.flatnonzero(rows)
+    distinct = np.unique(np.round(view.x[numbers], 9))
+    if len(distinct) <= MEANS_ALONG:
+        cells = np.searchsorted(distinct, np.round(view.x[numbers], 9))
+    else:
+        count = min(MEANS_ALONG, max(len(numbers) // PER_MEAN, 1))
+        edges = np.quantile(view.x[numbers], np.linspace(0, 1, count + 1)[1:-1])
+        cells = np.searchsorted(edges, view.x[numbers], side="right")
+    for cell in np.unique(cells):
+        own = numbers[cells == cell]
+        weights = view.u[own] ** -2
+        whole = weights.sum()
+        yield float(view.x[own] @ weights / whole), float(view.y[own] @ weights / whole), float(whole**-0.5)
+
+
+def _maps(canvas: Figure, places: tuple[Axes, Axes], view: View) -> None:
+    """Means of readings in cells of two variables beside those of the fitted cause, in the same colours."""
+    assert view.over is not None
+    told = np.isfinite(view.u)
+    edges = [np.linspace(v[told].min(), v[told].max(), MAP_CELLS + 1) for v in (view.x, view.over)]
+    read, fitted = (_cells(view, values, edges, told) for values in (view.y, view.fitted))
+    seen = np.concatenate([read[np.isfinite(read)], fitted[np.isfinite(fitted)]])
+    most = float(np.abs(seen).max(initial=1e-9))
+    for place, values, what in ((places[0], read, "from the data"), (places[1], fitted, "fitted")):
+        mesh = place.pcolormesh(*edges, values.T, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
+        place.set_title(f"{view.title}, {what}")
+        place.set_xlabel(view.x_label)
+        place.set_ylabel(view.over_label)
+        place.grid(visible=False)
+    canvas.colorbar(mesh, ax=places[1], label=view.y_label)
+
+
+def _cells(view: View, values: Array, edges: Sequence[Array], told: np.ndarray) -> Array:
+    """Weighted means `(MAP_CELLS, MAP_CELLS)`; NaN where there are no rows."""
+    assert view.over is not None
+    weights = view.u[told] ** -2
+    pair = view.x[told], view.over[told]
+    sums = np.histogram2d(*pair, bins=list(edges), weights=weights * values[told])[0]
+    whole = np.histogram2d(*pair, bins=list(edges), weights=weights)[0]
+    return np.asarray(np.where(whole > 0, sums / np.where(whole > 0, whole, 1.0), np.nan))
+
+
+def _some(rows: np.ndarray) -> np.ndarray:
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(len(rows), MANY)).astype(int)])

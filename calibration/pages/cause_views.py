@@ -1,0 +1,367 @@
+"""What lets a person see a cause: what each row says of it, over the variable that it depends on.
+
+A row's reading of one error component is what the fitted cause does there and what the fit leaves, both along the
+component's own direction: value + a.e / a.a, with a the whitened derivative of the observation by the component and e
+the whitened residual. Its standard uncertainty is 1 / |a|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.frame import Frame
+from kinematics.effects import (
+    COMPONENTS,
+    INSTRUMENT,
+    UM,
+    URAD,
+    AirScale,
+    AngleHarmonic,
+    Backlash,
+    ControlTable,
+    CrossAxis,
+    Cyclic,
+    DriftWithSensor,
+    Effect,
+    ErrorMotion,
+    FirstCycle,
+    FollowingError,
+    GrowthWithSensor,
+    GrowthWithTime,
+    LateReadBack,
+    LocationError,
+    Outliers,
+    QuantisedCompensation,
+    Racking,
+    RangeOffset,
+    Settling,
+    StationShift,
+    TargetOffset,
+    ThermalDrift,
+    TrackerDrift,
+    Wobble,
+    unit_of,
+)
+from kinematics.effects.base import HOUR, own_motion
+from kinematics.state import REFERENCE, State
+from kinematics.transforms import Array
+
+DENSE = 400
+"""Points of a curve."""
+BLUNT = 10.0
+"""Rows less certain than this multiple of the median have nothing to show."""
+TIME, IN_ORDER = "time, h", "row, in the order of acquisition"
+
+
+class Curve(NamedTuple):
+    """The fitted cause as a line."""
+
+    x: Array
+    y: Array
+    group: int = 0
+
+
+@dataclass(frozen=True)
+class View:
+    """One panel: readings `(n,)` over a variable, and the fitted cause."""
+
+    title: str
+    x: Array
+    y: Array
+    u: Array
+    """Standard uncertainties; infinite of rows that say nothing."""
+    fitted: Array
+    x_label: str
+    y_label: str
+    groups: tuple[tuple[str, np.ndarray], ...] = ()
+    """Names and masks `(n,)` of rows in colours of their own; none: all alike."""
+    curves: tuple[Curve, ...] = ()
+    """None: the fitted cause is drawn row by row."""
+    over: Array | None = None
+    """Second variable `(n,)`, of a map."""
+    over_label: str = ""
+    moment: float | None = None
+    """On the x axis: when something moved."""
+    ticks: tuple[str, ...] = ()
+    """Names of x = 0, 1, ..."""
+    means: bool = True
+    """False where rows stand for themselves."""
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One cause in one frame."""
+
+    frame: Frame
+    effect: Any
+
+    @property
+    def state(self) -> State:
+        """Of the rows of the frame."""
+        return self.frame.measurement.state.rows(self.frame.rows)
+
+    def position(self, axis: str) -> Array:
+        """`(n,)`, mm or degrees."""
+        return self.state.position(self.frame.measurement.machine, axis)
+
+    def label(self, axis: str) -> str:
+        """Name and unit of an axis."""
+        machine = self.frame.measurement.machine
+        return f"{axis}, {machine.axes[machine.index(axis)].unit}"
+
+    def of_axis(self, column: str) -> Array:
+        """A column `(n,)` of the state, of the cause's axis."""
+        table = self.state.need(column, self.effect.name)
+        return np.asarray(table[:, self.frame.measurement.machine.index(self.effect.axis)])
+
+    def hours(self) -> Array:
+        """`(n,)`"""
+        return np.asarray(self.state.need("time", self.effect.name) / HOUR)
+
+    def over(self, x: Array, label: str) -> Iterator[View]:
+        """A panel for each component that the cause acts on."""
+        for (place, component), values in _motions(self.effect, self.frame.measurement.state, self.frame).items():
+            arm = self.frame.transform[:, :, 6 * place + component]
+            unit, size = unit_of(COMPONENTS[component])
+            title = self._title(place, component)
+            yield self.along(arm, values[self.frame.rows], size, (title, f"{title}, {unit}"), (x, label))
+
+    def along(self, arm: Array, values: Array, size: float, title: tuple[str, str], over: tuple[Array, str]) -> View:
+        """Readings along whitened directions `(n, d)` per mm or rad, of which `values` `(n,)` are the cause's.
+
+        size: mm or rad of the unit shown; title: of the panel, of its y axis; over: x and its name.
+        """
+        squares = np.sum(arm**2, axis=1)
+        told = self.frame.good & (squares > 0)
+        told &= squares >= (np.median(squares[told]) if told.any() else 0.0) / BLUNT**2
+        safe = np.where(told, squares, 1.0)
+        left = np.sum(arm * self.frame.residual.reshape(arm.shape), axis=1) / safe
+        u = np.where(told, safe**-0.5 / size, np.inf)
+        fitted = values / size
+        return View(title[0], over[0], fitted + left / size, u, fitted, over[1], title[1])
+
+    def _title(self, place: int, component: int) -> str:
+        axes, letter = self.frame.measurement.machine.names, COMPONENTS[component]
+        if place < len(axes):
+            return f"E_{letter}{axes[place]}"
+        return f"tool, {letter}" if place == len(axes) else f"observed {letter.lower()}"
+
+
+def views(frame: Frame, effect: Effect) -> list[View]:
+    """The panels of a cause with its fitted parameters, in a frame whose model has it."""
+    return list(VIEWS.get(type(effect), _by_row)(_Seen(frame, effect)))
+
+
+def _motions(effect: Effect, state: State, frame: Frame) -> dict[tuple[int, int], Array]:
+    """By place and component, what the effect does `(n,)` in these states, mm or rad."""
+    machine = frame.measurement.machine
+    sums: dict[tuple[int, int], Array] = {}
+    for place, component, values in effect.contributions(machine, state):
+        key = place % (len(machine.axes) + 2), component
+        sums[key] = sums.get(key, 0.0) + values
+    return sums
+
+
+def _lined(view: View) -> View:
+    """With the fitted cause as one line from left to right."""
+    order = np.argsort(view.x, kind="stable")
+    return replace(view, curves=(Curve(view.x[order], view.fitted[order]),))
+
+
+def _by_row(seen: _Seen) -> Iterator[View]:
+    yield from seen.over(seen.frame.rows.astype(float), IN_ORDER)
+
+
+def _by_direction(seen: _Seen) -> Iterator[View]:
+    axis = seen.effect.axis
+    way = seen.of_axis("approach")
+    groups = (("forward", way > 0), ("backward", way < 0))
+    for view in seen.over(seen.position(axis), seen.label(axis)):
+        curves = []
+        for number, (_, group) in enumerate(groups):
+            order = np.argsort(view.x[group])
+            curves.append(Curve(view.x[group][order], view.fitted[group][order], number))
+        yield replace(view, groups=groups, curves=tuple(curves))
+
+
+def _by_position(seen: _Seen) -> Iterator[View]:
+    x = seen.position(seen.effect.axis)
+    for view in seen.over(x, seen.label(seen.effect.axis)):
+        yield replace(view, curves=(_course(seen, view, np.linspace(x.min(), x.max(), DENSE)),))
+
+
+def _course(seen: _Seen, view: View, x: Array) -> Curve:
+    """What a cause of positions alone does along its axis, as the component of the view."""
+    machine = seen.frame.measurement.machine
+    positions = np.zeros((len(x), len(machine.axes)))
+    i = machine.index(seen.effect.axis)
+    positions[:, i] = x * machine.scale[i]
+    for (place, component), values in _motions(seen.effect, State(positions), seen.frame).items():
+        if seen._title(place, component) == view.title:
+            return Curve(x, values / unit_of(COMPONENTS[component])[1])
+    raise KeyError(view.title)
+
+
+def _folded(seen: _Seen) -> Iterator[View]:
+    effect = seen.effect
+    period = effect.period if isinstance(effect, Cyclic) else effect.pitch
+    start = getattr(effect, "offset", 0.0)
+    label = f"{seen.label(effect.axis)}, folded at {period:.5g}"
+    phases = np.linspace(0.0, period, DENSE, endpoint=False)
+    for view in seen.over((seen.position(effect.axis) - start) % period, label):
+        yield replace(view, curves=(Curve(phases, _course(seen, view, start + phases).y),))
+
+
+def _by_velocity(seen: _Seen) -> Iterator[View]:
+    machine = seen.frame.measurement.machine
+    own = getattr(seen.effect, "axis", "")
+    velocity = seen.state.need("velocity", seen.effect.name)
+    for i, name in enumerate(machine.names):
+        speed = velocity[:, i] / machine.scale[i]
+        if np.ptp(speed) > 0 and own in ("", name):
+            unit = machine.axes[i].unit
+            for view in seen.over(speed, f"velocity of {name}, {unit}/s"):
+                if view.title.endswith(name):
+                    yield view if getattr(seen.effect, "compliance_ms2", None) else _lined(view)
+
+
+def _by_last_move(seen: _Seen) -> Iterator[View]:
+    machine = seen.frame.measurement.machine
+    move = seen.of_axis("last_move") / machine.scale[machine.index(seen.effect.axis)]
+    yield from map(_lined, seen.over(move, f"last move of {seen.label(seen.effect.axis)}"))
+
+
+def _by_cycle(seen: _Seen) -> Iterator[View]:
+    yield from map(_lined, seen.over(seen.state.need("cycle", seen.effect.name), "cycle"))
+
+
+def _drive_of_heat(seen: _Seen) -> tuple[Array, str]:
+    """Time, or the temperature where the cause follows it without lag."""
+    sensor = getattr(seen.effect, "sensor", None)
+    if sensor is None or seen.effect.lag_s:
+        return seen.hours(), TIME
+    return seen.state.temperature(sensor, seen.effect.name) + REFERENCE, f"temperature {sensor}, degC"
+
+
+def _by_heat(seen: _Seen) -> Iterator[View]:
+    yield from map(_lined, seen.over(*_drive_of_heat(seen)))
+
+
+def _growth(seen: _Seen) -> Iterator[View]:
+    """Growth per metre from the fixed point; rows near it say nothing."""
+    axis = seen.effect.axis
+    forward = own_motion(seen.frame.measurement.machine, axis)[2]
+    metres = forward * (seen.position(axis) - seen.effect.fixed_point) * 1e-3
+    far = np.abs(metres) > np.median(np.abs(metres)) / BLUNT
+    per = np.where(far, metres, 1.0)
+    for view in seen.over(*_drive_of_heat(seen)):
+        u = np.where(far, view.u / np.abs(per), np.inf)
+        grown = replace(view, title=f"scale of {axis}", y=view.y / per, u=u, fitted=view.fitted / per)
+        told = np.flatnonzero(far)
+        order = told[np.argsort(view.x[told], kind="stable")]
+        yield replace(grown, y_label=f"scale of {axis}, um/m", curves=(Curve(view.x[order], grown.fitted[order]),))
+
+
+def _map(seen: _Seen) -> Iterator[View]:
+    axis, other = seen.effect.axis, seen.effect.other
+    for view in seen.over(seen.position(axis), seen.label(axis)):
+        yield replace(view, over=seen.position(other), over_label=seen.label(other))
+
+
+def _of_table(seen: _Seen) -> Iterator[View]:
+    first, *second = seen.effect.of
+    for view in seen.over(seen.position(first), seen.label(first)):
+        yield replace(view, over=seen.position(second[0]), over_label=seen.label(second[0])) if second else view
+
+
+def _by_time(seen: _Seen) -> Iterator[View]:
+    since = getattr(seen.effect, "since_s", None)
+    if seen.state.time is None:
+        yield from _by_row(seen)
+        return
+    for view in seen.over(seen.hours(), TIME):
+        yield view if since is None else replace(view, moment=since / HOUR)
+
+
+def _by_target(seen: _Seen) -> Iterator[View]:
+    names, number = np.unique(seen.state.need("target", seen.effect.name), return_inverse=True)
+    for view in seen.over(number.astype(float), "target"):
+        yield replace(_lined(view), ticks=tuple(map(str, names.tolist())))
+
+
+def _by_angle(seen: _Seen) -> Iterator[View]:
+    effect = seen.effect
+    x, y, z = seen.state.need("observed", effect.name).T
+    angle = np.arctan2(y, x) if effect.circle == "azimuth" else np.arctan2(z, np.hypot(x, y))
+    sin, cos = np.sin(effect.harmonic * angle), np.cos(effect.harmonic * angle)
+    arm = _beam_columns(seen) @ np.stack([sin, cos], axis=1)[:, :, None] / URAD
+    values = (effect.sine_urad * sin + effect.cosine_urad * cos) * URAD
+    title = f"{effect.circle} reading", f"{effect.circle} reading, urad"
+    yield _lined(
+        seen.along(_white(seen, arm[:, :, 0]), values, URAD, title, (np.degrees(angle), f"{effect.circle}, deg"))
+    )
+
+
+def _by_range(seen: _Seen) -> Iterator[View]:
+    observed = seen.state.need("observed", seen.effect.name)
+    length = np.linalg.norm(observed, axis=1)
+    column = np.linalg.norm(_beam_columns(seen)[:, :, 0], axis=1)
+    beam = _white(seen, observed / length[:, None])
+    values = column * seen.effect.parameters[0]
+    yield _lined(seen.along(beam, values, UM, ("range", "range, um"), (length * 1e-3, "range, m")))
+
+
+def _beam_columns(seen: _Seen) -> Array:
+    """Derivatives `(n, 3, parameters)` of the observed point by an instrument's parameters, mm."""
+    made = {c.component: c.values for c in seen.effect.columns(seen.frame.measurement.machine, seen.state)}
+    return np.stack([made[k] for k in range(3)], axis=1)
+
+
+def _white(seen: _Seen, vectors: Array) -> Array:
+    """Vectors `(n, 3)` of the instrument's frame, whitened."""
+    at = 6 * (len(seen.frame.measurement.machine.axes) + 2 + INSTRUMENT)
+    return np.asarray((seen.frame.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
+
+
+def _strays(seen: _Seen) -> Iterator[View]:
+    """Lengths of the residuals of all rows, the outliers in a colour of their own."""
+    fit, rows = seen.frame.fit, seen.frame.rows
+    lengths = fit.residual_um[rows]
+    astray = np.isin(rows, seen.effect.rows)
+    spread = np.linalg.norm(np.linalg.inv(seen.frame.white), axis=(1, 2)) * 1e3
+    groups = (("outliers", astray), ("all others", ~astray))
+    label = "length of the residual, um"
+    yield View("residuals", rows.astype(float), lengths, spread, lengths, IN_ORDER, label, groups, means=False)
+
+
+VIEWS: Mapping[type, Callable[[_Seen], Iterator[View]]] = {
+    Backlash: _by_direction,
+    Cyclic: _folded,
+    QuantisedCompensation: _folded,
+    ErrorMotion: _by_position,
+    LocationError: _by_position,
+    Wobble: _by_position,
+    Racking: _by_position,
+    CrossAxis: _map,
+    ControlTable: _of_table,
+    FollowingError: _by_velocity,
+    LateReadBack: _by_velocity,
+    Settling: _by_last_move,
+    FirstCycle: _by_cycle,
+    ThermalDrift: _by_heat,
+    DriftWithSensor: _by_heat,
+    GrowthWithTime: _growth,
+    GrowthWithSensor: _growth,
+    StationShift: _by_time,
+    TrackerDrift: _by_time,
+    TargetOffset: _by_target,
+    AngleHarmonic: _by_angle,
+    RangeOffset: _by_range,
+    AirScale: _by_range,
+    Outliers: _strays,
+}
+"""By class of effect; one that is not listed is drawn over the rows."""

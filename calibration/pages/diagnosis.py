@@ -1,0 +1,260 @@
+"""The report of a diagnosis: what is missing, how sure that is, what adding it brought, and what stays in the dark."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Sequence
+
+from calibration.diagnosis import words
+from calibration.diagnosis.diagnose import LEFT, Diagnosis
+from calibration.diagnosis.verdict import Named
+from calibration.diagnosis.whiteness import Test, combined
+from calibration.pages import Section, Table, page
+from calibration.pages.cause_figures import cause_figure
+from calibration.pages.cause_views import views
+from calibration.pages.left_figures import against_noise, before_and_after, share_chart, unexplained_shape
+
+SIGNS = (
+    "Errors are actual minus nominal, tool relative to workpiece (ISO 841, ISO 230-1), in um and urad; of the "
+    "instrument observed minus true; a correction has the opposite sign. U is the expanded uncertainty, k = 2."
+)
+OBSERVED = "Directions: x, y, z of what the instrument stands on; residuals are observed minus expected."
+
+
+def diagnosis_page(found: Diagnosis, command: str) -> bytes:
+    """The report as one HTML file; `command` is how it was made."""
+    title = f"Diagnosis of {found.measurement.machine.name}"
+    lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
+    return page(title, lead, list(_sections(found)), _verdict(found))
+
+
+def _verdict(found: Diagnosis) -> str:
+    """The whole in a few sentences."""
+    before, after = found.before, found.after
+    brought = (
+        f"residual {before.fit.rms_um:.2f} -> {after.fit.rms_um:.2f} um RMS, "
+        f"held out {before.heldout_um:.2f} -> {after.heldout_um:.2f} um"
+    )
+    if found.causes:
+        names = "; ".join(map(_named, found.causes))
+        said = f"Missing in the present model: {names}. With {'it' if len(found.causes) == 1 else 'them'}: {brought}."
+        if found.unexplained is not None:
+            said += " Something else is missing that no cause of the library explains."
+    elif found.unexplained is None:
+        said = f"Nothing is missing: the present model explains the data down to their noise; {brought}."
+    else:
+        said = f"Something is missing that no cause of the library explains; {brought}."
+    return f"{said} Left: {words.left_line(found)}."
+
+
+def _named(cause: Named) -> str:
+    """A cause, its size where that is one number, and how sure it is."""
+    told = words.sizes(cause)
+    size = f" ({told[0]})" if len(told) == 1 and cause.kind != "higher-frequency" else ""
+    tie = f" with {words.in_full(cause.alternatives[0].name)}" if cause.verdict == "tied" and cause.alternatives else ""
+    return f"{words.title(cause)}{size}, {words.verdict(cause)}{tie}"
+
+
+def _sections(found: Diagnosis) -> Iterator[Section]:
+    yield from _given(found)
+    yield from _found(found)
+    yield from _what_is_left(found)
+    yield from _in_the_dark(found)
+    yield from _what_now(found)
+
+
+def _given(found: Diagnosis) -> Iterator[Section]:
+    """Data, model, noise."""
+    lines = [
+        f"Data: {words.data_line(found)}.",
+        f"Present model: {words.model_line(found)}.",
+        *(f"Note: {finding.says}." for finding in found.findings),
+    ]
+    if found.repeats is None:
+        yield Section(
+            "Data, model, noise", "\n".join([*lines, "Noise: by the instrument's sheet; no place was seen again."])
+        )
+        return
+    rows = [(part.name, f"{part.noise:.3g}", f"{part.sheet:.3g}", part.unit) for part in found.repeats.components]
+    when = "long after one another, with all drifts in them" if found.repeats.apart else "soon after one another"
+    lines.append(
+        f"Noise: from {found.repeats.places} places seen again {when} ({found.repeats.freedom} degrees of freedom); "
+        f"p of the sheet {found.repeats.p_value:.2g}. Standard uncertainties, k = 1:"
+    )
+    yield Section("Data, model, noise", "\n".join(lines), Table(("", "from repeats", "by the sheet", ""), rows))
+
+
+def _found(found: Diagnosis) -> Iterator[Section]:
+    """The causes."""
+    if not found.causes:
+        return
+    yield Section(
+        "Share by cause",
+        "Blue: the machine. Orange: the instrument. Causes that overlap share what they explain, so that the bars need "
+        "not add up to 100 %.",
+        figure=share_chart(found),
+    )
+    rows = [_row(number, cause) for number, cause in enumerate(found.causes, start=1)]
+    head = ("", "cause", "size ± U (k=2)", "dBIC", "held out, um", "share", "verdict", "like it: cosine, odds against")
+    text = (
+        f"{SIGNS}\ndBIC below -10: odds above 150 to 1. Held out: change of the RMS of residuals that the fit has not "
+        "seen, once the cause is known. TIED: these data can't tell it from the first one like it."
+    )
+    yield Section("Causes", text, Table(head, rows))
+    for number, cause in enumerate(found.causes, start=1):
+        yield Section(
+            f"{number}  {words.title(cause)}",
+            "\n".join(_about(cause)),
+            figure=cause_figure(views(found.after.frame, cause.effect)),
+        )
+
+
+def _row(number: int, cause: Named) -> Sequence[str]:
+    return (
+        str(number),
+        words.title(cause),
+        "\n".join(words.sizes(cause)),
+        f"{cause.delta_bic:.0f}",
+        f"{-cause.heldout_gain_um:+.2f}",
+        f"{cause.share:.0%}",
+        words.verdict(cause),
+        "\n".join(map(words.sibling, cause.alternatives[: words.SIBLINGS])) or "none",
+    )
+
+
+def _about(cause: Named) -> Iterator[str]:
+    effect = cause.effect
+    what = type(effect).TITLE
+    meaning = " ".join((inspect.getdoc(type(effect)) or "").replace("`", "").split())
+    yield f"{what[0].upper()}{what[1:]}. {meaning}"
+    if cause.kind != "outliers":
+        yield (
+            f"Of its signal {cause.visible:.0%} could not as well be the model's or the registration's. "
+            "Small dots: single rows, what the fit leaves with the cause put back; large ones: their means; the line: "
+            "the fitted cause."
+        )
+    yield f"Remedy: {words.remedy(effect)}."
+    yield from (f"Note: {note}." for note in cause.notes)
+
+
+def _what_is_left(found: Diagnosis) -> Iterator[Section]:
+    rows = [
+        (name, f"{s.fit.rms_um:.2f}", f"{s.fit.max_um:.1f}", f"{s.fit.chi2_reduced:.2f}", f"{s.heldout_um:.2f}")
+        for name, s in (("before", found.before), ("after", found.after))
+    ]
+    rows.append(("noise alone", f"{found.noise_um:.2f}", "", "1", ""))
+    yield Section(
+        "Residual before and after",
+        f"{OBSERVED} Max: the largest length.",
+        Table(("um", "RMS", "max", "chi2/dof", "held out, RMS"), rows),
+        before_and_after(found),
+    )
+    yield Section("By direction, and in the volume", _volume(found), _directions(found))
+    yield Section("Against the noise", "", figure=against_noise(found))
+    if found.tests:
+        text = (
+            f"Chance of as much under pure noise; marked where all tests together leave less than {LEFT:.0%} to chance."
+        )
+        yield Section("Is it noise?", text, _tests(found))
+    yield _unexplained(found)
+
+
+def _volume(found: Diagnosis) -> str:
+    volume = found.volume
+    lines = [
+        f"Error of the machine over the measured positions, by the new model: {volume.machine_rms:.2f} um RMS, "
+        f"{volume.machine_max:.1f} um at most (a shift of the whole taken off).",
+        f"After correction by the present model the new one sees {volume.left_rms:.2f} um RMS, "
+        f"{volume.left_max:.1f} um at most.",
+    ]
+    if found.closure is not None:
+        lines.append(
+            f"Of what is left beyond the noise {found.closure:.0%} can't be any error motion of an axis, of any course."
+        )
+    return "\n".join(lines)
+
+
+def _directions(found: Diagnosis) -> Table:
+    before, after = found.by_direction["before"], found.by_direction["after"]
+    rows = [(name, f"{before[name]:.2f}", f"{after.get(name, float('nan')):.2f}") for name in before]
+    return Table(("residual RMS, um (rotary axes urad)", "before", "after"), rows)
+
+
+def _tests(found: Diagnosis) -> Table:
+    after = {test.what: test for test in found.tests_after}
+    marked = [{test.what for test in combined(tests, LEFT)} for tests in (found.tests, found.tests_after)]
+    rows = [(test.what, *_tested(test, marked[0]), *_tested(after.get(test.what), marked[1])) for test in found.tests]
+    return Table(("residuals", "p before", "", "p after", ""), rows)
+
+
+def _tested(test: Test | None, marked: set[str]) -> tuple[str, str]:
+    if test is None:
+        return "", ""
+    return f"{test.p_value:.2g}", "not noise" if test.what in marked else ""
+
+
+def _unexplained(found: Diagnosis) -> Section:
+    left = found.unexplained
+    if left is None:
+        return Section("Unexplained", "Nothing: what is left depends on nothing that is known of the data.")
+    text = (
+        f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} (p = {left.p_value:.2g}), and no "
+        f"cause of the library explains them. Their smooth shape over these variables, um. {OBSERVED}"
+    )
+    return Section("Unexplained", text, figure=unexplained_shape(found))
+
+
+def _in_the_dark(found: Diagnosis) -> Iterator[Section]:
+    hidden = [("\n".join(names), f"{remedy}") for remedy, names in words.hidden(found).items()]
+    hidden += [(" + ".join(b.effects), b.remedy) for b in (found.visibility.blind if found.visibility else ())]
+    if hidden:
+        text = (
+            "Never named by these data. In brackets: share of its signal that survives the model and the registration."
+        )
+        yield Section("Not visible in these data", text, Table(("cause", "what would show it"), hidden))
+    if found.untested:
+        lacking: dict[str, list[str]] = {}
+        for entry in found.untested:
+            lacking.setdefault(entry.lacks, []).append(words.in_full(entry.name))
+        rows = [(lacks, ", ".join(names)) for lacks, names in lacking.items()]
+        yield Section("Not tested", "", Table(("the data do not give", "so nothing is said of"), rows))
+    smallest = [(words.in_full(name), f"{size:.2g}", unit) for name, size, unit in sorted(found.smallest)]
+    if smallest:
+        text = "The smallest sizes that these data would show."
+        yield Section("What would have been seen", text, Table(("cause", "from", ""), smallest))
+
+
+def _what_now(found: Diagnosis) -> Iterator[Section]:
+    lines = [found.next_measurement[0].upper() + found.next_measurement[1:] + "."]
+    rows = [
+        (
+            move.name,
+            f"{move.minutes:.0f}" if move.minutes else "",
+            f"{move.gain_per_minute:.2g}" if move.minutes else "",
+            move.says,
+        )
+        for move in found.moves
+    ]
+    table = Table(("move", "minutes", "gain per minute", "what to do, and what it tells"), rows) if rows else None
+    yield Section("What to measure next", "\n".join(lines), table)
+    machine = found.measurement.machine.name
+    commands = [
+        ("correct a program", f"ncomp PART.nc --machine {machine} --calibration NEW.json -o PART_NEW.nc"),
+        (
+            "the part's error before and after",
+            f"ncomp verify PART.nc PART_NEW.nc --machine {machine} --calibration NEW.json",
+        ),
+        (
+            "what the present calibration leaves of it",
+            f"ncomp PART.nc --machine {machine} --calibration OLD.json -o PART_OLD.nc\n"
+            f"ncomp verify PART.nc PART_OLD.nc --machine {machine} --calibration NEW.json",
+        ),
+    ]
+    outliers = [found.measurement.where(int(row)) for row in found.after.fit.outliers]
+    if outliers:
+        more = "" if len(outliers) <= 50 else f", and {len(outliers) - 50} more"
+        yield Section("Left out", f"Rows that do not belong to the rest: {', '.join(outliers[:50])}{more}.")
+    text = (
+        f"NEW.json holds the machine with what was found (calibration {found.model.id}), nothing of the instrument's."
+    )
+    yield Section("How to use it", text, Table(("to", "command"), commands))

@@ -1,0 +1,169 @@
+"""The report of a diagnosis: a figure for every kind of cause, and all that a person needs on one page."""
+
+import io
+import re
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import msgspec
+import numpy as np
+import pytest
+from effect_examples import EXAMPLES, full_state
+from measured import THREE, TRACKER, measured, pose_of, positions
+from rich.console import Console
+
+import machines
+from calibration import equations
+from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.words import in_full, quantity_name, with_uncertainty
+from calibration.fit import fit
+from calibration.measurement import Measurement, Target, with_moves
+from calibration.pages.cause_figures import cause_figure
+from calibration.pages.cause_views import VIEWS, views
+from calibration.pages.diagnosis import diagnosis_page
+from kinematics.effects import EFFECTS, Backlash, Cyclic, GrowthWithTime, Outliers, ThermalDrift, TrackerDrift
+from kinematics.model import no_errors
+from postproc.diagnosis_summary import show
+
+CFRAME = machines.load("cframe")
+TARGETS = {name: Target(place) for name, place in (("t1", (0.0, 0.0, -120.0)), ("t2", (90.0, 40.0, -180.0)))}
+SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
+LINK = re.compile(r"""(?:src|href|xlink:href)\s*=\s*["'](?!#|data:)|@import|url\((?!#|["']?data:)""")
+
+
+def seen_with(effect, machine, n=300, seed=1):
+    """A fit of a machine without other errors to what a tracker sees of it in states that have every column."""
+    state = with_moves(full_state(machine, n, seed))
+    empty = Measurement(machine, TRACKER, state, np.ones((n, 3)), TARGETS, source="virtual")
+    model = msgspec.structs.replace(no_errors(machine), effects=(effect,))
+    points = equations.expected(empty, pose_of(["s1", "s2"]), no_errors(machine).observation(machine, state))
+    state = replace(state, observed=points)
+    exact = replace(empty, state=state)
+    observed = equations.expected(exact, pose_of(["s1", "s2"]), model.observation(machine, state))
+    noise = np.linalg.cholesky(TRACKER.covariance(observed)) @ np.random.default_rng(seed).normal(size=(n, 3, 1))
+    return fit(replace(exact, observed=observed + noise[:, :, 0]), model)
+
+
+def test_every_class_of_effect_has_its_own_view():
+    assert set(VIEWS) == set(EFFECTS)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: f"{example.effect.name} {example.machine.name}")
+def test_every_kind_of_cause_yields_a_figure_whose_readings_scatter_by_their_uncertainty(example):
+    if not example.touched:
+        pytest.skip("does nothing that could be seen")
+    frame = Frame.of(seen_with(example.effect, example.machine))
+    effect = frame.fit.model.effects[0]
+    panels = views(frame, effect)
+    assert panels
+    for panel in panels:
+        told = np.isfinite(panel.u)
+        assert told.sum() > 100
+        assert all(np.isfinite(column).all() for column in (panel.x, panel.y[told], panel.fitted[told]))
+        assert panel.x_label
+        assert panel.y_label.endswith(("um", "urad", "um/m"))
+        if not isinstance(effect, Outliers):
+            scatter = np.sqrt(np.mean(((panel.y - panel.fitted) / panel.u)[told] ** 2))
+            assert 0.8 < scatter < 1.2
+    assert ElementTree.fromstring(cause_figure(panels)).tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_readings_show_what_is_in_the_data():
+    frame = Frame.of(seen_with(Backlash("X", 60.0), CFRAME))
+    (panel,) = views(frame, frame.fit.model.effects[0])
+    forward, backward = (np.average(panel.y[rows], weights=panel.u[rows] ** -2) for _, rows in panel.groups)
+    assert (forward, backward) == (pytest.approx(-30.0, abs=2.0), pytest.approx(30.0, abs=2.0))
+    frame = Frame.of(seen_with(GrowthWithTime(axis="Y", rate=40.0, fixed_point=-100.0), CFRAME))
+    (panel,) = views(frame, frame.fit.model.effects[0])
+    assert panel.y_label == "scale of Y, um/m"
+    slope = np.polyfit(panel.x, panel.y, 1, w=1 / panel.u)[0]
+    assert slope == pytest.approx(40.0, rel=0.05)
+
+
+def test_curves_are_those_of_the_cause():
+    frame = Frame.of(seen_with(Cyclic("X", "X", 20.0, (30.0,), (0.0,)), CFRAME))
+    (panel,) = views(frame, frame.fit.model.effects[0])
+    (curve,) = panel.curves
+    amplitude = frame.fit.model.effects[0].sine[0]
+    np.testing.assert_allclose(
+        np.interp(curve.x, np.sort(panel.x), panel.fitted[np.argsort(panel.x)]), curve.y, atol=0.05 * abs(amplitude)
+    )
+    assert panel.x.max() < 20.1
+
+
+def diagnosis_of(*effects, n=160, seed=2):
+    """A diagnosis of a C-frame with these errors, measured there and back."""
+    rng = np.random.default_rng(seed)
+    q = positions(CFRAME, n // 2, rng, edges=30)
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=effects)
+    return diagnose(measured(CFRAME, np.concatenate([q, q[::-1]]), THREE, model, rng))
+
+
+@pytest.fixture(scope="module")
+def several():
+    """Two causes of the machine, strong."""
+    return diagnosis_of(Backlash("X", 40.0), ThermalDrift(component="X", rate=120.0))
+
+
+def test_a_page_says_what_is_missing_and_shows_it(several):
+    names = {cause.effect.name for cause in several.causes}
+    assert "backlash X" in names
+    page = diagnosis_page(several, "ncomp diagnose data.csv --machine cframe").decode()
+    figures = SVG.findall(page)
+    assert len(figures) >= len(several.causes) + 3
+    for figure in figures:
+        ElementTree.fromstring(figure)
+    assert not LINK.search(page)
+    for cause in several.causes:
+        assert f"{cause.share:.0%}" in page
+        assert f"{cause.delta_bic:.0f}" in page
+        for quantity in cause.effect.parameter_table:
+            assert f" {quantity.unit}\n" in page or f" {quantity.unit}<" in page
+        for other in cause.alternatives[:3]:
+            assert other.name in page
+    for figure in (several.before.fit.rms_um, several.after.fit.rms_um, several.before.heldout_um):
+        assert f"{figure:.2f}" in page
+    for said in (
+        "bidirectional table",
+        "ncomp verify",
+        "direction of X",
+        "not noise",
+        "k = 2",
+        "ncomp diagnose data.csv",
+    ):
+        assert said in page
+
+
+def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):
+    out = io.StringIO()
+    show(several, Console(file=out, highlight=False, markup=False, soft_wrap=True))
+    said = out.getvalue()
+    assert "\x1b" not in said
+    table = said[said.index("size ± U") : said.index("residual, um")].splitlines()
+    assert max(map(len, table[:-1])) <= 100
+    assert "…" not in said
+    for cause in several.causes:
+        assert any(re.match(rf" \d+ +{re.escape(cause.effect.name)} ", line) for line in table)
+
+
+def test_causes_are_named_in_full_among_others():
+    assert [in_full(name) for name in ("E_XY(X)", "E_XY", "E_C0Y", "backlash X")] == [
+        "cross-axis E_XY(X)", "E_XY", "E_C0Y", "backlash X",
+    ]  # fmt: skip
+    assert [quantity_name(q) for q in Cyclic("X", "X", 10.0, (1.0, 2.0), (0.0, 0.0)).parameter_table[:3]] == [
+        "period", "sine 1", "sine 2",
+    ]  # fmt: skip
+    assert [quantity_name(q) for q in TrackerDrift().parameter_table[2:4]] == ["shift z", "turn x"]
+    assert with_uncertainty(-0.03212, 0.365) == "-0.03 ± 0.73"
+    assert with_uncertainty(20.0, 0.0) == "20"
+    assert with_uncertainty(1834.2, 115.0) == "1834 ± 230"
+
+
+def test_a_page_of_nothing_missing():
+    found = diagnosis_of(n=120)
+    assert not found.causes
+    page = diagnosis_page(found, "ncomp diagnose data.csv --machine cframe").decode()
+    assert "Nothing is missing" in page
+    assert not LINK.search(page)
+    assert all(ElementTree.fromstring(figure) is not None for figure in SVG.findall(page))
