@@ -37,7 +37,10 @@ OVERSAMPLING = 4
 MOST_WAVES, MOST_TEETH = 10_000, 1000
 """Frequencies that are looked at."""
 BEYOND = 16.0
-"""Waves over the travel that are looked for, per position: irregular ones resolve more than their mean distance."""
+"""Waves over the travel that are looked for, per position: irregular ones resolve more than their mean distance.
+
+Of a rotary axis none shorter than a degree.
+"""
 SCANNED = 2000
 """Rows that frequencies are looked for in."""
 BEST = 12
@@ -64,7 +67,7 @@ def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component))
     measurement = frame.measurement
     for axis, (low, high) in moving_axes(measurement).items():
         x = _positions(frame, axis)
-        most = min(_resolved(x, high - low), MOST_WAVES / OVERSAMPLING)
+        most = min(_resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
         frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
         if len(frequencies) < OVERSAMPLING:
             continue
@@ -191,25 +194,20 @@ def _positions(frame: Frame, axis: str) -> Array:
 
 
 def _strengths(frame: Frame, axis: str, components: list[Component], x: Array, frequencies: Array) -> Array:
-    """Power `(components, frequencies)` of waves, the model's part not taken: sum of squares that they explain."""
+    """Power `(components, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
     i = frame.measurement.machine.index(axis)
     some = np.linspace(0, len(x) - 1, min(len(x), SCANNED)).astype(int)
     residual = frame.residual.reshape(len(x), -1)[some]
     arms = [frame.transform[some, :, 6 * i + COMPONENTS.index(c)] for c in components]
     x = x[some]
     along = np.stack([np.sum(arm * residual, axis=1) for arm in arms])
-    squares = np.stack([np.sum(arm**2, axis=1) for arm in arms])
+    squares = np.array([np.sum(arm**2) for arm in arms])[:, None]
     power = np.empty((len(components), len(frequencies)))
     size = max(1, OVER * 1000 // len(x))
     for start in range(0, len(frequencies), size):
         part = slice(start, start + size)
         phase = 2 * np.pi * x[:, None] * frequencies[part]
-        sin, cos = np.sin(phase), np.cos(phase)
-        a, b = along @ sin, along @ cos
-        aa, ab = squares @ sin**2, squares @ (sin * cos)
-        bb = squares.sum(axis=1, keepdims=True) - aa
-        determinant = np.maximum(aa * bb - ab**2, 1e-12 * np.maximum(aa * bb, 1e-300))
-        power[:, part] = (a**2 * bb - 2 * a * b * ab + b**2 * aa) / determinant
+        power[:, part] = ((along @ np.sin(phase)) ** 2 + (along @ np.cos(phase)) ** 2) / np.maximum(squares, 1e-300)
     return power
 
 

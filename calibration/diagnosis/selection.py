@@ -129,7 +129,7 @@ class Selector:
         """The causes that the data ask for, from those known already."""
         stages = [self.stage(())]
         if known:
-            stages.append(self.stage([(each.candidate, each.size) for each in known]))
+            stages.append(self.pruned(self.stage(_chosen(known))))
         refused: set[tuple[str, ...]] = set()
         while True:
             now = stages[-1]
@@ -143,7 +143,7 @@ class Selector:
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
             trial = self.stage([*_chosen(now.accepted), (best.candidate, best.score.size)])
             if trial.accepted[-1].score.delta_bic < WORTH:
-                stages.append(self._pruned(trial))
+                stages.append(self.pruned(trial))
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, and each seen from the fit without it."""
@@ -176,17 +176,17 @@ class Selector:
                     better[i] = (first.candidate, first.score.size)
             if better is None or not swaps_left:
                 break
-            trial = self._pruned(self.stage(better))
+            trial = self.pruned(self.stage(better))
             if trial.cost > stage.cost + BETTER:
                 break
             stage = trial
-        return stage._replace(accepted=tuple(accepted))
+        return self.pruned(stage._replace(accepted=tuple(accepted)))
 
     def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:
         causes = {each.candidate.cause for each in accepted}
         return [candidate for candidate in self.library if candidate.cause not in causes]
 
-    def _pruned(self, stage: Stage) -> Stage:
+    def pruned(self, stage: Stage) -> Stage:
         """Without the causes that no longer pay now that others are known."""
         while stage.accepted:
             worst = max(stage.accepted, key=lambda each: each.score.delta_bic)
