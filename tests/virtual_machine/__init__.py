@@ -14,6 +14,8 @@ measurement file: NumPy and the standard library are all it imports. Data go one
 
 **Size of a cause** (`observe.scale_to`): the RMS over all rows that see the tool of the length of the displacement that
 it brings to the observed point is f times the standard uncertainty of the mean of one position, the RMS over rows and
-the three components, averaged over the repeated visits of the position. f is drawn log-uniformly from 2 to 10. Single
-outliers are not scaled so: each is 10 to 50 standard uncertainties of one observation.
+the three components, averaged over the repeated visits of the position. f is drawn log-uniformly from 2 to 10. Of a
+cause that only a calibration from before shows (squareness, the tracker's ranges and circles), what counts is what the
+registration of the stations leaves of its displacement. Single outliers are not scaled so: each is 10 to 50 standard
+uncertainties of one observation.
 """

@@ -261,7 +261,8 @@ def _cause(kind: Kind, setup: Setup, rng: np.random.Generator) -> tuple[Cause, f
     times = _times(rng)
     unsigned = isinstance(cause, machine.Backlash | machine.Lag | machine.Settling)
     sign = 1.0 if unsigned else float(rng.choice([-1.0, 1.0]))
-    return scale_to(setup, cause, times).scaled(sign), times
+    share = share_left(setup, cause) if kind.calibrated == "before" else 1.0
+    return scale_to(setup, cause, times).scaled(sign / share), times
 
 
 def _large(cause: instrument.Outliers, setup: Setup, rng: np.random.Generator) -> instrument.Outliers:
