@@ -180,7 +180,8 @@ class Selector:
             if trial.cost > stage.cost + BETTER:
                 break
             stage = trial
-        return self.pruned(stage._replace(accepted=tuple(accepted)))
+        kept = self.pruned(stage)
+        return stage._replace(accepted=tuple(accepted)) if kept is stage else self.settled(kept)
 
     def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:
         causes = {each.candidate.cause for each in accepted}

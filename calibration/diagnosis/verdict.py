@@ -128,7 +128,7 @@ def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
 
 
 def outliers(fit: Fit, before: Frame) -> Named | None:
-    """The rows that do not belong to the rest, as a cause; None where there are none."""
+    """The rows that do not belong to the rest, as a cause; None where there are none, or none that noise never makes."""
     rows = fit.outliers
     if not len(rows) or fit.measurement.instrument.components != 3:
         return None
@@ -142,6 +142,8 @@ def outliers(fit: Fit, before: Frame) -> Named | None:
     )
     distance = float(np.sum((shift / u) ** 2))
     delta_bic = -distance + shift.size * math.log(max(fit.observations, 2))
+    if delta_bic > WORTH:
+        return None
     return Named("outliers", effect, delta_bic, 0.0, min(squares / max(before.squares, 1e-300), 1.0), "strong", 1.0)
 
 
