@@ -164,14 +164,14 @@ def table_1(args: argparse.Namespace, pool: ThreadPoolExecutor) -> None:
         named, before, after = result
         done.append(result)
         print(
-            f"    table 1 {seed}: E_XX {'named' if named else 'MISSED'}, "
+            f"    table 1 {seed}: higher frequency {'named' if named else 'MISSED'}, "
             f"volumetric error {before:.1f} -> {after:.1f} um",
             flush=True,
         )
     if done:
         right, befores, afters = np.array(done, float).T
         print(
-            f"table 1: higher-frequency E_XX named in {right.sum():.0f}/{len(args.seeds)}; volumetric error "
+            f"table 1: higher frequency named in {right.sum():.0f}/{len(args.seeds)}; volumetric error "
             f"{befores.mean():.1f} -> {afters.mean():.1f} um (95 %: {np.quantile(afters, 0.95):.1f})"
         )
 
