@@ -112,7 +112,7 @@ def show(found: Diagnosis, to: Console) -> None:
                 words.title(cause),
                 "\n".join(words.sizes(cause)),
                 f"{cause.delta_bic:.0f}",
-                f"{-cause.heldout_gain_um:+.2f}",
+                words.held_out(cause),
                 f"{cause.share:.0%}",
                 words.verdict(cause),
             )

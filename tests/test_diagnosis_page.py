@@ -22,7 +22,16 @@ from calibration.measurement import Measurement, Target, with_moves
 from calibration.pages.cause_figures import cause_figure
 from calibration.pages.cause_views import VIEWS, views
 from calibration.pages.diagnosis import diagnosis_page
-from kinematics.effects import EFFECTS, Backlash, Cyclic, GrowthWithTime, Outliers, ThermalDrift, TrackerDrift
+from kinematics.effects import (
+    EFFECTS,
+    Backlash,
+    CrossAxis,
+    Cyclic,
+    GrowthWithTime,
+    Outliers,
+    ThermalDrift,
+    TrackerDrift,
+)
 from kinematics.model import no_errors
 from postproc.diagnosis_summary import show
 
@@ -62,7 +71,7 @@ def test_every_kind_of_cause_yields_a_figure_whose_readings_scatter_by_their_unc
         assert told.sum() > 100
         assert all(np.isfinite(column).all() for column in (panel.x, panel.y[told], panel.fitted[told]))
         assert panel.x_label
-        assert panel.y_label.endswith(("um", "urad", "um/m"))
+        assert panel.y_label.endswith(("um", "urad", "um/m", "uncertainty"))
         if not isinstance(effect, Outliers):
             scatter = np.sqrt(np.mean(((panel.y - panel.fitted) / panel.u)[told] ** 2))
             assert 0.8 < scatter < 1.2
@@ -79,6 +88,15 @@ def test_readings_show_what_is_in_the_data():
     assert panel.y_label == "scale of Y, um/m"
     slope = np.polyfit(panel.x, panel.y, 1, w=1 / panel.u)[0]
     assert slope == pytest.approx(40.0, rel=0.05)
+
+
+def test_a_map_of_a_cause_of_two_axes_has_both_panels():
+    frame = Frame.of(seen_with(CrossAxis("Z", "X", "Y", (0.0, 500.0), (0.0, 400.0), 0, 1, (40.0,)), CFRAME))
+    (panel,) = views(frame, frame.fit.model.effects[0])
+    assert (panel.x_label, panel.over_label) == ("X, mm", "Y, mm")
+    slope = np.polyfit(panel.over, panel.y, 1, w=1 / panel.u)[0]
+    assert slope == pytest.approx(np.polyfit(panel.over, panel.fitted, 1)[0], rel=0.2)
+    assert "from the data" in cause_figure([panel])
 
 
 def test_curves_are_those_of_the_cause():
@@ -110,6 +128,7 @@ def test_a_page_says_what_is_missing_and_shows_it(several):
     names = {cause.effect.name for cause in several.causes}
     assert "backlash X" in names
     page = diagnosis_page(several, "ncomp diagnose data.csv --machine cframe").decode()
+    assert 0.0 < several.left_share < 0.9
     figures = SVG.findall(page)
     assert len(figures) >= len(several.causes) + 3
     for figure in figures:
@@ -163,6 +182,7 @@ def test_causes_are_named_in_full_among_others():
 def test_a_page_of_nothing_missing():
     found = diagnosis_of(n=120)
     assert not found.causes
+    assert found.left_share == 1.0
     page = diagnosis_page(found, "ncomp diagnose data.csv --machine cframe").decode()
     assert "Nothing is missing" in page
     assert not LINK.search(page)

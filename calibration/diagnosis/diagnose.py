@@ -56,6 +56,8 @@ class Diagnosis:
     """Of the residuals of the present model."""
     tests_after: tuple[Test, ...]
     causes: tuple[Named, ...]
+    left_share: float
+    """Of what the model without causes leaves, as the shares of these: what is left with all of them."""
     not_visible: tuple[NotVisible, ...]
     untested: tuple[Untested, ...]
     visibility: Visibility | None
@@ -172,6 +174,7 @@ def diagnose(
         tuple(tests),
         tuple(tests_after),
         tuple(causes),
+        after.frame.squares / max(bare.squares, 1e-300),
         tuple(not_visible(judged)),
         tuple(untested),
         visibility(after.fit) if after.fit.prior.ndim == 1 else None,

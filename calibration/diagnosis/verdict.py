@@ -128,7 +128,7 @@ def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
 
 
 def outliers(fit: Fit, before: Frame) -> Named | None:
-    """The rows that do not belong to the rest, as a cause; None where there are none, or none that noise never makes."""
+    """The rows that do not belong to the rest, as a cause; None without any that noise never makes."""
     rows = fit.outliers
     if not len(rows) or fit.measurement.instrument.components != 3:
         return None

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from kinematics.effects import Effect, Parameter
+from kinematics.effects import Effect, GrowthWithSensor, GrowthWithTime, Parameter, StationShift
+from kinematics.effects.base import HOUR
 
 if TYPE_CHECKING:
     from calibration.diagnosis.base import Origin
@@ -55,7 +56,15 @@ def sizes(cause: Named) -> list[str]:
         return [f"{len(getattr(effect, 'rows', ()))} rows"]
     table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
     told = [f"{quantity_name(q)} {with_uncertainty(value, u)} {q.unit}" for q, value, u in table]
-    return told if len(told) <= MANY else [*told[:MANY], f"and {len(told) - MANY} more"]
+    return [*told[:MANY], *([f"and {len(told) - MANY} more"] if len(told) > MANY else []), *_given(effect)]
+
+
+def _given(effect: Effect) -> Iterator[str]:
+    """What else a size is to be read with."""
+    if isinstance(effect, StationShift) and effect.since_s is not None:
+        yield f"from {effect.since_s / HOUR:.4g} h on"
+    if isinstance(effect, (GrowthWithSensor, GrowthWithTime)):
+        yield f"from {effect.axis} {effect.fixed_point:.5g} mm"
 
 
 def with_uncertainty(value: float, u: float) -> str:
@@ -64,7 +73,7 @@ def with_uncertainty(value: float, u: float) -> str:
     if not 0.0 < expanded < math.inf:
         return f"{value:.4g}"
     digits = max(1 - math.floor(math.log10(expanded)), 0)
-    return f"{value:.{digits}f} ± {expanded:.{digits}f}"
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f}"
 
 
 def quantity_name(quantity: Parameter) -> str:
@@ -80,6 +89,11 @@ def quantity_name(quantity: Parameter) -> str:
 def odds(value: float) -> str:
     """Odds in few digits."""
     return f"{value:.0f}" if value < 1e4 else f"{value:.0e}" if value < 1e99 else "> 1e99"
+
+
+def held_out(cause: Named) -> str:
+    """Change of the held-out RMS, um, that the cause brought."""
+    return f"{round(-cause.heldout_gain_um, 2) + 0.0:+.2f}"
 
 
 def sibling(other: Alternative) -> str:

@@ -20,9 +20,11 @@ MEANS = ("#204a87", "#a33c00")
 FITTED = "#111111"
 MANY = 4000
 """At most so many points are drawn of one kind."""
-MEANS_ALONG, MAP_CELLS = 24, 8
+MEANS_ALONG = 24
 WIDTHS = {1: 6.5, 2: 8.6, 3: 9.6}
 """Of a figure with so many panels in a row, inches."""
+PER_CELL, FEWEST_CELLS, MOST_CELLS = 12, 4, 10
+"""Rows of a cell of a map, on average; cells along each of its axes."""
 PER_MEAN = 4
 """Rows of a mean, at least."""
 OUTER = 1.0
@@ -70,7 +72,6 @@ def _panel(place: Axes, view: View) -> None:
     if view.ticks:
         place.set_xticks(range(len(view.ticks)), view.ticks)
     place.set_ylim(*_limits(view, told))
-    place.set_title(view.title)
     place.set_xlabel(view.x_label)
     place.set_ylabel(view.y_label)
     place.legend(loc="best", fontsize=7, framealpha=0.7, edgecolor="none")
@@ -108,10 +109,11 @@ def _maps(canvas: Figure, places: tuple[Axes, Axes], view: View) -> None:
     """Means of readings in cells of two variables beside those of the fitted cause, in the same colours."""
     assert view.over is not None
     told = np.isfinite(view.u)
-    edges = [np.linspace(v[told].min(), v[told].max(), MAP_CELLS + 1) for v in (view.x, view.over)]
-    read, fitted = (_cells(view, values, edges, told) for values in (view.y, view.fitted))
-    seen = np.concatenate([read[np.isfinite(read)], fitted[np.isfinite(fitted)]])
-    most = float(np.abs(seen).max(initial=1e-9))
+    count = int(np.clip(np.sqrt(told.sum() / PER_CELL), FEWEST_CELLS, MOST_CELLS))
+    edges = [np.linspace(v[told].min(), v[told].max(), count + 1) for v in (view.x, view.over)]
+    (read, u), (fitted, _) = (_cells(view, values, edges, told) for values in (view.y, view.fitted))
+    most = 1.5 * float(np.nanmax(np.abs(fitted), initial=1e-9))
+    read = np.where(2 * u < most, read, np.nan)
     for place, values, what in ((places[0], read, "from the data"), (places[1], fitted, "fitted")):
         mesh = place.pcolormesh(*edges, values.T, cmap="RdBu_r", vmin=-most, vmax=most, rasterized=True)
         place.set_title(f"{view.title}, {what}")
@@ -121,14 +123,15 @@ def _maps(canvas: Figure, places: tuple[Axes, Axes], view: View) -> None:
     canvas.colorbar(mesh, ax=places[1], label=view.y_label)
 
 
-def _cells(view: View, values: Array, edges: Sequence[Array], told: np.ndarray) -> Array:
-    """Weighted means `(MAP_CELLS, MAP_CELLS)`; NaN where there are no rows."""
+def _cells(view: View, values: Array, edges: Sequence[Array], told: np.ndarray) -> tuple[Array, Array]:
+    """Weighted means in cells of both variables, and their standard uncertainties; NaN and infinite without rows."""
     assert view.over is not None
     weights = view.u[told] ** -2
     pair = view.x[told], view.over[told]
     sums = np.histogram2d(*pair, bins=list(edges), weights=weights * values[told])[0]
     whole = np.histogram2d(*pair, bins=list(edges), weights=weights)[0]
-    return np.asarray(np.where(whole > 0, sums / np.where(whole > 0, whole, 1.0), np.nan))
+    known = np.where(whole > 0, whole, 1.0)
+    return np.where(whole > 0, sums / known, np.nan), np.where(whole > 0, known**-0.5, np.inf)
 
 
 def _some(rows: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.diagnosis.frame import Frame
+from calibration.normal import whitened, whiteners
 from kinematics.effects import (
     COMPONENTS,
     INSTRUMENT,
@@ -148,7 +149,7 @@ class _Seen:
         axes, letter = self.frame.measurement.machine.names, COMPONENTS[component]
         if place < len(axes):
             return f"E_{letter}{axes[place]}"
-        return f"tool, {letter}" if place == len(axes) else f"observed {letter.lower()}"
+        return f"tool {letter}" if place == len(axes) else f"observed {letter.lower()}"
 
 
 def views(frame: Frame, effect: Effect) -> list[View]:
@@ -328,14 +329,14 @@ def _white(seen: _Seen, vectors: Array) -> Array:
 
 
 def _strays(seen: _Seen) -> Iterator[View]:
-    """Lengths of the residuals of all rows, the outliers in a colour of their own."""
+    """Sizes of the residuals of all rows, the outliers in a colour of their own."""
     fit, rows = seen.frame.fit, seen.frame.rows
-    lengths = fit.residual_um[rows]
+    white = whitened(whiteners(fit.measurement.rows(rows)), fit.residual[rows])
+    sizes = np.linalg.norm(white, axis=1) / fit.variance_factor**0.5
     astray = np.isin(rows, seen.effect.rows)
-    spread = np.linalg.norm(np.linalg.inv(seen.frame.white), axis=(1, 2)) * 1e3
-    groups = (("outliers", astray), ("all others", ~astray))
-    label = "length of the residual, um"
-    yield View("residuals", rows.astype(float), lengths, spread, lengths, IN_ORDER, label, groups, means=False)
+    groups = (("all others", ~astray), ("outliers", astray))
+    label, one = "residual / standard uncertainty", np.ones(len(rows))
+    yield View("residuals", rows.astype(float), sizes, one, sizes, IN_ORDER, label, groups, means=False)
 
 
 VIEWS: Mapping[type, Callable[[_Seen], Iterator[View]]] = {

@@ -7,17 +7,26 @@ from collections.abc import Iterator, Sequence
 
 from calibration.diagnosis import words
 from calibration.diagnosis.diagnose import LEFT, Diagnosis
+from calibration.diagnosis.next_measurement import Move
 from calibration.diagnosis.verdict import Named
 from calibration.diagnosis.whiteness import Test, combined
 from calibration.pages import Section, Table, page
 from calibration.pages.cause_figures import cause_figure
 from calibration.pages.cause_views import views
 from calibration.pages.left_figures import against_noise, before_and_after, share_chart, unexplained_shape
+from kinematics.effects import CrossAxis
 
+MANY_ROWS = 20
+"""Rows that are listed."""
 SIGNS = (
     "Errors are actual minus nominal, tool relative to workpiece (ISO 841, ISO 230-1), in um and urad; of the "
     "instrument observed minus true; a correction has the opposite sign. U is the expanded uncertainty, k = 2."
 )
+PUT_BACK = "what the fit leaves, with the cause put back"
+HOW_DRAWN = {
+    "dots": f"Small dots: single rows, {PUT_BACK}; large ones: their means; black, or a line: the fitted cause.",
+    "map": f"Left: {PUT_BACK}, means of rows; cells that these leave uncertain are blank. Right: the fitted cause.",
+}
 OBSERVED = "Directions: x, y, z of what the instrument stands on; residuals are observed minus expected."
 
 
@@ -49,8 +58,8 @@ def _verdict(found: Diagnosis) -> str:
 
 def _named(cause: Named) -> str:
     """A cause, its size where that is one number, and how sure it is."""
-    told = words.sizes(cause)
-    size = f" ({told[0]})" if len(told) == 1 and cause.kind != "higher-frequency" else ""
+    one = len(cause.effect.parameters) == 1 or cause.kind == "outliers"
+    size = f" ({', '.join(words.sizes(cause))})" if one else ""
     tie = f" with {words.in_full(cause.alternatives[0].name)}" if cause.verdict == "tied" and cause.alternatives else ""
     return f"{words.title(cause)}{size}, {words.verdict(cause)}{tie}"
 
@@ -95,10 +104,11 @@ def _found(found: Diagnosis) -> Iterator[Section]:
         figure=share_chart(found),
     )
     rows = [_row(number, cause) for number, cause in enumerate(found.causes, start=1)]
-    head = ("", "cause", "size ± U (k=2)", "dBIC", "held out, um", "share", "verdict", "like it: cosine, odds against")
+    head = ("", "cause", "size ± U (k=2)", "dBIC", "held out, um", "share", "verdict", "like it", "cosine", "odds")
     text = (
         f"{SIGNS}\ndBIC below -10: odds above 150 to 1. Held out: change of the RMS of residuals that the fit has not "
-        "seen, once the cause is known. TIED: these data can't tell it from the first one like it."
+        "seen, once the cause is known. Like it: what does much the same to these data; odds: for the named cause. "
+        "TIED: these data can't tell it from the first of those."
     )
     yield Section("Causes", text, Table(head, rows))
     for number, cause in enumerate(found.causes, start=1):
@@ -110,15 +120,18 @@ def _found(found: Diagnosis) -> Iterator[Section]:
 
 
 def _row(number: int, cause: Named) -> Sequence[str]:
+    others = cause.alternatives[: words.SIBLINGS]
     return (
         str(number),
         words.title(cause),
         "\n".join(words.sizes(cause)),
         f"{cause.delta_bic:.0f}",
-        f"{-cause.heldout_gain_um:+.2f}",
+        words.held_out(cause),
         f"{cause.share:.0%}",
         words.verdict(cause),
-        "\n".join(map(words.sibling, cause.alternatives[: words.SIBLINGS])) or "none",
+        "\n".join(words.in_full(other.name) for other in others) or "none",
+        "\n".join(f"{other.cosine:.2f}" for other in others),
+        "\n".join(words.odds(other.odds) for other in others),
     )
 
 
@@ -128,11 +141,8 @@ def _about(cause: Named) -> Iterator[str]:
     meaning = " ".join((inspect.getdoc(type(effect)) or "").replace("`", "").split())
     yield f"{what[0].upper()}{what[1:]}. {meaning}"
     if cause.kind != "outliers":
-        yield (
-            f"Of its signal {cause.visible:.0%} could not as well be the model's or the registration's. "
-            "Small dots: single rows, what the fit leaves with the cause put back; large ones: their means; the line: "
-            "the fitted cause."
-        )
+        drawn = HOW_DRAWN["map" if isinstance(effect, CrossAxis) else "dots"]
+        yield f"{cause.visible:.0%} of its signal is its own; model or registration could do the rest. {drawn}"
     yield f"Remedy: {words.remedy(effect)}."
     yield from (f"Note: {note}." for note in cause.notes)
 
@@ -150,10 +160,11 @@ def _what_is_left(found: Diagnosis) -> Iterator[Section]:
         before_and_after(found),
     )
     yield Section("By direction, and in the volume", _volume(found), _directions(found))
-    yield Section("Against the noise", "", figure=against_noise(found))
+    yield Section("Against the noise", figure=against_noise(found))
     if found.tests:
         text = (
-            f"Chance of as much under pure noise; marked where all tests together leave less than {LEFT:.0%} to chance."
+            f"Chance of as much under pure noise; marked where all tests together leave less than {LEFT:.0%} to it. "
+            "Along: do rows next to each other err alike? The others: do means differ, is there a slope?"
         )
         yield Section("Is it noise?", text, _tests(found))
     yield _unexplained(found)
@@ -164,12 +175,15 @@ def _volume(found: Diagnosis) -> str:
     lines = [
         f"Error of the machine over the measured positions, by the new model: {volume.machine_rms:.2f} um RMS, "
         f"{volume.machine_max:.1f} um at most (a shift of the whole taken off).",
-        f"After correction by the present model the new one sees {volume.left_rms:.2f} um RMS, "
-        f"{volume.left_max:.1f} um at most.",
     ]
-    if found.closure is not None:
+    if found.causes:
         lines.append(
-            f"Of what is left beyond the noise {found.closure:.0%} can't be any error motion of an axis, of any course."
+            f"What a correction by the present model leaves of it, by the new one: {volume.left_rms:.2f} um RMS, "
+            f"{volume.left_max:.1f} um at most."
+        )
+    if found.closure:
+        lines.append(
+            f"Of the residual beyond the noise {found.closure:.0%} can't be an error motion of an axis, of any course."
         )
     return "\n".join(lines)
 
@@ -205,56 +219,53 @@ def _unexplained(found: Diagnosis) -> Section:
 
 
 def _in_the_dark(found: Diagnosis) -> Iterator[Section]:
-    hidden = [("\n".join(names), f"{remedy}") for remedy, names in words.hidden(found).items()]
+    """What these data could not show, could not be asked for, and from which size on they would show it."""
+    hidden = [("\n".join(names), remedy) for remedy, names in words.hidden(found).items()]
     hidden += [(" + ".join(b.effects), b.remedy) for b in (found.visibility.blind if found.visibility else ())]
     if hidden:
-        text = (
-            "Never named by these data. In brackets: share of its signal that survives the model and the registration."
-        )
+        text = "Never named by these data. In brackets: share of its signal that survives model and registration."
         yield Section("Not visible in these data", text, Table(("cause", "what would show it"), hidden))
-    if found.untested:
-        lacking: dict[str, list[str]] = {}
-        for entry in found.untested:
-            lacking.setdefault(entry.lacks, []).append(words.in_full(entry.name))
-        rows = [(lacks, ", ".join(names)) for lacks, names in lacking.items()]
-        yield Section("Not tested", "", Table(("the data do not give", "so nothing is said of"), rows))
-    smallest = [(words.in_full(name), f"{size:.2g}", unit) for name, size, unit in sorted(found.smallest)]
+    lacking: dict[str, list[str]] = {}
+    for entry in found.untested:
+        lacking.setdefault(entry.lacks, []).append(words.in_full(entry.name))
+    if lacking:
+        untested = [(lacks, ", ".join(names)) for lacks, names in lacking.items()]
+        yield Section("Not tested", table=Table(("the data do not give", "so nothing is said of"), untested))
+    smallest: dict[tuple[str, str], list[str]] = {}
+    for name, size, unit in sorted(found.smallest):
+        kind, _, where = name.partition(" ")
+        smallest.setdefault((kind, unit), []).append(f"{where} {size:.2g}".strip())
     if smallest:
+        seen = [(kind, ", ".join(sizes), unit) for (kind, unit), sizes in smallest.items()]
         text = "The smallest sizes that these data would show."
-        yield Section("What would have been seen", text, Table(("cause", "from", ""), smallest))
+        yield Section("What would have been seen", text, Table(("cause", "from", ""), seen))
 
 
 def _what_now(found: Diagnosis) -> Iterator[Section]:
-    lines = [found.next_measurement[0].upper() + found.next_measurement[1:] + "."]
-    rows = [
-        (
-            move.name,
-            f"{move.minutes:.0f}" if move.minutes else "",
-            f"{move.gain_per_minute:.2g}" if move.minutes else "",
-            move.says,
-        )
-        for move in found.moves
-    ]
-    table = Table(("move", "minutes", "gain per minute", "what to do, and what it tells"), rows) if rows else None
-    yield Section("What to measure next", "\n".join(lines), table)
-    machine = found.measurement.machine.name
-    commands = [
-        ("correct a program", f"ncomp PART.nc --machine {machine} --calibration NEW.json -o PART_NEW.nc"),
-        (
-            "the part's error before and after",
-            f"ncomp verify PART.nc PART_NEW.nc --machine {machine} --calibration NEW.json",
-        ),
-        (
-            "what the present calibration leaves of it",
-            f"ncomp PART.nc --machine {machine} --calibration OLD.json -o PART_OLD.nc\n"
-            f"ncomp verify PART.nc PART_OLD.nc --machine {machine} --calibration NEW.json",
-        ),
-    ]
+    says = f"{found.next_measurement[0].upper()}{found.next_measurement[1:]}."
+    rows = [_move(move) for move in found.moves if move.minutes]
+    table = Table(("move", "minutes", "gain per minute", "what to do, and what it tells"), rows)
+    yield Section("What to measure next", says, table if rows else None)
     outliers = [found.measurement.where(int(row)) for row in found.after.fit.outliers]
     if outliers:
-        more = "" if len(outliers) <= 50 else f", and {len(outliers) - 50} more"
-        yield Section("Left out", f"Rows that do not belong to the rest: {', '.join(outliers[:50])}{more}.")
+        more = "" if len(outliers) <= MANY_ROWS else f", and {len(outliers) - MANY_ROWS} more"
+        yield Section("Left out", f"Rows that do not belong to the rest: {', '.join(outliers[:MANY_ROWS])}{more}.")
     text = (
         f"NEW.json holds the machine with what was found (calibration {found.model.id}), nothing of the instrument's."
     )
-    yield Section("How to use it", text, Table(("to", "command"), commands))
+    yield Section("How to use it", text, Table(("to", "command"), _commands(found.measurement.machine.name)))
+
+
+def _move(move: Move) -> Sequence[str]:
+    return move.name, f"{move.minutes:.0f}", f"{move.gain_per_minute:.2g}", move.says
+
+
+def _commands(machine: str) -> list[Sequence[str]]:
+    """What to do, and how it is called."""
+    new, old = (f"--machine {machine} --calibration {name}.json" for name in ("NEW", "OLD"))
+    left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new}"
+    return [
+        ("correct a program", f"ncomp PART.nc {new} -o PART_NEW.nc"),
+        ("see the part's error before and after", f"ncomp verify PART.nc PART_NEW.nc {new}"),
+        ("see what the calibration so far, OLD.json, leaves of it", left),
+    ]

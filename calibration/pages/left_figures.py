@@ -33,18 +33,17 @@ OUTER = 0.5
 
 def share_chart(found: Diagnosis) -> str:
     """Share of what the present model leaves, by named cause, and what is left at the end."""
-    left = found.after.frame.squares / max(found.before.frame.squares, 1e-300)
     bars = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in found.causes]
-    bars.append(("left: noise, and what is unexplained", left, LEFT))
+    bars.append(("left: noise, and what is unexplained", found.left_share, LEFT))
     with figure(8.0, 0.5 + 0.3 * len(bars)) as (canvas, drawn):
         place = canvas.subplots()
         for number, (_, share, colour) in enumerate(bars):
             place.barh(number, 100 * share, color=colour, height=0.6)
-            place.annotate(f" {share:.0%}", (100 * share, number), va="center")
+            place.annotate(f"{share:.0%}", (100 * share, number), (3, 0), textcoords="offset points", va="center")
         place.set_yticks(range(len(bars)), [name for name, _, _ in bars])
         place.invert_yaxis()
         place.set_xlim(0, 112 * max(share for _, share, _ in bars))
-        place.set_xlabel("% of the squares that the present model leaves, in terms of the noise")
+        place.set_xlabel("% of the squares that are left without any of these causes, in terms of the noise")
         place.grid(visible=False)
     return drawn[0]
 
