@@ -14,6 +14,8 @@ from postproc.iso_codes import (
     CENTRE_DISTANCES,
     CENTRES,
     CONSTRUCTS,
+    CYCLE_END,
+    CYCLES,
     DISTANCES,
     FEED_MODES,
     FRAME_CODES,
@@ -35,12 +37,15 @@ from postproc.iso_codes import (
     PROGRAM_ENDS,
     REFUSED_G,
     REFUSED_M,
+    RETURN_TO_LEVEL,
+    RETURN_TO_R,
     SKIPPABLE_M,
     STANDING,
     TOOL_CHANGE,
     UNITS,
     WORK_OFFSETS,
 )
+from postproc.iso_cycles import CannedCycle, check_cycle_words
 from postproc.iso_variables import IsoVariables
 from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
 from postproc.notes import Notes
@@ -76,6 +81,8 @@ class IsoInterpreter:
         self.opened = self.torn = False
         """A tape mark has stood before all words; the first one came behind words."""
         self.motion: float | None = None
+        self.cycle: CannedCycle | None = None
+        self.to_retract: bool | None = None
         self.timed = False
         self.unsaid = {
             "unit": "no G20 or G21 before it: coordinates taken in mm",
@@ -163,7 +170,7 @@ class IsoInterpreter:
         if "H" in other and LENGTH_CODES.isdisjoint(content.g) and REFUSED_G.keys().isdisjoint(content.g):
             raise block.refuse("H without G43: some controls take the new length at once, others do not")
         if len(content.g) > 1:
-            if content.axes and not NAMING.isdisjoint(content.g) and not MOTION.keys().isdisjoint(content.g):
+            if content.axes and not NAMING.isdisjoint(content.g) and not (MOTION.keys() | CYCLES).isdisjoint(content.g):
                 raise block.refuse("coordinates that two codes may take")
             for group in GROUPS:
                 clash = sorted(group.intersection(content.g))
@@ -242,7 +249,14 @@ class IsoInterpreter:
         """Take over a modal G code that changes how later words are read; False when it is none."""
         said = None
         if code in MOTION:
-            self.motion = code
+            self.motion, self.cycle = code, None
+        elif code in CYCLES:
+            self._begin_cycle(code)
+        elif code == CYCLE_END:
+            # what coordinates do from here depends on the control
+            self.motion, self.cycle = (self.motion, None) if self.cycle is None else (None, None)
+        elif code in (RETURN_TO_LEVEL, RETURN_TO_R):
+            self.to_retract = code == RETURN_TO_R
         elif code in PLANES:
             self.plane, said = PLANES[code], "plane"
         elif code in UNITS:
@@ -367,9 +381,34 @@ class IsoInterpreter:
             targets = {word.axis: value for word, value in words}
             self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
 
+    def _begin_cycle(self, code: float) -> None:
+        z = cartesian(self.machine)[2]
+        begun = self.cycle
+        # the level before the first of several cycles is that of all
+        level = self.recorder.position[z] if begun is None else begun.level
+        known = self.recorder.known[z] if begun is None else begun.known
+        self.cycle = CannedCycle(not self.absolute, level, known, begun=begun is not None and begun.begun)
+        self.motion = code
+
+    def _drill(self, index: int, block: Block, content: _Content) -> None:
+        assert self.cycle is not None
+        rotary = any(self.machine.axes[self.recorder.axis(block, block.words[i].address)].rotary for i in content.axes)
+        check_cycle_words(block, set(content.other), rotary, self.plane, self.tcp)
+        if self.cycle.incremental == self.absolute:
+            raise block.refuse("G90 or G91 within a canned cycle: controls differ in how its depth is read then")
+        words = self._axis_words(block, content)
+        retract = self._value(block, content.other["R"], self.unit) if "R" in content.other else None
+        target, level, places, cycle = self.cycle.hole(block, self.recorder, words, retract, self.to_retract)
+        if self.unsaid:
+            self._note_unsaid(block, Kind.CYCLE)
+        self.recorder.drill(index, target, level, self.unit, places, cycle)
+
     def _move(self, index: int, block: Block, content: _Content, settled: bool) -> None:
         if self.motion is None:
             raise block.refuse("coordinates before any G0, G1, G2 or G3")
+        if self.cycle is not None:
+            self._drill(index, block, content)
+            return
         self._check_move_words(block, content)
         words = self._axis_words(block, content)
         target = self.recorder.target(block, words)

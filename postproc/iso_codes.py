@@ -12,14 +12,20 @@ INCH = 25.4
 LARGEST = 1e9
 """No control has a number of this size."""
 
+CYCLES = frozenset(map(float, (73, 74, 81, 82, 83, 84, 85, 86, 89)))
+"""One hole at each position: the place and the depth are the program's, all between the control's."""
+CYCLE_WORDS = frozenset("NFSTHDPQRK")
+"""What may stand in a block of a cycle beside G, M and axes."""
+CYCLE_END, RETURN_TO_LEVEL, RETURN_TO_R = 80.0, 98.0, 99.0
+
 MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 
 # Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
 # return levels of cycles.
 HARMLESS_G = frozenset(
     [
-        *(4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0, 69.0, 80.0),
-        *(92.1, 92.2, 96.0, 97.0, 98.0, 99.0),
+        *(4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0, 69.0),
+        *(92.1, 92.2, 96.0, 97.0),
     ]
 )
 PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
@@ -38,7 +44,8 @@ STANDING = NAMING | {4.0}
 """Take the coordinates of their block for something else than a move."""
 ONE_SHOT = STANDING | {28.0, 30.0, 53.0}
 GROUPS = (
-    frozenset(MOTION),
+    frozenset(MOTION) | CYCLES | {CYCLE_END},
+    frozenset((RETURN_TO_LEVEL, RETURN_TO_R)),
     frozenset(PLANES),
     frozenset(UNITS),
     FEED_MODES,
@@ -67,7 +74,7 @@ REFUSED_G = {
     **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
     **dict.fromkeys((65.0, 66.0, 66.1), "calls a macro"),
     **dict.fromkeys((68.0, 68.2, 68.3, 68.4), "turns the coordinates"),
-    **dict.fromkeys((73.0, 74.0, *map(float, range(81, 90))), "canned cycles are not corrected"),
+    **dict.fromkeys((87.0, 88.0), "a boring cycle that shifts the tool or waits for a hand is not corrected"),
 }
 REFUSED_M = {
     96.0: "jumps when an interrupt comes",

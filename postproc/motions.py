@@ -27,6 +27,9 @@ class Kind(IntEnum):
     TAKE_UP = 4
     """Of ncomp's own: takes up the play of axes that are about to go back. Its known axes are those that it moves."""
 
+    CYCLE = 5
+    """Of a canned cycle, to the bottom of a hole; then back, to where the next move starts."""
+
 
 class Known(IntEnum):
     """Where the position of an axis comes from."""
@@ -68,6 +71,21 @@ class Arc(NamedTuple):
     """For `pole`: the block of the chunk that holds the CC, -1 when it came earlier."""
 
 
+class Cycle(NamedTuple):
+    """A hole of a canned cycle along Z; values in programmed coordinates, mm."""
+
+    word: int | None
+    """Index of the word that says the depth, None where that of a block before still holds."""
+    retract: float
+    """Level of R; with increments, above the level before the cycle."""
+    incremental: bool
+    """The depth counts from R, and R from the level before the cycle."""
+    to_retract: bool | None
+    """The cycle ends at R (G99) and not at the level before it (G98); None where the program says neither."""
+    first: bool
+    """Where Z stands before it is the level before the cycle."""
+
+
 @dataclass(frozen=True)
 class Motions:
     """One row per move, in program order; positions `(n, axes)` in programmed coordinates, mm and degrees."""
@@ -99,6 +117,8 @@ class Motions:
     """Known `(n, axes)`, after the move."""
     words: list[tuple[AxisWord, ...]]
     arcs: dict[int, Arc]
+    """By row."""
+    cycles: dict[int, Cycle] = field(default_factory=dict)
     """By row."""
 
     def __len__(self) -> int:
@@ -133,17 +153,18 @@ class Motions:
     def take(self, rows: np.ndarray) -> Motions:
         """These rows, in this order; a row taken more than once shares its arc and words."""
         columns = {name: getattr(self, name)[rows] for name in COLUMNS}
-        arcs = {}
-        if self.arcs:
+        arcs, cycles = {}, {}
+        if self.arcs or self.cycles:
             arcs = {i: self.arcs[row] for i, row in enumerate(rows.tolist()) if row in self.arcs}
+            cycles = {i: self.cycles[row] for i, row in enumerate(rows.tolist()) if row in self.cycles}
         words = [self.words[row] for row in rows.tolist()] if self.words else []
-        return replace(self, words=words, arcs=arcs, **columns)
+        return replace(self, words=words, arcs=arcs, cycles=cycles, **columns)
 
     @property
     def judged_ways(self) -> NDArrayBool:
         """Feed moves `(n,)`, pieces of arcs too, whose way between is known."""
         judged = self._said(self.known_start) & self._said(self.known)
-        return np.asarray(judged & ~np.isin(self.kind, (Kind.RAPID, Kind.MACHINE, Kind.TAKE_UP)))
+        return np.asarray(judged & ~np.isin(self.kind, (Kind.RAPID, Kind.MACHINE, Kind.TAKE_UP, Kind.CYCLE)))
 
     def _said(self, known: np.ndarray) -> NDArrayBool:
         return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
@@ -221,6 +242,7 @@ class Recorder:
     _rows: list[_Row] = field(init=False, default_factory=list)
     _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
     _arcs: dict[int, Arc] = field(init=False, default_factory=dict)
+    _cycles: dict[int, Cycle] = field(init=False, default_factory=dict)
     _frames: list[Frame] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -272,6 +294,22 @@ class Recorder:
                 self.known[word.axis] = Known.PROGRAM
         self._record(block, kind, target, unit, (incremental, timed, settled), words, before)
 
+    def drill(
+        self, block: int, target: list[float], level: float, unit: float, words: tuple[AxisWord, ...], cycle: Cycle
+    ) -> None:
+        """A hole of a canned cycle, its depth the Z of `target`; Z comes back to `level`, all in mm and degrees."""
+        z = self.machine.index("Z")
+        before = self.known[z]
+        self._cycles[len(self._rows)] = cycle
+        if not cycle.incremental:
+            self.known[z] = Known.PROGRAM
+        self.move(block, Kind.CYCLE, target, unit, words, incremental=any(word.incremental for word in words))
+        self.position[z] = level
+        if cycle.to_retract is None:
+            self.known[z] = Known.ASSUMED
+        elif not cycle.to_retract:
+            self.known[z] = before
+
     def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
         """A move of some axes to machine positions, mm and degrees."""
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
@@ -319,8 +357,8 @@ class Recorder:
 
     def finish(self, blocks: list[Block]) -> Motions:
         """The rows recorded since the last call, which belong to these blocks."""
-        rows, words, arcs, frames = self._rows, self._words, self._arcs, self._frames
-        self._rows, self._words, self._arcs, self._frames = [], [], {}, [self.frame]
+        rows, words, arcs, cycles, frames = self._rows, self._words, self._arcs, self._cycles, self._frames
+        self._rows, self._words, self._arcs, self._cycles, self._frames = [], [], {}, {}, [self.frame]
         n, axes = len(rows), len(self.machine.axes)
         columns = zip(*rows, strict=True) if rows else ((),) * 11
         block, kind, frame, unit, incremental, timed, settled, start, target, known_start, known = columns
@@ -342,6 +380,7 @@ class Recorder:
             np.array(known, int).reshape(n, axes),
             words,
             arcs,
+            cycles,
         )
 
     def _record(
@@ -355,7 +394,7 @@ class Recorder:
         before: _Knowledge,
     ) -> None:
         start = tuple(self.position)
-        self.position = target
+        self.position = list(target)
         frame = len(self._frames) - 1
         self._rows.append((block, kind, frame, unit, *modes, start, tuple(target), before, tuple(self.known)))
         self._words.append(words)

@@ -117,4 +117,5 @@ def with_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBool) -> Mo
     gone = set(rows.tolist())
     words = [() if i in gone else words for i, words in enumerate(result.words)]
     arcs: dict[int, Arc] = {row: arc for row, arc in result.arcs.items() if row not in gone}
-    return replace(result, words=words, arcs=arcs)
+    cycles = {row: cycle for row, cycle in result.cycles.items() if row not in gone}
+    return replace(result, words=words, arcs=arcs, cycles=cycles)

@@ -135,8 +135,13 @@ def merged(parts: list[Motions]) -> Motions:
     arcs = {
         row + int(offset): arc for part, offset in zip(parts, starts, strict=False) for row, arc in part.arcs.items()
     }
+    cycles = {
+        row + int(offset): cycle
+        for part, offset in zip(parts, starts, strict=False)
+        for row, cycle in part.cycles.items()
+    }
     words = [word for part in parts for word in part.words]
-    return Motions(first.machine, [], frames, frame=frame, words=words, arcs=arcs, **stacked)
+    return Motions(first.machine, [], frames, frame=frame, words=words, arcs=arcs, cycles=cycles, **stacked)
 
 
 def _contributions(machine: Machine, model: ErrorModel, state: State, tool: Array, into: dict[str, Statistic]) -> None:

@@ -7,6 +7,7 @@ by then, a word is inserted. The writer keeps what the control will hold after r
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -95,6 +96,12 @@ class Writer:
         """The last move written is a take-up: where G2 or G3 is in force, it no longer is."""
         self._arcs: dict[int, Arc] = {}
         self._added = 0
+        self._level = self._depth = self._bottom = 0.0
+        """Of canned cycles: Z before them, the depth as the program last said it, and where that is."""
+
+    @property
+    def _z(self) -> int:
+        return cartesian(self.machine)[2]
 
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
@@ -112,6 +119,8 @@ class Writer:
             else:
                 self._write_row(motions, correction, row, held, bool(turning[row]))
             ends[row] = self._held = held
+            if row in motions.cycles:
+                ends[row, self._z] = self._bottom
         editors = self._editors
         texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
         return Written(texts, starts, ends, self._arcs, self._added)
@@ -157,6 +166,8 @@ class Writer:
         if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
             editor.say_motion("G3" if motions.arcs[row].sense > 0 else "G2")
         self._write_words(motions, correction, row, held, turning, editor)
+        if row in motions.cycles:
+            self._write_depth(motions, correction, row, held, editor)
         if motions.timed[row] and self._inner[row]:
             self._share_time(motions, row, editor)
         self._begun.add(block)
@@ -174,7 +185,13 @@ class Writer:
         start = list(held)
         wanted = correction.target[row].tolist()
         arc = motions.arcs.get(row)
-        kept = self.machine.translators if turning else arc.plane[:2] if arc is not None and arc.full else ()
+        kept: Sequence[int] = ()
+        if turning:
+            kept = self.machine.translators
+        elif arc is not None and arc.full:
+            kept = arc.plane[:2]
+        elif row in motions.cycles:
+            kept = (self._z,)
         for axis in kept:
             # exactly: a full circle that closes but for a hair is, for the control, just that hair
             wanted[axis] = start[axis]
@@ -202,6 +219,25 @@ class Writer:
                 held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, bool(motions.incremental[row]))
         if arc is not None:
             self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row], editor)
+
+    def _write_depth(
+        self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
+    ) -> None:
+        """Say the depth of a hole, where it is another than the one that still holds; leaves Z where the cycle does."""
+        cycle, z, unit = motions.cycles[row], self._z, float(motions.unit[row])
+        if cycle.first:
+            self._level = held[z]
+        base = self._level + cycle.retract if cycle.incremental else 0.0
+        wanted = (float(correction.target[row, z]) - base) / unit
+        decimals = self._decimals(z, unit)
+        if cycle.word is not None:
+            said = editor.block.words[cycle.word].value or 0.0
+            self._depth = editor.set(cycle.word, wanted, decimals) if self._said[row][z] else said
+        elif self._said[row][z] and round(wanted - self._depth, decimals) != 0.0:
+            self._depth = round(wanted, decimals)
+            editor.insert(self.machine.names[z], self._depth, decimals)
+        self._bottom = base + self._depth * unit
+        held[z] = base + cycle.retract if cycle.to_retract else self._level
 
     def _round_off(self, motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
         """Move the wanted end of a nearly full circle in or out where it would be too far from round.

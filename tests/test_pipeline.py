@@ -213,15 +213,13 @@ ACCEPTED = {
     "CONTOUR.NC", "CONTOUR_R.NC", "CONTOUR_R1.NC", "G17_18_19.NC", "G17_18_19_G91.NC", "PARALLEL.NC", "PROGRAM.NC",
     "PROGRAM2.NC", "TEST.NC", "TEST3.NC", "TEST4.NC", "TEST_G90.NC", "VINT_360arc-1.NC", "VINT_360arc.NC",
     "VINT_REV_360arc.NC", "impeller-7bl-xyzac.ngc", "box_grbl.nc", "box_linuxcnc.nc", "box_mach3_mach4.nc",
+    "G81.NC", "G82.NC", "G83.NC",
 }  # fmt: skip
 REASONS = {
     "BOTTLE.NC": ":12: .*this is no circle; its centre would fit as absolute",
     "CONTOUR_ABS.NC": ":15: .*this is no circle; its centre would fit as absolute",
     "TEST2.NC": ":12: .*this is no circle; its centre would fit as absolute",
-    "G81.NC": ":10: .*G81 canned cycles are not corrected",
-    "G81_G91.NC": ":11: .*G81 canned cycles are not corrected",
-    "G82.NC": ":10: .*G82 canned cycles are not corrected",
-    "G83.NC": ":10: .*G83 canned cycles are not corrected",
+    "G81_G91.NC": ":11: .*a canned cycle with increments, and no G98 before it",
     "TEST_G91.NC": ":30: .*an increment of Z from a position that the program has not said",
     "TEST_TURN.NC": ":9: .*an arc from a position that the program has not said",
     "box_centroid.nc": ":105: .*M99 jumps back in the program",

@@ -1,0 +1,170 @@
+"""Canned cycles: every hole is moved to where the machine with errors drills it right; depths too."""
+
+import numpy as np
+import pytest
+from clients.rs274 import Move
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from programs import correct, load, model_of, random_model, read, read_lines, shifted
+
+from kinematics.effects import Backlash
+from kinematics.errors import UserError
+from kinematics.model import ErrorModel
+from postproc.compensate import missed
+from postproc.motions import Kind
+from postproc.verify import verify
+
+HEAD = "G21 G90 G54 G17 G98\nG0 X0. Y0. Z100.\n"
+TAIL = "G80\nG0 X1. Y1.\nM2\n"
+PROGRAMS = {
+    "modal": "G81 X10. Y5. Z-20. R2. F100\nX20.\nY10.\nX30. Y40.\n",
+    "depths": "G82 X10. Y5. Z-20. R2. P1. F100\nX20. Z-30.\nY10.\nZ-10. R5.\n",
+    "levels": "G99 G83 X10. Y5. Z-20. R2. Q5. F100\nX20.\nG98 Y10.\nX30.\nG99 X5.\n",
+    "one after the other": "G81 X10. Y5. Z-20. R2. F100\nX20.\nG85 X30. Z-25. R3.\nX40.\n",
+    "increments": "G91 G81 X10. Y5. Z-20. R-90. F100\nX10.\nX10. Y-3.\nG80 G90 X0.\n".replace("G80 G90 X0.", "G80\nG90 G1 X0. Y0. F100"),
+    "peck": "G73 X10. Y5. Z-20. R2. Q4. F100\nX20. Q3.\n",
+    "boring": "M3 S100\nG86 X10. Y5. Z-20. R2. P1. F100\nX20.\nG89 X20. Y20. Z-20. R2. P1.\n",
+    "inches": "G20\nG81 X1. Y.5 Z-.5 R.1 F10\nX2.\n",
+    "formulas": "#1=10 #2=-20\nG81 X#1 Y5. Z[#2-1] R2. F100\nX[#1+10]\n",
+    "a loop": "#1=0\no1 while [#1 lt 3]\nG81 X[#1*10] Y5. Z-20. R2. F100\n#1=[#1+1]\no1 endwhile\n",
+    "between moves": "G1 Z50. F100\nG81 X10. Y5. Z-20. R2. F100\nG0 X20.\nZ60.\nG81 Z-5. R1. F100\nX30.\n",
+}  # fmt: skip
+
+
+def holes(motions):
+    return np.flatnonzero(motions.kind == Kind.CYCLE)
+
+
+def bottoms(moves: list[Move], lines: list[int], rows: np.ndarray) -> list[tuple[float, ...]]:
+    """Lowest places of LinuxCNC's moves in the blocks that drill, in order."""
+    wanted = {lines[row] for row in rows}
+    found: list[tuple[float, ...]] = []
+    last = None
+    for move in moves:
+        if move.line not in wanted:
+            last = None
+            continue
+        place = move.machine[:3]
+        if (move.line, place[:2]) != last:
+            found.append(place)
+            last = (move.line, place[:2])
+        elif place[2] < found[-1][2]:
+            found[-1] = place
+    return [place for place in found if place[2] < 40.0]
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_linuxcnc_drills_the_same_holes(linuxcnc, name):
+    machine, text = load("gantry"), HEAD + PROGRAMS[name] + TAIL
+    model = shifted(machine, X=3.0, Y=-4.2, Z=5.5) if name == "a loop" else random_model(machine, 5)
+    written = correct(text, machine, model, travel_check=False).text
+    for program in (text, written):
+        seen = linuxcnc.run(program)
+        assert seen.exit_status == 0, seen
+        motions, lines = read_lines(program, machine)
+        rows = holes(motions)
+        assert len(rows) > 1
+        np.testing.assert_allclose(bottoms(seen.moves, lines, rows), motions.machine_target[rows], atol=1e-6)
+        after = [move for move in seen.moves if move.line == lines[rows[-1]]][-1]
+        assert after.machine[2] == pytest.approx(motions.in_machine(motions.start)[rows[-1] + 1, 2], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_holes_are_put_right(name):
+    machine, text = load("gantry"), HEAD + PROGRAMS[name] + TAIL
+    assert correct(text, machine, travel_check=False).text == text
+    if name == "a loop":
+        with pytest.raises(UserError, match="runs at several places"):
+            correct(text, machine, random_model(machine, 5), travel_check=False)
+        return
+    model = random_model(machine, 5)
+    nominal, commanded = read(text, machine), read(correct(text, machine, model, travel_check=False).text, machine)
+    rows = holes(nominal)
+    left = error(machine, model, nominal, commanded, rows)
+    assert error(machine, model, nominal, nominal, rows).max() > 20.0
+    assert left.max() < 0.1
+    assert verify(nominal, commanded, model).after.largest < 0.1
+
+
+def error(machine, model: ErrorModel, nominal, commanded, rows):
+    return missed(
+        machine, model, commanded.machine_target[rows], nominal.machine_target[rows], nominal.tool[rows]
+    ).point_um
+
+
+def test_what_is_written():
+    machine = load("gantry")
+    text = HEAD + "G81X10.Y5.Z-20.R2.F100\nX20.\nG99X30.\nG80\nG0 X1. Y1.\n"
+    written = correct(text, machine, shifted(machine, X=3.0, Z=5.5), travel_check=False).text
+    assert written.splitlines()[3:] == [
+        "G81X9.9970Y5.Z-20.0055R2.F100", "X19.9970", "G99X29.9970", "G80", "G0 X0.9970 Y1. Z1.9945",
+    ]  # fmt: skip
+
+
+def test_play_is_taken_up_on_the_way_to_a_hole():
+    machine, text = load("gantry"), HEAD + "G81 X10. Y5. Z-20. R2. F100\nX20.\nX15.\n" + TAIL
+    model = model_of(machine, Backlash("X", 20.0), Backlash("Z", 10.0))
+    result = correct(text, machine, model, travel_check=False)
+    assert result.report.added_blocks == 0
+    assert result.text.splitlines()[3:6] == ["G81 X10.0100 Y5. Z-20.0050 R2. F100", "X20.0100", "X14.9900"]
+
+
+REFUSED = {
+    "G81 X5. Y5. Z-5. F100": "a canned cycle without Z or R",
+    "G81 X5. Y5. R2. F100": "a canned cycle without Z or R",
+    "G81 X5. Y5. Z-5. R200. F100": "R lies above the level before the cycle",
+    "G81 X5. Y5. Z-5. R2. L3": "L calls a subprogram on some controls",
+    "G81 X5. Y5. Z-5. R2. K3": "a canned cycle that repeats",
+    "G81 X5. Y5. Z-5. R2. I3.": "I in a canned cycle",
+    "G18 G81 X5. Y5. Z-5. R2.": "canned cycles are corrected along Z (G17)",
+    "G91 G81 X5. Y5. Z-5. R-2.\nG90 X5.": "G90 or G91 within a canned cycle",
+    "G91 G99 G81 X5. Y5. Z-5. R-2.": "a canned cycle with increments, and no G98",
+    "G81 X5. Y5. Z-5. R2.\nG80\nX5.": "coordinates before any G0, G1",
+    "G81 G80 X5.": "G80 and G81 in one block",
+    "G98 G99": "G98 and G99 in one block",
+    "G87 X5. Y5. Z-5. R2.": "G87 a boring cycle that shifts the tool",
+    "G76 X5. Y5. Z-5. R2. Q1.": "G76 threading",
+}
+
+
+@pytest.mark.parametrize("block", REFUSED)
+def test_refused(block):
+    with pytest.raises(UserError) as caught:
+        read(HEAD + block + "\n", load("gantry"))
+    assert REFUSED[block] in str(caught.value)
+
+
+def test_where_a_cycle_ends_unless_the_program_says_so():
+    """At the level before it on Fanuc, at R on LinuxCNC: Z is not known until it is said again."""
+    text = HEAD.replace(" G98", "") + "G81 X10. Y5. Z-20. R2. F100\nG80\nG0 X5.\nZ5.\n"
+    machine = load("gantry")
+    assert read(text, machine).judged.tolist() == [True, True, False, True]
+    assert correct(text, machine, shifted(machine, Z=5.0), travel_check=False).text.splitlines()[-2:] == [
+        "G0 X5.",
+        "Z4.9950",
+    ]
+
+
+places = st.integers(0, 400).map(lambda tenths: f"{tenths / 10:.1f}")
+hole = st.tuples(
+    st.sampled_from(["", "", "", "G98 ", "G99 "]),
+    st.lists(st.sampled_from("XYZR"), unique=True, min_size=1, max_size=4).filter(lambda names: names != ["R"]),
+    places, places, st.integers(1, 300), st.integers(0, 40),
+)  # fmt: skip
+
+
+@settings(max_examples=25)
+@given(st.sampled_from(["G81", "G82 P1.", "G83 Q7.", "G85"]), st.lists(hole, min_size=1, max_size=6))
+def test_generated_cycles_against_linuxcnc(linuxcnc, code, found):
+    lines = [f"{code} X5. Y5. Z-1. R50. F100"]
+    for level, names, x, y, depth, retract in found:
+        values = {"X": x, "Y": y, "Z": f"-{depth / 10}", "R": f"{retract}."}
+        lines.append(level + " ".join(name + values[name] for name in sorted(names)))
+    machine, text = load("gantry"), HEAD + "\n".join(lines) + "\n" + TAIL
+    written = correct(text, machine, random_model(machine, 6), travel_check=False).text
+    for program in (text, written):
+        seen = linuxcnc.run(program)
+        assert seen.exit_status == 0, seen
+        motions, places_ = read_lines(program, machine)
+        rows = holes(motions)
+        np.testing.assert_allclose(bottoms(seen.moves, places_, rows), motions.machine_target[rows], atol=1e-6)
