@@ -182,7 +182,7 @@ def diagnose(
         judged,
         closure(after.frame),
         volume(before, after),
-        tuple(moves(after, causes, judged)),
+        tuple(moves(after, found.numbers, causes, judged)),
     )
 
 

@@ -7,6 +7,7 @@ b = G'r and S = G'G - G'J H^-1 J'G: what is left of G once the model and the reg
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from calibration.heldout import cells, placed
 from calibration.measurement import Measurement
 from calibration.normal import whitened, whiteners
 from calibration.outliers import huber_weights, robust_factor
+from calibration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.model import Design, no_errors
 from kinematics.transforms import Array
@@ -101,20 +103,14 @@ class Frame:
         spent = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
         weights = huber_weights(distances, components, robust_factor(distances, components, spent, fit.variance_factor))
         white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
-        transform = white @ equations.transform(some, fit.registration)
-        own = white @ equations.registration_design(some, fit.registration)
-        of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
-        n = len(rows) * components
-        own, by_model = own.reshape(n, -1), of_model.reshape(n, -1)
-        length = np.linalg.norm(own, axis=0)
-        own = own / np.where(length > 0, length, 1.0)
-        finite = np.isfinite(fit.prior)
-        by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior
-        limits = finite.astype(float) if fit.prior.ndim == 1 else np.ones(by_model.shape[1])
+        parts = derivatives(fit, measurement, rows, fit.registration, white)
+        length = np.linalg.norm(parts.own, axis=0)
+        own = parts.own / np.where(length > 0, length, 1.0)
+        limits = np.isfinite(fit.prior).astype(float) if fit.prior.ndim == 1 else np.ones(parts.by_model.shape[1])
         limited = np.concatenate([np.full(own.shape[1], RIDGE), limits + RIDGE])
         residual = whitened(white, fit.residual[rows]).reshape(-1)
-        design, away = np.concatenate([own, by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
-        blank = cls(fit, rows, white, transform, design, limited, residual, away, fit.kept[rows])
+        design, away = np.concatenate([own, parts.by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
+        blank = cls(fit, rows, white, parts.transform, design, limited, residual, away, fit.kept[rows])
         return blank._at_rest()
 
     def without(self, effect: int) -> Frame:
@@ -166,13 +162,7 @@ class Frame:
 
     def columns(self, effect: Effect) -> Array:
         """Whitened derivatives `(N, k)` by the linear parameters of an effect, in terms of their typical sizes."""
-        table = effect.parameter_table
-        linear = np.array([quantity.linear for quantity in table])
-        typical = np.array([quantity.typical for quantity in table])[linear]
-        machine, state = self.measurement.machine, self.measurement.state
-        alone = msgspec.structs.replace(no_errors(machine), effects=(effect,))
-        made = Design(alone, machine, state, with_instrument=True).of(self.rows, self.transform)
-        return np.asarray(made.reshape(self.scalars, -1)[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
+        return signals(self.measurement, self.rows, (effect,), self.transform)
 
     def projected(self, columns: Array) -> Projected:
         """What the model and the registration leave of some columns `(N, k)`."""
@@ -237,6 +227,44 @@ class Frame:
         whole = missed.reshape(-1, components)[:, :, None]
         in_mm = np.linalg.solve(self.white, whole)[:, :, 0] * self.measurement.per_micro[self.rows]
         return HeldResiduals(in_mm, counted.reshape(-1, components)[:, 0], len(self.blocks))
+
+
+class Derivatives(NamedTuple):
+    """Whitened derivatives at some rows of a measurement."""
+
+    transform: Array
+    """`(n, d, width)`, by the error motions and the shift of the observed point."""
+    own: Array
+    """`(n * d, registration)`"""
+    by_model: Array
+    """`(n * d, parameters)`, in units of their priors."""
+
+
+def derivatives(
+    fit: Fit, measurement: Measurement, rows: np.ndarray, registration: Registration, white: Array
+) -> Derivatives:
+    """By the registration and the model of a fit, at some rows of these data or of others; `white` `(n, d, d)`."""
+    some = measurement.rows(rows)
+    transform = white @ equations.transform(some, registration)
+    own = white @ equations.registration_design(some, registration)
+    of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
+    n = len(rows) * some.instrument.components
+    by_model = of_model.reshape(n, -1)
+    finite = np.isfinite(fit.prior)
+    by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior
+    return Derivatives(transform, own.reshape(n, -1), by_model)
+
+
+def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect], transform: Array) -> Array:
+    """Derivatives `(n * d, k)` by the linear parameters of effects, one after the other, in terms of typical sizes."""
+    table = [quantity for effect in effects for quantity in effect.parameter_table]
+    linear = np.array([quantity.linear for quantity in table], bool)
+    typical = np.array([quantity.typical for quantity in table])[linear]
+    machine, state = measurement.machine, measurement.state
+    alone = msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
+    made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
+    columns = made.reshape(-1, made.shape[2])[:, linear]
+    return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
 
 
 class HeldBlock(NamedTuple):

@@ -12,7 +12,7 @@ import numpy as np
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import HIGHER_FREQUENCY, contract_kind, where
 from calibration.diagnosis.scans import aliases, saw_uncertainty
-from calibration.diagnosis.selection import SEEN, WORTH, Accepted, Judged, Stage
+from calibration.diagnosis.selection import SEEN, WORTH, Accepted, Judged, Sibling, Stage
 from calibration.fit import Fit
 from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation
 
@@ -118,7 +118,7 @@ def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
                 each.score.delta_bic,
                 without.held_out.rms_um - stage.heldout_um,
                 min(share, 1.0),
-                _verdict(each, alternatives),
+                _verdict(each),
                 each.visible,
                 alternatives,
                 tuple(_notes(stage.frame, effect)),
@@ -173,6 +173,18 @@ def smallest_sizes(judged: Sequence[Judged], scalars: int) -> Iterator[tuple[str
             yield each.candidate.effect.name, table[0].typical * math.sqrt(needed / left), table[0].unit
 
 
+def tied_with(accepted: Accepted) -> list[Sibling]:
+    """Siblings that these data can't tell from a cause."""
+    own = accepted.candidate.kind, accepted.candidate.axis
+    return [
+        sibling
+        for sibling in accepted.siblings
+        if sibling.cosine >= ALIKE
+        and sibling.log_odds < EVEN
+        and (sibling.judged.candidate.kind, sibling.judged.candidate.axis) != own
+    ]
+
+
 def _alternatives(accepted: Accepted) -> Iterator[Alternative]:
     for sibling in accepted.siblings:
         candidate = sibling.judged.candidate
@@ -180,11 +192,9 @@ def _alternatives(accepted: Accepted) -> Iterator[Alternative]:
         yield Alternative(candidate.kind, candidate.axis, candidate.effect.name, sibling.cosine, odds)
 
 
-def _verdict(accepted: Accepted, alternatives: Sequence[Alternative]) -> Verdict:
-    own = accepted.candidate.kind, accepted.candidate.axis
-    for other in alternatives:
-        if other.cosine >= ALIKE and math.log(other.odds) < EVEN and (other.kind, other.axis) != own:
-            return "tied"
+def _verdict(accepted: Accepted) -> Verdict:
+    if tied_with(accepted):
+        return "tied"
     sure = accepted.sureness > CLEAR and accepted.score.delta_bic < CLEAR * WORTH
     return "strong" if sure else "weak"
 
@@ -210,4 +220,14 @@ def _covariances(fit: Fit, rows: np.ndarray) -> np.ndarray:
     return np.asarray(covariance(fit.measurement.rows(rows)))
 
 
-__all__ = ["Alternative", "Named", "NotVisible", "contract_kind", "named", "not_visible", "outliers", "smallest_sizes"]
+__all__ = [
+    "Alternative",
+    "Named",
+    "NotVisible",
+    "contract_kind",
+    "named",
+    "not_visible",
+    "outliers",
+    "smallest_sizes",
+    "tied_with",
+]

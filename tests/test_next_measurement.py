@@ -1,0 +1,335 @@
+"""What to measure next: what a measurement not yet made would show, and which one is asked for."""
+
+from dataclasses import fields, replace
+
+import msgspec
+import numpy as np
+import pytest
+from measured import THREE, TRACKER, measured, positions
+
+import machines
+from calibration.diagnosis.base import base_of
+from calibration.diagnosis.diagnose import diagnose
+from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.outlook import Outlook
+from calibration.diagnosis.planned import MOST_ROWS, plans
+from calibration.diagnosis.selection import SEEN
+from calibration.fit import fit
+from calibration.instruments import Interferometer, Part
+from calibration.measurement import Target
+from calibration.models import BasisChoice, with_effects
+from calibration.normal import residuals
+from calibration.simulate import observe, tracker_pose
+from kinematics.effects import (
+    AirScale,
+    AngleHarmonic,
+    Backlash,
+    CrossAxis,
+    GrowthWithTime,
+    RangeOffset,
+    Settling,
+    ThermalDrift,
+    TrackerDrift,
+)
+from kinematics.model import no_errors
+from kinematics.state import State
+
+BENCH = machines.parse(
+    """
+name = "bench"
+chain = "w b Y X Z t"
+axes.X = { travel = [0, 600] }
+axes.Y = { travel = [0, 600] }
+axes.Z = { travel = [0, 450] }
+""",
+    "bench",
+)
+"""The volume of "Visibility under a tracker design"; the tracker stands 1.5 m from its middle."""
+POSE = tracker_pose((-1200.0, 300.0, 300.0), np.random.default_rng(0))
+GRID = [(0.0, 120.0, 240.0, 360.0, 480.0, 600.0)] * 2 + [(0.0, 112.5, 225.0, 337.5, 450.0)]
+DRIFTS = [ThermalDrift(component=c, rate=0.0) for c in "XYZ"]
+GROWTH = [GrowthWithTime(axis=axis, rate=0.0) for axis in "XYZ"]
+ENCODER = [AngleHarmonic(circle="azimuth", harmonic=k, sine_urad=0.0, cosine_urad=0.0) for k in (1, 2)]
+LENGTHS = [RangeOffset(offset_um=0.0), AirScale(scale_um_per_m=0.0)]
+
+
+def swept():
+    return np.stack(np.meshgrid(*GRID, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def shuffled():
+    return np.random.default_rng(5).permutation(swept())
+
+
+def to_and_fro():
+    """The grid line by line, every move along X and Z of the same length."""
+    path = [[]]
+    for ladder in (GRID[1], GRID[0], GRID[2]):
+        path = [[*head, at] for i, head in enumerate(path) for at in (ladder if i % 2 == 0 else ladder[::-1])]
+    return np.array(path)
+
+
+def seen(q, *effects, seed=2, targets=THREE):
+    """The bench as a tracker sees it, a row every 15 s."""
+    rng = np.random.default_rng(seed)
+    state = State(q, time=15.0 * np.arange(len(q)), target=rng.choice(list(targets), len(q)))
+    model = msgspec.structs.replace(no_errors(BENCH), effects=effects)
+    return observe(BENCH, model, state, TRACKER, rng, {"1": POSE}, targets)
+
+
+def frame_of(measurement):
+    model, prior = with_effects(measurement, {axis: BasisChoice("legendre", 5) for axis in "XYZ"}, (), 1.0)
+    return Frame.of(fit(measurement, model, prior=prior))
+
+
+def planned(frame, name):
+    return next(plan for plan in plans(frame.fit) if plan.name == name)
+
+
+def shares(frame, effects, name=None):
+    outlook = Outlook(frame, effects)
+    known = outlook.now if name is None else outlook.after(outlook.now, planned(frame, name))
+    return np.array([known.share(i) for i in range(len(effects))])
+
+
+def together(measurement, plan, *effects, seed=3):
+    """The data, and what the planned measurement shows of the bench with these effects."""
+    more = plan.measurement
+    rng = np.random.default_rng(seed)
+    known = {name: replace(target, carrier=target.carrier) for name, target in more.targets.items()}
+    model = msgspec.structs.replace(no_errors(BENCH), effects=effects)
+    done = observe(BENCH, model, replace(more.state, past=None), TRACKER, rng, plan.registration.poses, known)
+    columns = {}
+    for field in fields(State):
+        one, other = getattr(measurement.state, field.name, None), getattr(done.state, field.name, None)
+        if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+            columns[field.name] = np.concatenate([one, other])
+    observed = np.concatenate([measurement.observed, done.observed])
+    return replace(measurement, state=State(**columns), observed=observed, targets=known)
+
+
+# ---- what a measurement would show
+
+
+def test_the_outlook_is_what_the_measurement_shows_once_it_is_made():
+    data = seen(swept())
+    frame = frame_of(data)
+    effects = [*DRIFTS, *GROWTH, *ENCODER, Backlash("X", 0.0), Settling(axis="Z", share_ppm=0.0)]
+    for name in ("retrace", "shuffled", "other side", "finer Y"):
+        plan = planned(frame, name)
+        both = replace(together(data, plan))
+        then = frame_of(both)
+        made = np.array([then.projected(then.columns(effect)).visible for effect in effects])
+        assert shares(frame, effects, name) == pytest.approx(made, abs=0.02)
+
+
+def test_the_outlook_without_a_move_is_the_frame():
+    frame = frame_of(seen(swept()))
+    effects = [*DRIFTS, *GROWTH, *LENGTHS]
+    now = Outlook(frame, effects).now
+    for i, effect in enumerate(effects):
+        own = frame.projected(frame.columns(effect))
+        assert now.left(i) == pytest.approx(own.left, rel=1e-6, abs=1e-6)
+        assert now.share(i) == pytest.approx(own.visible, abs=1e-4)
+
+
+def test_a_cause_beside_another_one_keeps_what_lies_across_it():
+    frame = frame_of(seen(to_and_fro()))
+    effects = [Backlash("X", 0.0), Settling(axis="X", share_ppm=0.0), ThermalDrift(component="X", rate=0.0)]
+    now = Outlook(frame, effects).now
+    assert now.left(0, beside=1)[0, 0] < 0.01 * now.left(0)[0, 0]
+    assert now.left(0, beside=2)[0, 0] > 0.5 * now.left(0)[0, 0]
+
+
+def test_shuffled_order_shows_a_drift_about_twice_as_well_as_a_sweep():
+    effects = DRIFTS + GROWTH
+    in_order, in_disorder = (shares(frame_of(seen(q)), effects) for q in (swept(), shuffled()))
+    assert np.all(in_disorder > 1.7 * in_order)
+
+
+def test_a_retrace_makes_the_visibility_of_a_drift_complete():
+    # of a drift that starts at zero the registration takes the mean: what is left of it is half
+    for q in (swept(), shuffled()):
+        assert shares(frame_of(seen(q)), DRIFTS, "retrace") == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_second_station_shows_encoders_and_the_order_of_the_chain():
+    frame = frame_of(seen(swept()))
+    wrong_order = [
+        CrossAxis(
+            component=own, axis=own, other=other, own_interval=(0.0, 600.0), other_interval=(0.0, 600.0), own_degree=1,
+            other_degree=2, coefficients=(0.0,) * 4,
+        ) for own, other in ("XY", "YX")
+    ]  # fmt: skip
+    effects = [*ENCODER, *wrong_order]
+    before = shares(frame, effects)
+    across, beside = (
+        shares(frame, effects, f"second station {place}")
+        for place in ("across the volume", "a quarter round the volume")
+    )
+    assert np.all(beside[:2] > 3.0 * before[:2])
+    assert np.all(across[2:] > 1.15 * before[2:])
+
+
+def test_only_a_length_standard_shows_range_offset_and_air_scale():
+    for q in (swept(), shuffled()):
+        frame = frame_of(seen(q))
+        assert shares(frame, LENGTHS).max() < SEEN
+        for plan in plans(frame.fit):
+            assert (shares(frame, LENGTHS, plan.name).min() > SEEN) == (plan.name == "bar"), plan.name
+            if plan.name != "bar":
+                assert shares(frame, LENGTHS, plan.name).max() < SEEN, plan.name
+
+
+# ---- what is asked for
+
+
+def test_fixed_references_and_nothing_else_tell_growth_from_a_drifting_tracker():
+    drift = ThermalDrift(component="Z", rate=12.0)
+    data = seen(shuffled(), drift, seed=1)
+    found = diagnose(data)
+    (cause,) = found.causes
+    assert (cause.kind, cause.verdict, cause.alternatives[0].kind) == ("thermal-drift", "tied", "tracker-drift")
+    separating = [move for move in found.moves if "separates" in move.says]
+    assert {move.name for move in separating} <= {"fixed references", "many fixed references"}
+    assert "separates thermal-drift Z from tracker-drift (power " in found.next_measurement
+    assert "fixed targets" in found.next_measurement
+
+    again = diagnose(together(data, planned(found.after.frame, "many fixed references"), drift))
+    (cause,) = again.causes
+    assert (cause.kind, cause.axis, cause.verdict) == ("thermal-drift", "Z", "strong")
+    assert not any("separates" in move.says for move in again.moves)
+
+
+def test_moves_of_other_lengths_tell_backlash_from_settling():
+    backlash = Backlash("X", 12.0)
+    data = seen(to_and_fro(), backlash)
+    found = diagnose(data)
+    tied = {cause.kind for cause in found.causes if cause.verdict == "tied"}
+    assert tied & {"backlash", "settling"}
+    separating = {move.name for move in found.moves if "separates backlash X from settling X" in move.says}
+    assert "move lengths" in separating
+    assert not separating & {"retrace", "bar", "fixed references", "finer Y", "finer Z"}
+    assert found.moves[0].name in separating
+
+    again = diagnose(together(data, planned(found.after.frame, "move lengths"), backlash))
+    assert ("backlash", "X", "strong") in [(cause.kind, cause.axis, cause.verdict) for cause in again.causes]
+
+
+def test_where_nothing_is_in_doubt_what_is_not_visible_is_asked_for():
+    found = diagnose(seen(shuffled()))
+    assert not found.causes
+    assert [move.name for move in found.moves] == ["bar"]
+    assert "shows" in found.next_measurement
+
+
+def test_moves_are_ranked_by_what_they_tell_per_minute():
+    found = diagnose(seen(swept(), Backlash("X", 12.0)))
+    gains = [move.gain_per_minute for move in found.moves]
+    assert gains == sorted(gains, reverse=True)
+    assert all(
+        move.minutes > 0.0 and f"({move.minutes:.0f} min)" in move.says for move in found.moves if move.gain_per_minute
+    )
+
+
+# ---- what may follow a measurement
+
+
+def five_axis():
+    machine = machines.load("dmu50")
+    rng = np.random.default_rng(4)
+    targets = THREE | {"nest": Target((100.0, 50.0, -20.0), "table")}
+    return measured(
+        machine, positions(machine, 160, rng), targets, no_errors(machine), rng, stations=2, stands_on="bed"
+    )
+
+
+def in_motion():
+    q = shuffled()
+    state = State(
+        q, time=0.1 * np.arange(len(q)), velocity=np.diff(q, axis=0, prepend=q[:1]) + 1.0, acceleration=0.0 * q,
+        temperatures={"spindle": np.linspace(0.0, 3.0, len(q))},
+    )  # fmt: skip
+    rng = np.random.default_rng(6)
+    return observe(BENCH, no_errors(BENCH), state, TRACKER, rng, {"1": POSE})
+
+
+def many_rows():
+    rng = np.random.default_rng(7)
+    return seen(rng.uniform(0.0, 450.0, (1500, 3)))
+
+
+def by_interferometer():
+    x = np.tile(np.append(np.linspace(0, 600, 13), np.linspace(600, 0, 13)), 3)
+    state = State(np.stack([0 * x + 300, x, 0 * x + 200], axis=1), time=10.0 * np.arange(len(x)))
+    run = np.repeat(["1", "2", "3"], 26)
+    rng = np.random.default_rng(8)
+    return observe(BENCH, no_errors(BENCH), state, Interferometer(u_um=0.5), rng, axis=np.full(len(x), "X"), run=run)
+
+
+CASES = {
+    "standing": (lambda: seen(swept()), {"retrace", "shuffled", "cold start", "other side", "move lengths", "finer X", "bar"}),
+    "five axes": (five_axis, {"retrace", "second station across the volume", "fixed references", "target below", "finer B", "bar"}),
+    "in motion": (in_motion, {"retrace", "second feed", "second station across the volume", "bar"}),
+    "many rows": (many_rows, {"retrace"}),
+    "interferometer": (by_interferometer, {"retrace", "shuffled", "other side", "move lengths", "finer X"}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_plan_is_a_measurement_that_follows_the_data(case):
+    make, expected = CASES[case]
+    data = make()
+    base = base_of(data, None, lambda _: None)
+    frame = Frame.of(base.fit(data, [], "sheet"))
+    found = list(plans(frame.fit))
+    assert expected <= {plan.name for plan in found}
+    assert len({plan.name for plan in found}) == len(found)
+    now = (outlook := Outlook(frame, DRIFTS)).now
+    for plan in found:
+        more = plan.measurement
+        assert plan.minutes > 0.0
+        assert 0 < len(more) <= 2 * MOST_ROWS
+        assert set(frame.fit.registration.names) <= set(plan.registration.names)
+        assert set(np.unique(more.groups)) <= {*plan.registration.poses, *(g for g in plan.registration.zeros)}
+        missed = residuals(more, no_errors(data.machine), plan.registration)
+        assert np.abs(missed).max() < 1e-9
+        if more.state.time is not None and plan.name != "cold start":
+            assert more.state.time.min() > data.state.time.max()
+        known = outlook.after(now, plan)
+        for i in range(len(DRIFTS)):
+            assert np.all(np.linalg.eigvalsh(known.left(i) - now.left(i)) > -1e-6 * max(known.left(i).max(), 1.0))
+
+
+def test_nothing_is_planned_after_a_part():
+    part = observe(BENCH, no_errors(BENCH), State(swept()), Part(u_um=2.0), np.random.default_rng(9))
+    assert not list(plans(frame_of(part).fit))
+
+
+def test_what_is_in_motion_is_not_asked_to_stand():
+    assert not {"shuffled", "other side", "move lengths"} & {plan.name for plan in plans(frame_of(in_motion()).fit)}
+
+
+def test_a_second_feed_changes_the_velocity_and_not_the_path():
+    data = in_motion()
+    more = planned(frame_of(data), "second feed").measurement
+    assert np.array_equal(more.state.positions, data.state.positions)
+    assert more.state.velocity == pytest.approx(0.5 * data.state.velocity)
+    assert np.ptp(more.state.time) == pytest.approx(2.0 * np.ptp(data.state.time))
+
+
+def test_a_retrace_comes_from_where_the_machine_went():
+    data = seen(swept())
+    more = planned(frame_of(data), "retrace").measurement
+    assert np.array_equal(more.state.positions, data.state.positions[::-1])
+    moved = np.diff(data.state.positions, axis=0)[::-1]
+    assert np.array_equal(more.state.last_move[1:][moved != 0.0], -moved[moved != 0.0])
+
+
+def test_what_a_tracker_did_before_it_was_moved_says_nothing_of_its_drift_after():
+    frame = frame_of(seen(shuffled()))
+    outlook = Outlook(frame, [TrackerDrift()])
+    now = outlook.now
+    after = outlook.after(now, planned(frame, "second station across the volume"))
+    retraced = outlook.after(now, planned(frame, "retrace"))
+    assert np.trace(after.left(0)) < 1.2 * np.trace(now.left(0)) < np.trace(retraced.left(0))
