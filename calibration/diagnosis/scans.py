@@ -58,6 +58,8 @@ LEAST_ROWS = 8
 """Before and after a moment when the instrument moved."""
 LATTICE = 0.02
 """Share of their distance by which positions may miss a lattice."""
+UNSEEN = 1e-12
+"""Squares of a signal, in terms of the noise's variance, that are none."""
 OVER = 3000
 """Rows times frequencies that are worked out together, in thousands."""
 
@@ -233,7 +235,7 @@ def _finest(frame: Frame, axis: str, component: Component, frequencies: Array, s
         for i in range(len(tried)):
             part = slice(2 * i, 2 * i + 2)
             own = projected.left[part, part]
-            gains.append(along[part] @ np.linalg.solve(own + 1e-9 * np.trace(own) * np.eye(2), along[part]))
+            gains.append(along[part] @ np.linalg.solve(own + (1e-9 * np.trace(own) + UNSEEN) * np.eye(2), along[part]))
         return float(tried[int(np.argmax(gains))])
 
     best = best_of(frequencies)
