@@ -104,7 +104,7 @@ def show(found: Diagnosis, to: Console) -> None:
         table.add_column("")
         table.add_column("cause", overflow="fold", min_width=24)
         table.add_column(f"size ± U (k={words.COVERAGE})", overflow="fold")
-        for head in ("dBIC", "held out, um", "share", "verdict"):
+        for head in ("dBIC", "held, um", "share", "verdict"):
             table.add_column(head, no_wrap=True, justify="left" if head == "verdict" else "right")
         for number, cause in enumerate(found.causes, start=1):
             table.add_row(
@@ -140,7 +140,7 @@ def _head(found: Diagnosis) -> Iterator[str]:
         yield f"noise        {found.repeats.says.removeprefix('noise ')}"
     significant = [test for test in found.tests if test.p_value < 1e-3]
     because = "; ".join(f"{test.what} p = {test.p_value:.1g}" for test in significant[: words.MANY])
-    verdict = "SOMETHING IS MISSING" if found.causes or found.unexplained else "nothing is missing"
+    verdict = "SOMETHING IS MISSING" if words.missing(found) else "nothing is missing"
     yield f"residual     chi2/dof {found.before.fit.chi2_reduced:.3g}{'; ' if because else ''}{because} -> {verdict}"
     for remedy, names in words.hidden(found).items():
         more = f" and {len(names) - words.MANY} more" if len(names) > words.MANY else ""
@@ -150,12 +150,9 @@ def _head(found: Diagnosis) -> Iterator[str]:
 
 
 def _tail(found: Diagnosis) -> Iterator[str]:
-    fit = found.after.fit
     yield f"{'UNEXPLAINED' if found.unexplained else 'LEFT':<13}{words.left_line(found)}"
-    for row in fit.outliers[: words.MANY]:
-        yield f"left out     {found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the rest"
-    if len(fit.outliers) > words.MANY:
-        yield f"left out     ... and {len(fit.outliers) - words.MANY} more outliers"
+    for line in words.left_out(found):
+        yield f"left out     {line}"
     for note in words.notes(found):
         yield f"note         {note}"
     yield f"DO NEXT      {found.next_measurement}"

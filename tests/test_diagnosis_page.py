@@ -110,12 +110,12 @@ def test_curves_are_those_of_the_cause():
     assert panel.x.max() < 20.1
 
 
-def diagnosis_of(*effects, n=160, seed=2):
+def diagnosis_of(*effects, n=160, seed=2, variance="sheet"):
     """A diagnosis of a C-frame with these errors, measured there and back."""
     rng = np.random.default_rng(seed)
     q = positions(CFRAME, n // 2, rng, edges=30)
     model = msgspec.structs.replace(no_errors(CFRAME), effects=effects)
-    return diagnose(measured(CFRAME, np.concatenate([q, q[::-1]]), THREE, model, rng))
+    return diagnose(measured(CFRAME, np.concatenate([q, q[::-1]]), THREE, model, rng), variance=variance)
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +166,13 @@ def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):
         assert any(re.match(rf" \d+ +{re.escape(cause.effect.name)} ", line) for line in table)
 
 
+def test_shares_are_of_the_same_noise_where_it_is_estimated():
+    found = diagnosis_of(Backlash("X", 200.0), n=120, variance="estimate")
+    (cause,) = found.causes
+    assert found.before.fit.variance_factor > 2 * found.after.fit.variance_factor
+    assert found.left_share < 0.5 < cause.share + found.left_share < 1.6
+
+
 def test_causes_are_named_in_full_among_others():
     assert [in_full(name) for name in ("E_XY(X)", "E_XY", "E_C0Y", "backlash X")] == [
         "cross-axis E_XY(X)", "E_XY", "E_C0Y", "backlash X",
@@ -177,6 +184,18 @@ def test_causes_are_named_in_full_among_others():
     assert with_uncertainty(-0.03212, 0.365) == "-0.03 ± 0.73"
     assert with_uncertainty(20.0, 0.0) == "20"
     assert with_uncertainty(1834.2, 115.0) == "1834 ± 230"
+
+
+def test_what_was_not_used_is_told_and_the_model_not_called_complete(several):
+    after = several.after._replace(fit=replace(several.after.fit, failed=("s2",)))
+    none = replace(several, causes=(), unexplained=None, after=after)
+    page = diagnosis_page(none, "ncomp diagnose").decode()
+    assert "Nothing is missing" not in page
+    assert "NOT USED: s2" in page
+    out = io.StringIO()
+    show(none, Console(file=out, soft_wrap=True))
+    assert "SOMETHING IS MISSING" in out.getvalue()
+    assert "left out     set-ups s2" in out.getvalue()
 
 
 def test_a_page_of_nothing_missing():

@@ -19,7 +19,7 @@ from calibration.diagnosis.next_measurement import Move, moves
 from calibration.diagnosis.repeats import Repeats, repeats
 from calibration.diagnosis.sanity import Finding, sanity
 from calibration.diagnosis.selection import Accepted, Judged, Selector, Stage, judge
-from calibration.diagnosis.verdict import Named, NotVisible, named, not_visible, outliers, smallest_sizes
+from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
 from calibration.diagnosis.whiteness import Test, combined
 from calibration.diagnosis.written import new_calibration
 from calibration.measurement import Measurement
@@ -174,7 +174,7 @@ def diagnose(
         tuple(tests),
         tuple(tests_after),
         tuple(causes),
-        after.frame.squares / max(bare.squares, 1e-300),
+        after.frame.squares / in_terms_of(bare, after.frame),
         tuple(not_visible(judged)),
         tuple(untested),
         visibility(after.fit) if after.fit.prior.ndim == 1 else None,

@@ -105,11 +105,12 @@ class NotVisible:
 def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
     """The accepted causes of a stage, whose effects stand in its model at `numbers`; `before` has none of them."""
     found = []
+    whole = in_terms_of(before, stage.frame)
     for each, number in zip(stage.accepted, numbers, strict=True):
         without = stage.frame.without(number)
         effect = _with_uncertainty(stage.fit.model.effects[number], without)
         own = without.projected(without.columns(each.candidate.effect))
-        share = float(each.size @ own.left @ each.size) / max(before.squares, 1e-300)
+        share = float(each.size @ own.left @ each.size) / whole
         alternatives = tuple(_alternatives(each))
         found.append(
             Named(
@@ -125,6 +126,11 @@ def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
             )
         )
     return sorted(found, key=lambda cause: cause.delta_bic)
+
+
+def in_terms_of(before: Frame, frame: Frame) -> float:
+    """Sum of squares of one frame in terms of the noise of another: each may have estimated its own."""
+    return max(before.squares * before.fit.variance_factor / frame.fit.variance_factor, 1e-300)
 
 
 def outliers(fit: Fit, before: Frame) -> Named | None:

@@ -145,6 +145,23 @@ def data_line(found: Diagnosis) -> str:
     return f"{measurement.source}: {len(measurement)} rows, {found.before.fit.observations} observations{runs}"
 
 
+def missing(found: Diagnosis) -> bool:
+    """True unless the present model explains the data, all of them."""
+    return bool(found.causes or found.unexplained or found.after.fit.failed)
+
+
+def left_out(found: Diagnosis) -> Iterator[str]:
+    """What was not fitted, and why."""
+    fit = found.after.fit
+    if fit.failed:
+        what = "runs" if fit.measurement.instrument.components == 1 else "set-ups"
+        yield f"{what} {', '.join(fit.failed)}: most of their rows disagree with the rest or the model, none was used"
+    for row in fit.outliers[:MANY]:
+        yield f"{found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the rest"
+    if len(fit.outliers) > MANY:
+        yield f"... and {len(fit.outliers) - MANY} more outliers"
+
+
 def left_line(found: Diagnosis) -> str:
     """What is left, in terms of the noise, and what it depends on."""
     rms, left = found.after.fit.rms_um, found.unexplained

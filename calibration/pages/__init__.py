@@ -8,9 +8,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from kinematics.transforms import Array
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+LONG = 1800.0
+"""s, from which times are shown in hours."""
 STYLE: Any = {
     "font.size": 8,
     "axes.grid": True,
@@ -49,6 +55,11 @@ def page(title: str, lead: str, sections: Sequence[Section], verdict: str = "") 
     )
     template = environment.get_template("page.html")
     return template.render(title=title, lead=lead, sections=sections, verdict=verdict).encode()
+
+
+def clock(seconds: Array) -> tuple[float, str]:
+    """Seconds of the unit that these times are shown in, and the label of their axis."""
+    return (3600.0, "time, h") if np.ptp(seconds) >= LONG else (1.0, "time, s")
 
 
 @contextmanager

@@ -15,6 +15,7 @@ import numpy as np
 
 from calibration.diagnosis.frame import Frame
 from calibration.normal import whitened, whiteners
+from calibration.pages import clock
 from kinematics.effects import (
     COMPONENTS,
     INSTRUMENT,
@@ -47,7 +48,7 @@ from kinematics.effects import (
     Wobble,
     unit_of,
 )
-from kinematics.effects.base import HOUR, own_motion
+from kinematics.effects.base import own_motion
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
 
@@ -55,7 +56,7 @@ DENSE = 400
 """Points of a curve."""
 BLUNT = 10.0
 """Rows less certain than this multiple of the median have nothing to show."""
-TIME, IN_ORDER = "time, h", "row, in the order of acquisition"
+IN_ORDER = "row, in the order of acquisition"
 
 
 class Curve(NamedTuple):
@@ -119,9 +120,11 @@ class _Seen:
         table = self.state.need(column, self.effect.name)
         return np.asarray(table[:, self.frame.measurement.machine.index(self.effect.axis)])
 
-    def hours(self) -> Array:
-        """`(n,)`"""
-        return np.asarray(self.state.need("time", self.effect.name) / HOUR)
+    def time(self) -> tuple[Array, str]:
+        """Time `(n,)` in the unit of its label."""
+        seconds = self.state.need("time", self.effect.name)
+        unit, label = clock(seconds)
+        return np.asarray(seconds / unit), label
 
     def over(self, x: Array, label: str) -> Iterator[View]:
         """A panel for each component that the cause acts on."""
@@ -244,7 +247,7 @@ def _drive_of_heat(seen: _Seen) -> tuple[Array, str]:
     """Time, or the temperature where the cause follows it without lag."""
     sensor = getattr(seen.effect, "sensor", None)
     if sensor is None or seen.effect.lag_s:
-        return seen.hours(), TIME
+        return seen.time()
     return seen.state.temperature(sensor, seen.effect.name) + REFERENCE, f"temperature {sensor}, degC"
 
 
@@ -284,8 +287,9 @@ def _by_time(seen: _Seen) -> Iterator[View]:
     if seen.state.time is None:
         yield from _by_row(seen)
         return
-    for view in seen.over(seen.hours(), TIME):
-        yield view if since is None else replace(view, moment=since / HOUR)
+    unit, _ = clock(seen.state.time)
+    for view in seen.over(*seen.time()):
+        yield view if since is None else replace(view, moment=since / unit)
 
 
 def _by_target(seen: _Seen) -> Iterator[View]:

@@ -16,8 +16,6 @@ from calibration.pages.cause_views import views
 from calibration.pages.left_figures import against_noise, before_and_after, share_chart, unexplained_shape
 from kinematics.effects import CrossAxis
 
-MANY_ROWS = 20
-"""Rows that are listed."""
 SIGNS = (
     "Errors are actual minus nominal, tool relative to workpiece (ISO 841, ISO 230-1), in um and urad; of the "
     "instrument observed minus true; a correction has the opposite sign. U is the expanded uncertainty, k = 2."
@@ -27,7 +25,7 @@ HOW_DRAWN = {
     "dots": f"Small dots: single rows, {PUT_BACK}; large ones: their means; black, or a line: the fitted cause.",
     "map": f"Left: {PUT_BACK}, means of rows; cells that these leave uncertain are blank. Right: the fitted cause.",
 }
-OBSERVED = "Directions: x, y, z of what the instrument stands on; residuals are observed minus expected."
+OBSERVED = "Residuals are observed minus expected, of points in x, y, z of what the instrument stands on."
 
 
 def diagnosis_page(found: Diagnosis, command: str) -> bytes:
@@ -49,10 +47,14 @@ def _verdict(found: Diagnosis) -> str:
         said = f"Missing in the present model: {names}. With {'it' if len(found.causes) == 1 else 'them'}: {brought}."
         if found.unexplained is not None:
             said += " Something else is missing that no cause of the library explains."
-    elif found.unexplained is None:
+    elif not words.missing(found):
         said = f"Nothing is missing: the present model explains the data down to their noise; {brought}."
-    else:
+    elif found.unexplained is not None:
         said = f"Something is missing that no cause of the library explains; {brought}."
+    else:
+        said = f"Of the data that could be used the present model leaves nothing but noise; {brought}."
+    if after.fit.failed:
+        said += f" NOT USED: {', '.join(after.fit.failed)}, of which nothing is said."
     return f"{said} Left: {words.left_line(found)}."
 
 
@@ -246,10 +248,9 @@ def _what_now(found: Diagnosis) -> Iterator[Section]:
     rows = [_move(move) for move in found.moves if move.minutes]
     table = Table(("move", "minutes", "gain per minute", "what to do, and what it tells"), rows)
     yield Section("What to measure next", says, table if rows else None)
-    outliers = [found.measurement.where(int(row)) for row in found.after.fit.outliers]
-    if outliers:
-        more = "" if len(outliers) <= MANY_ROWS else f", and {len(outliers) - MANY_ROWS} more"
-        yield Section("Left out", f"Rows that do not belong to the rest: {', '.join(outliers[:MANY_ROWS])}{more}.")
+    lost = list(words.left_out(found))
+    if lost:
+        yield Section("Left out", "\n".join(lost))
     text = (
         f"NEW.json holds the machine with what was found (calibration {found.model.id}), nothing of the instrument's."
     )

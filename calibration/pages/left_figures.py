@@ -14,8 +14,7 @@ from calibration.diagnosis.words import title
 from calibration.fit import Fit
 from calibration.models import moving_axes
 from calibration.normal import whitened, whiteners
-from calibration.pages import figure
-from kinematics.effects.base import HOUR
+from calibration.pages import clock, figure
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array
 
@@ -97,13 +96,13 @@ def unexplained_shape(found: Diagnosis) -> str:
     values[frame.rows] = np.linalg.solve(frame.white, found.unexplained.shape[:, :, None])[:, :, 0]
     micro = in_micro(frame.fit, values)[frame.rows]
     known = variables(measurement, frame.rows)
-    chosen = {name: _shown(name, known[name]) for name in found.unexplained.variables}
+    chosen = dict(_shown(found, name, known[name]) for name in found.unexplained.variables)
     with figure(8.6, 2.6) as (canvas, drawn):
         places = canvas.subplots(1, len(chosen) + (len(chosen) > 1), squeeze=False)[0]
         for place, (name, x) in zip(places, chosen.items(), strict=False):
             for k in range(micro.shape[1]):
                 _dots(place, x, micro[:, k], COLOURS[k], "xyz"[k] if micro.shape[1] > 1 else None)
-            place.set_xlabel(_with_unit(found, name))
+            place.set_xlabel(name)
         places[0].set_ylabel("unexplained, um")
         if micro.shape[1] > 1:
             places[0].legend(loc="upper right", markerscale=3, fontsize=7, framealpha=0.7)
@@ -112,8 +111,8 @@ def unexplained_shape(found: Diagnosis) -> str:
             (first, x), (second, y) = list(chosen.items())[:2]
             most = float(np.abs(micro[:, k]).max())
             dots = places[-1].scatter(x, y, c=micro[:, k], cmap="RdBu_r", vmin=-most, vmax=most, s=9, rasterized=True)
-            places[-1].set_xlabel(_with_unit(found, first))
-            places[-1].set_ylabel(_with_unit(found, second))
+            places[-1].set_xlabel(first)
+            places[-1].set_ylabel(second)
             canvas.colorbar(dots, ax=places[-1], label=f"{'xyz'[k] if micro.shape[1] > 1 else 'unexplained'}, um")
     return drawn[0]
 
@@ -122,7 +121,8 @@ def _axes_of_figures(found: Diagnosis) -> Iterator[tuple[str, Array]]:
     measurement = found.measurement
     state, machine = measurement.state, measurement.machine
     if state.time is not None and np.ptp(state.time) > 0:
-        yield "time, h", state.time / HOUR
+        unit, label = clock(state.time)
+        yield label, state.time / unit
     for axis in moving_axes(measurement):
         yield f"{axis}, {machine.axes[machine.index(axis)].unit}", state.position(machine, axis)
 
@@ -138,19 +138,17 @@ def _standard(fit: Fit) -> Array:
     return np.asarray(white / fit.variance_factor**0.5)
 
 
-def _shown(name: str, values: Array) -> Array:
-    """A variable in the unit that people read."""
-    if name == "time":
-        return np.asarray(values / HOUR)
-    return np.asarray(values + REFERENCE) if name.startswith("temperature ") else values
-
-
-def _with_unit(found: Diagnosis, name: str) -> str:
+def _shown(found: Diagnosis, name: str, values: Array) -> tuple[str, Array]:
+    """Label and values of a variable in the unit that people read."""
     machine = found.measurement.machine
+    if name == "time":
+        unit, label = clock(values)
+        return label, np.asarray(values / unit)
+    if name.startswith("temperature "):
+        return f"{name}, degC", np.asarray(values + REFERENCE)
     if name in machine.names:
-        return f"{name}, {machine.axes[machine.index(name)].unit}"
-    units = {"time": "time, h", "feed": "feed, mm/min"}
-    return f"{name}, degC" if name.startswith("temperature ") else units.get(name, name)
+        return f"{name}, {machine.axes[machine.index(name)].unit}", values
+    return f"{name}, mm/min" if name == "feed" else name, values
 
 
 def _dots(place: Axes, x: Array, y: Array, colour: str, label: str | None) -> None:
