@@ -246,7 +246,7 @@ def _in_the_dark(found: Diagnosis) -> Iterator[Section]:
 def _what_now(found: Diagnosis) -> Iterator[Section]:
     says = f"{found.next_measurement[0].upper()}{found.next_measurement[1:]}."
     rows = [_move(move) for move in found.moves if move.minutes]
-    table = Table(("move", "minutes", "gain per minute", "what to do, and what it tells"), rows)
+    table = Table(("move", "minutes", "gain, noise variances per minute", "what to do, and what it tells"), rows)
     yield Section("What to measure next", says, table if rows else None)
     lost = list(words.left_out(found))
     if lost:
