@@ -16,7 +16,7 @@ from scipy import stats
 
 from calibration.diagnosis.library import contract_kind
 from calibration.diagnosis.outlook import Known, Outlook
-from calibration.diagnosis.planned import plans
+from calibration.diagnosis.plans import plans
 from calibration.diagnosis.selection import SEEN, WORTH, Judged, Stage
 from calibration.diagnosis.verdict import CLEAR, REMEDIES, Named, tied_with
 from kinematics.effects import Effect
@@ -168,10 +168,14 @@ def _noncentrality(signal: Signal, known: Known) -> float:
 
 def _said(answers: Sequence[tuple[Question, float]]) -> str:
     """What a move tells, for people."""
-    parts = [f"separates {q.name} from {q.other} (power {power:.2f})" for q, power in answers if q.kind == "tied"]
-    parts += [f"makes {q.name} sure (power {power:.2f})" for q, power in answers if q.kind == "weak"]
+    parts = [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
+    parts += [f"makes {q.name} sure (power {_chance(power)})" for q, power in answers if q.kind == "weak"]
     hidden = [q.name for q, _ in answers if q.kind == "hidden"]
     if hidden:
         more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""
         parts.append(f"shows {', '.join(hidden[:LISTED])}{more}")
     return "; ".join(parts)
+
+
+def _chance(power: float) -> str:
+    return "above 0.99" if power > 0.99 else f"{power:.2f}"
