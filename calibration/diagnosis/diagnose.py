@@ -76,9 +76,7 @@ class Diagnosis:
         """RMS per scalar of what depends on variables that no cause explains."""
         if self.unexplained is None:
             return 0.0
-        frame = self.after.frame
-        smooth = np.linalg.solve(frame.white, self.unexplained.shape[:, :, None])[:, :, 0]
-        return float(np.sqrt(np.mean((smooth * self.measurement.per_micro[frame.rows]) ** 2)))
+        return self.unexplained.rms * self.noise_um
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
@@ -159,7 +157,8 @@ def diagnose(
     selector, after = found.selector, found.stage
     bare = after.frame if not after.accepted else Frame.of(selector.base.fit(measurement, [], variance))
     causes = named(after, found.numbers, bare)
-    lost = outliers(after.fit, bare)
+    # what no cause explains makes outliers as well
+    lost = outliers(after.fit, bare) if left is None else None
     causes += [] if lost is None else [lost]
     judged = found.judged or tuple(judge(after.frame, candidates))
     told = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]

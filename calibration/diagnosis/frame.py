@@ -32,7 +32,9 @@ ROWS = 5000
 RIDGE = 1e-9
 """Of columns of the registration, in units of their length."""
 GENEROUS = 5.0
-"""Multiple of its typical size that a candidate may have without being charged for it."""
+"""Multiple of its typical size that a candidate may have without being charged for it;"""
+BEYOND = 3.0
+"""or this multiple of what it shows itself to have."""
 
 
 class Score(NamedTuple):
@@ -175,6 +177,8 @@ class Frame:
         values = np.maximum(values, 0.0)
         along = vectors.T @ (candidate.columns.T @ self.residual)
         softened = values + GENEROUS**-2
+        largest = float(np.abs(vectors @ (along / softened)).max(initial=0.0))
+        softened = values + max(GENEROUS, BEYOND * largest) ** -2
         raw = float(np.sum(along**2 / softened))
         spent = float(np.sum(values / softened)) + shapes
         variance = max((self.squares - raw) / max(self.freedom - spent, 1.0), 1.0)
@@ -196,12 +200,15 @@ class Frame:
             design, residual = self.design[mine], self.residual[mine]
             factor = linalg.cho_factor(total - design.T @ design + RIDGE * np.eye(len(total)), lower=True)
             missed = residual + design @ linalg.cho_solve(factor, design.T @ residual)
-            counted = np.repeat((placed(some, ~inside) & self.good)[inside], some.instrument.components)
+            counted = np.repeat(placed(some, ~inside)[inside], some.instrument.components)
             found.append(HeldBlock(mine, factor, missed, counted))
         return found
 
     def held_gains(self, candidate: Projected) -> Array:
-        """By which the squares of each block's counted residuals fall with the candidate in the fit of the others."""
+        """By which the squares of each block's counted residuals fall with the candidate in the fit of the others.
+
+        Outliers count, as far as their weight goes: a cause that the model lacks makes them.
+        """
         columns, softened = candidate.columns, GENEROUS**-2 * np.eye(candidate.columns.shape[1])
         mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
         gains = []
@@ -226,7 +233,7 @@ class Frame:
             missed[block.rows], counted[block.rows] = block.missed, block.counted
         whole = missed.reshape(-1, components)[:, :, None]
         in_mm = np.linalg.solve(self.white, whole)[:, :, 0] * self.measurement.per_micro[self.rows]
-        return HeldResiduals(in_mm, counted.reshape(-1, components)[:, 0], len(self.blocks))
+        return HeldResiduals(in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks))
 
 
 class Derivatives(NamedTuple):
@@ -277,7 +284,7 @@ class HeldBlock(NamedTuple):
     missed: Array
     """Their residuals, whitened."""
     counted: np.ndarray
-    """False for outliers, and where the others say nothing of the set-up or the target."""
+    """False where the others say nothing of the set-up or the target."""
 
 
 class HeldResiduals(NamedTuple):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
+from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
@@ -12,23 +10,21 @@ from calibration.diagnosis.dependence import Unexplained, explaining_variables
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.selection import Accepted, Stage
 from calibration.diagnosis.whiteness import Columns, Test, whiteness
+from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.models import moving_axes
+from calibration.sight import carried
 from kinematics.effects import Effect
 from kinematics.transforms import Array
 
 IMPOSTOR = 1.0
-"""A cause that explains less than this multiple of what is left of its own variables is none."""
+"""A smooth cause that explains less than this multiple of what is left, of a variable of its own, is none."""
+FOLLOWS = 0.9
+"""Correlation from which two variables can't be told apart."""
+SMOOTH = ("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor")
+SMOOTH += ("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle")
+"""Kinds that do what another smooth function of their variables could do."""
 SEED = 1
-
-
-class Remainder(NamedTuple):
-    """What a stage leaves."""
-
-    tests: tuple[Test, ...]
-    """Of its residuals."""
-    unexplained: Unexplained | None
-    """Of all tests together significant, and a function of these variables."""
 
 
 def tests(frame: Frame) -> list[Test]:
@@ -68,39 +64,56 @@ def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
 
 def unexplained(frame: Frame) -> Unexplained | None:
     """A smooth function that explains the residuals of a frame, and its variables; None where there is none."""
-    white = frame.residual.reshape(len(frame.rows), -1)
-    return explaining_variables(white, variables(frame.measurement, frame.rows), np.random.default_rng(SEED))
+    given = variables(frame.measurement, frame.rows)
+    return explaining_variables(_of_machine(frame), given, np.random.default_rng(SEED))
 
 
 def impostors(stage: Stage, numbers: Sequence[int], left: Unexplained) -> list[Accepted]:
-    """Accepted causes of the very variables of what is left, that explain less than that: its form is not theirs."""
-    components = stage.frame.measurement.instrument.components
-    energy = left.rms**2 * len(stage.frame.rows) * components
+    """Accepted smooth causes of variables of what is left, that explain less than that: its form is not theirs."""
+    frame = stage.frame
+    components = frame.measurement.instrument.components
+    energy = left.rms**2 * len(frame.rows) * components
+    given = variables(frame.measurement, frame.rows)
     found = []
     for each, number in zip(stage.accepted, numbers, strict=True):
-        without = stage.frame.without(number)
-        own = without.projected(without.columns(each.candidate.effect))
+        effect = each.candidate.effect
+        if effect.kind not in SMOOTH or each.candidate.replaces:
+            continue
+        without = frame.without(number)
+        own = without.projected(without.columns(effect))
         explains = float(each.size @ own.left @ each.size)
-        if set(depends_on(each.candidate.effect)) <= set(left.variables) and explains < IMPOSTOR * energy:
+        shared = any(_alike(given, one, other) for one in depends_on(effect, given) for other in left.variables)
+        if shared and explains < IMPOSTOR * energy:
             found.append(each)
     return found
 
 
-def depends_on(effect: Effect) -> list[str]:
-    """Names of the variables that an effect is a function of."""
-    found = [
-        axis for axis in effect.axes if effect.kind not in ("backlash", "settling", "following-error", "first-cycle")
-    ]
+def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
+    """Names of the given variables that a smooth effect is a function of; one of the instrument of all positions."""
+    found = [axis for axis in effect.axes if axis in given]
     if "time" in effect.needs:
         found.append("time")
-    sensor = getattr(effect, "sensor", None)
-    return [*found, *([f"temperature {sensor}"] if sensor else []), *_other(effect)]
+    if getattr(effect, "sensor", None):
+        found.append(f"temperature {getattr(effect, 'sensor', '')}")
+    return found or [name for name in given if " " not in name and name not in ("time", "feed")]
 
 
-def _other(effect: Effect) -> list[str]:
-    """What is no function of positions, time and temperatures alone."""
-    if effect.kind == "backlash":
-        return [f"direction of {effect.axes[0]}"]
-    plain = ("error-motion", "location", "cross-axis", "cyclic", "quantised-compensation", "racking", "wobble")
-    thermal = ("thermal-drift", "thermal-scale", "thermal-drift-sensor", "thermal-scale-sensor")
-    return [] if effect.kind in (*plain, *thermal) else [effect.name]
+def _alike(given: Mapping[str, Array], one: str, other: str) -> bool:
+    """True for a variable and itself, and for two that follow each other."""
+    if one == other:
+        return True
+    both = [given[name] for name in (one, other) if name in given]
+    return len(both) == 2 and abs(float(np.corrcoef(both)[0, 1])) > FOLLOWS
+
+
+def _of_machine(frame: Frame) -> Array:
+    """Residuals `(n, d)` in terms of their noise: in the tool's directions where rotary axes turn what is observed."""
+    measurement, rows = frame.measurement, frame.rows
+    white = frame.residual.reshape(len(rows), -1)
+    turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
+    if not turning or not isinstance(measurement.instrument, LaserTracker):
+        return white
+    some = measurement.rows(rows)
+    back = np.swapaxes(frame.fit.registration.rotations(some) @ carried(some), 1, 2)
+    unwhite = back @ np.linalg.inv(frame.white)
+    return np.asarray((unwhite @ white[:, :, None])[:, :, 0] / np.sqrt(np.sum(unwhite**2, axis=2)))
