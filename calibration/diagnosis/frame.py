@@ -29,6 +29,8 @@ from kinematics.transforms import Array
 
 ROWS = 5000
 """At most so many rows, evenly spread, judge candidates; all of them enter the fits."""
+ASTRAY = 300.0
+"""um: a station most of whose rows disagree by more has failed; by less, it may be the model that does."""
 RIDGE = 1e-9
 """Of columns of the registration, in units of their length."""
 GENEROUS = 5.0
@@ -95,7 +97,7 @@ class Frame:
     def of(cls, fit: Fit) -> Frame:
         """The frame of a fit."""
         measurement = fit.measurement
-        rows = np.flatnonzero(~fit.copies & ~np.isin(measurement.groups, fit.failed))
+        rows = np.flatnonzero(~fit.copies & ~np.isin(measurement.groups, _astray(fit)))
         if len(rows) > ROWS:
             rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
         some = measurement.rows(rows)
@@ -272,6 +274,12 @@ def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect
     made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
     columns = made.reshape(-1, made.shape[2])[:, linear]
     return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
+
+
+def _astray(fit: Fit) -> list[str]:
+    """Stations that failed by more than what a model might lack."""
+    groups = fit.measurement.groups
+    return [name for name in fit.failed if np.median(fit.residual_um[groups == name]) > ASTRAY]
 
 
 class HeldBlock(NamedTuple):

@@ -11,9 +11,11 @@ from calibration.diagnosis.selection import Stage
 from calibration.fit import Fit
 from calibration.instruments import LaserTracker
 from calibration.models import distinct_positions, moving_axes
+from calibration.volumetric import volumetric_error_um
 from kinematics.basis import BSpline
 from kinematics.deviation import exact_deviation
 from kinematics.effects import ErrorMotion
+from kinematics.forward import tool_point
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
@@ -54,19 +56,19 @@ def in_micro(fit: Fit, values: Array) -> Array:
 
 
 def volume(before: Stage, after: Stage) -> Volume:
-    """Deviations over the measured states, by the machine's part of both models; a shift of the whole taken off."""
+    """Deviations over the measured states, by the machine's part of both models, after rigid alignment."""
     measurement = after.fit.measurement
     machine, state = measurement.machine, measurement.state
     q, tool = state.positions, measurement.tool
 
     def deviation(model: ErrorModel) -> Array:
         own = model.part(lambda effect: effect.ACTS_ON != "instrument")
-        return exact_deviation(machine, q, own.errors(machine, state), tool).position * 1e3
+        return exact_deviation(machine, q, own.errors(machine, state), tool).position
 
     new, old = deviation(after.fit.model), deviation(before.fit.model)
-    lengths = [np.linalg.norm(_centred(values), axis=1) for values in (new, new - old)]
-    rms = [float(np.sqrt(np.mean(length**2))) for length in lengths]
-    return Volume(rms[0], float(lengths[0].max()), rms[1], float(lengths[1].max()))
+    points = tool_point(machine, q, tool)
+    whole, left = volumetric_error_um(new, points), volumetric_error_um(new - old, points)
+    return Volume(whole.rms, whole.largest, left.rms, left.largest)
 
 
 def closure(frame: Frame) -> float | None:
@@ -93,7 +95,3 @@ def closure(frame: Frame) -> float | None:
     along = vectors[:, seen].T @ (finest.T @ frame.residual)
     explained = float(np.sum(along**2 / values[seen])) - int(np.count_nonzero(seen))
     return float(np.clip(1.0 - explained / beyond, 0.0, 1.0))
-
-
-def _centred(values: Array) -> Array:
-    return np.asarray(values - values.mean(axis=0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+
 import numpy as np
 from scipy import linalg
 
@@ -19,10 +20,10 @@ from kinematics.transforms import Array
 
 IMPOSTOR = 1.0
 """A smooth cause that explains less than this multiple of what is left, of a variable of its own, is none."""
-FOLLOWS = 0.9
-"""Correlation from which two variables can't be told apart."""
-SMOOTH = ("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor")
-SMOOTH += ("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle")
+SMOOTH = (
+    *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),
+    *("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle"),
+)
 """Kinds that do what another smooth function of their variables could do."""
 SEED = 1
 
@@ -82,7 +83,7 @@ def impostors(stage: Stage, numbers: Sequence[int], left: Unexplained) -> list[A
         without = frame.without(number)
         own = without.projected(without.columns(effect))
         explains = float(each.size @ own.left @ each.size)
-        shared = any(_alike(given, one, other) for one in depends_on(effect, given) for other in left.variables)
+        shared = {_family(name) for name in depends_on(effect, given)} & {_family(name) for name in left.variables}
         if shared and explains < IMPOSTOR * energy:
             found.append(each)
     return found
@@ -98,12 +99,9 @@ def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
     return found or [name for name in given if " " not in name and name not in ("time", "feed")]
 
 
-def _alike(given: Mapping[str, Array], one: str, other: str) -> bool:
-    """True for a variable and itself, and for two that follow each other."""
-    if one == other:
-        return True
-    both = [given[name] for name in (one, other) if name in given]
-    return len(both) == 2 and abs(float(np.corrcoef(both)[0, 1])) > FOLLOWS
+def _family(variable: str) -> str:
+    """Time for temperatures as well, which follow it."""
+    return "time" if variable.startswith("temperature ") else variable
 
 
 def _of_machine(frame: Frame) -> Array:

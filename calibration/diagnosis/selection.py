@@ -29,6 +29,8 @@ DROPPED = -6.0
 """A cause whose removal costs less goes again."""
 SURE = 1.0
 """Standard errors that the gain on held-out blocks has to be above zero."""
+MOSTLY = 0.75
+"""Or the share of blocks that gain, where what else is missing makes one of them lose."""
 FALSE = 0.01
 """Share of false causes among those named (Benjamini and Hochberg)."""
 SEEN = 0.05
@@ -224,7 +226,7 @@ def passing(frame: Frame, judged: Sequence[Judged]) -> Iterator[Judged]:
         if each.projected.visible < SEEN or each.score.p_value > limit or np.abs(each.score.size).max() > LARGEST:
             continue
         gains = frame.held_gains(each.projected)
-        if gains.mean() > SURE * _error(gains):
+        if gains.mean() > SURE * _error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY):
             yield each
 
 
