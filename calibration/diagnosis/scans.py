@@ -49,7 +49,9 @@ TEETH = 3.0
 """Least number of steps over the travel."""
 OFFSETS = 12
 """Positions of the steps within a pitch that are tried."""
-MOST_HARMONICS = 4
+MOST_HARMONICS = 8
+SAME = 0.01
+"""Relative difference of two periods that are one."""
 FINE = (12, 16, 24, 32, 48)
 """Sizes of finer bases."""
 BREAKS = 60
@@ -82,10 +84,14 @@ def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component))
 
 
 def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
-    """A cyclic error with as many harmonics as pay."""
+    """A cyclic error with as many harmonics as pay; none that is a cyclic error of the model already."""
     effect = candidate.effect
     assert isinstance(effect, Cyclic)
-    variants = [_wave(effect.component, effect.axis, effect.period, number) for number in range(1, MOST_HARMONICS + 1)]
+    known = [e.period for e in frame.fit.model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
+    most = MOST_HARMONICS
+    while most > 1 and any(abs(effect.period / k / period - 1.0) < SAME for k in range(2, most + 1) for period in known):
+        most -= 1
+    variants = [_wave(effect.component, effect.axis, effect.period, number) for number in range(1, most + 1)]
     best = min(variants, key=lambda each: frame.score(frame.projected(frame.columns(each))).delta_bic)
     return Candidate(best, candidate.shapes, candidate.trials)
 

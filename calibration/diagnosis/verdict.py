@@ -157,6 +157,8 @@ def not_visible(judged: Sequence[Judged]) -> list[NotVisible]:
     """Causes of the library of which these data show next to nothing."""
     best: dict[str, tuple[float, str]] = {}
     for each in judged:
+        if each.candidate.replaces or isinstance(each.candidate.effect, Cyclic | QuantisedCompensation):
+            continue  # proposed from the residual: not of the library
         name, share = each.candidate.effect.name, each.projected.visible
         if name not in best or share > best[name][0]:
             best[name] = (share, each.candidate.kind)
