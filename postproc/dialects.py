@@ -51,6 +51,8 @@ class Dialect:
     """A comment, as a format with one place for its text."""
     is_head: Callable[[Block], bool]
     """True for blocks that must stay in front of everything else."""
+    own: re.Pattern[str] | None = None
+    """Variables that corrections are put into: a program that has them already can't be corrected."""
 
 
 def _iso() -> Dialect:
@@ -69,17 +71,18 @@ def _iso() -> Dialect:
 
 
 def _heidenhain() -> Dialect:
-    from postproc import heidenhain, heidenhain_blocks
+    from postproc import heidenhain, heidenhain_blocks, heidenhain_statements
 
     return Dialect(
         "heidenhain",
         heidenhain_blocks.join_lines,
         heidenhain_blocks.read_block,
-        re.compile(r"(?!)"),
-        lambda _: (),
+        heidenhain_statements.FLOW,
+        heidenhain_statements.labels,
         heidenhain.HeidenhainInterpreter,
         "; {}",
         lambda block: block.kind == "begin_pgm",
+        heidenhain_statements.OWN,
     )
 
 

@@ -51,6 +51,8 @@ class Formula(NamedTuple):
     tail: int = 0
     """Characters at the end of the text that what is added stands in front of."""
     after: str = ""
+    carrier: bool = False
+    """A word that can't hold a sum: a variable of ncomp's own takes it, in a block before."""
 
     def plus(self, text: str, shift: str) -> str:
         """The text of a word with a signed number added."""

@@ -39,7 +39,7 @@ LONGEST = 2_000_000
 """Blocks that a program may run."""
 DEEPEST = 100
 """Subprograms in subprograms."""
-FREE = frozenset("FS")
+FREE = frozenset(("F", "S", "FU", "FZ", "FT"))
 """Addresses whose values need not be known: they move the tool nowhere."""
 
 

@@ -18,12 +18,20 @@ class Frame:
 
     Without TCP, axis position = programmed position + offset, a length offset of the tool included. With TCP the
     rotary axes are the same, and X Y Z + offset is the tool point in the workpiece frame, which turns with a table.
+    A turn is applied to programmed X Y Z before the offset.
     """
 
     offset: tuple[float, ...]
     tool_length: float = 0.0
     """Of the tool in the spindle, mm: the tip is at (0, 0, -length) from the tool reference point."""
     tcp: bool = False
+    turn: tuple[float, ...] | None = None
+    """Of X Y Z: a matrix of three rows that turns, mirrors and scales alike in all directions; None for none."""
+
+    @property
+    def couples(self) -> bool:
+        """True where a programmed coordinate moves more than the axis of its name."""
+        return self.turn is not None and any(self.turn[i] != 0.0 for i in (1, 2, 3, 5, 6, 7))
 
     @property
     def tool(self) -> tuple[float, float, float]:
@@ -39,6 +47,9 @@ def cartesian(machine: Machine) -> tuple[int, int, int]:
 def to_machine(machine: Machine, frame: Frame, program: Array) -> Array:
     """Axis positions `(n, axes)`, mm and rad, of programmed positions `(n, axes)`, mm and degrees."""
     shifted = program + np.asarray(frame.offset)
+    if frame.turn is not None:
+        x_y_z = list(cartesian(machine))
+        shifted[:, x_y_z] += program[:, x_y_z] @ (_matrix(frame.turn) - np.eye(3)).T
     q = np.asarray(shifted * machine.scale)
     if frame.tcp:
         q = linear_positions(machine, q, shifted[:, cartesian(machine)], frame.tool)
@@ -50,4 +61,66 @@ def to_program(machine: Machine, frame: Frame, q: Array) -> Array:
     shifted = np.asarray(q / machine.scale)
     if frame.tcp:
         shifted[:, cartesian(machine)] = tool_point(machine, q, frame.tool)
-    return np.asarray(shifted - np.asarray(frame.offset))
+    program = np.asarray(shifted - np.asarray(frame.offset))
+    if frame.turn is not None:
+        x_y_z = list(cartesian(machine))
+        program[:, x_y_z] = program[:, x_y_z] @ np.linalg.inv(_matrix(frame.turn)).T
+    return program
+
+
+def _matrix(turn: tuple[float, ...]) -> Array:
+    return np.array(turn).reshape(3, 3)
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A shift and a turn of programmed X Y Z, one after the other: placed = turn @ programmed + shift."""
+
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+    def then(self, inner: Placement) -> Placement:
+        """This one, with another inside: what is programmed goes through the inner one first."""
+        outer = _matrix(self.turn)
+        shift = outer @ np.array(inner.shift) + np.array(self.shift)
+        return Placement(tuple(shift.tolist()), tuple((outer @ _matrix(inner.turn)).ravel().tolist()))
+
+    @property
+    def frame_turn(self) -> tuple[float, ...] | None:
+        """The turn of a Frame, None for none."""
+        return None if self.turn == Placement().turn else self.turn
+
+
+def shifted(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Placement:
+    """The origin at another place."""
+    return Placement((x, y, z))
+
+
+def mirrored(axes: str) -> Placement:
+    """The other way round along some axes."""
+    return Placement(turn=_diagonal(*(-1.0 if axis in axes else 1.0 for axis in "XYZ")))
+
+
+def scaled(factor: float) -> Placement:
+    """Larger by a factor."""
+    return Placement(turn=_diagonal(factor, factor, factor))
+
+
+def rotated(degrees: float, plane: str = "XYZ") -> Placement:
+    """Turned in a plane, counter-clockwise seen from the end of its normal: the last of three letters."""
+    first, second, _ = ("XYZ".index(letter) for letter in plane)
+    c, s = _exact(np.cos, degrees), _exact(np.sin, degrees)
+    turn = np.eye(3)
+    turn[first, first] = turn[second, second] = c
+    turn[first, second], turn[second, first] = -s, s
+    return Placement(turn=tuple(turn.ravel().tolist()))
+
+
+def _diagonal(x: float, y: float, z: float) -> tuple[float, ...]:
+    return (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)
+
+
+def _exact(function: np.ufunc, degrees: float) -> float:
+    """Sine or cosine, without what rounding leaves of those of right angles."""
+    value = float(function(np.deg2rad(degrees % 360.0)))
+    return round(value) if abs(value - round(value)) < 1e-15 else value

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
 from postproc.circles import Point, centre_from_radius, radius_fault, same
-from postproc.frames import Frame, cartesian
+from postproc.expressions import NotKnown
+from postproc.frames import Frame, Placement, cartesian, mirrored, rotated, scaled, shifted
+from postproc.heidenhain_variables import QParameters
 from postproc.iso_codes import AXES, INCH
-from postproc.iso_variables import IsoVariables
-from postproc.motions import Arc, AxisWord, Kind, Motions, Recorder
+from postproc.motions import Arc, AxisWord, Kind, Known, Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block, Word
 from postproc.setup import Setup
@@ -25,9 +26,9 @@ HARMLESS_M = frozenset(
     )
 ) | frozenset(map(float, (120, 124, 126, 127, 132, 133, *range(134, 139), 141, 143, 145, 148, 149)))
 PROGRAM_END_M = frozenset((2.0, 30.0))
-MEANT_M = frozenset((6.0, 91.0, 128.0, 129.0, 140.0)) | PROGRAM_END_M
+MEANT_M = frozenset((6.0, 91.0, 99.0, 128.0, 129.0, 140.0)) | PROGRAM_END_M
 REFUSED_M = {
-    **dict.fromkeys((89.0, 99.0), "calls a cycle: canned cycles are not corrected"),
+    89.0: "calls a cycle after every move",
     92.0: "refers to a position that only the machine's maker knows",
     **dict.fromkeys((97.0, 98.0), "changes the path at corners"),
     101.0: "lets the control change the tool by itself",
@@ -65,26 +66,36 @@ FRAME_CYCLES = {
 }
 """The words that a cycle may have, the value of each that changes nothing, and what any other does."""
 PRESET_CYCLE = 247
+CALL_M = 99.0
+PLACING = frozenset((7, 8, 10, 11))
+DATA_CYCLES = frozenset((9, 13, 14, 20, 32, 39))
+"""Run where they stand or hold data: a call does not mean them."""
 
-HARMLESS_FN = frozenset((*range(9), *range(13, 17), 18, 20, 23, 24, 26, 27, 28, 37, 38))
+CYCLES_AT_START = frozenset((1, 2, 3, 4, 5, 17, 18))
+"""Begin where the tool stands, which they come back to."""
+CYCLES_AT_PLACE = frozenset((*range(200, 210), 240, 241))
+"""Begin at X Y of the tool, above a surface Q203; they end at Q204 or Q200 above it."""
+CYCLES_ROUND_PLACE = frozenset((*range(251, 259), *range(262, 266), 267))
+"""Begin there too, but may end elsewhere."""
+CONTOUR_CYCLES = frozenset((21, 22, 23, 24, 25))
+"""Run along the contour of labels that cycle 14 names, wherever the tool stands."""
+_CALL = re.compile(r"CYCL CALL(?: M ?(\d*))?", re.IGNORECASE)
+
+HARMLESS_FN = frozenset((*range(14, 17), 18, 20, 23, 24, 26, 27, 28, 37, 38))
 PLC_FN = frozenset((19, 29))
 REFUSED_FN = {
-    **dict.fromkeys(range(9, 13), "jumps are not followed"),
     17: "sets data of the control while it runs",
     25: "sets a preset while it runs",
 }
 
-HARMLESS_KINDS = frozenset(("blank", "blank_form", "definition", "label", "assignment"))
+HARMLESS_KINDS = frozenset(("blank", "blank_form", "definition", "control", "text_assignment"))
+MOVING_KINDS = frozenset(("line", "circle", "circle_radius"))
 REFUSED_KINDS = {
     "normal_line": "surface normals (LN) are not corrected",
     "polar": "polar coordinates are not corrected",
     "tangent": "an arc given by its tangent is not corrected",
-    "rounding": "the control rounds the corner by itself",
-    "chamfer": "the control breaks the corner by itself",
     "approach": "the control works out the way to the contour by itself",
     "free_contour": "free contours (FK) are not corrected",
-    "cycle_call": "canned cycles are not corrected",
-    "label_call": "subprograms and repeats are not followed",
     "program_call": "other programs are not followed",
     "selection": "what it selects is not known",
     "probe": "where a probing move ends is not known",
@@ -119,7 +130,7 @@ class HeidenhainInterpreter:
     machine: Machine
     setup: Setup
     notes: Notes
-    scope: IsoVariables = field(default_factory=IsoVariables)
+    scope: QParameters = field(default_factory=QParameters)
 
     def __post_init__(self) -> None:
         self.begun = self.ended = False
@@ -127,7 +138,23 @@ class HeidenhainInterpreter:
         self.preset = "0"
         self.tool_length = self.oversize = 0.0
         self.tcp = self.machine.control.tcp_at_start
+        self.placements: dict[int, Placement] = {}
+        """Datum shift, mirror, rotation and scaling by the number of their cycle."""
+        self.cycle = 0  # the last one that was defined for a call
         self.levelled = False  # cycle 19 tilts the working plane by zero angles
+        self.compensated = self.cornered = False
+        """The control shifts the path by the radius of the tool; the block before is a rounding or a chamfer."""
+        self._statements: dict[str, Callable[[Block], None]] = {
+            "begin_pgm": self._begin,
+            "tool_call": self._tool_call,
+            "tool_def": self._tool_def,
+            "cycle_def": self._cycle,
+            "cycle_call": self._cycle_call,
+            "fn": self._fn,
+            "function": self._function,
+            "plane": self._plane,
+            "transformation": self._plane,
+        }
         self.pole: Point | None = None
         self.pole_block = -1
         self.pole_words: tuple[int | None, int | None] = (None, None)
@@ -142,8 +169,12 @@ class HeidenhainInterpreter:
         done = []
         for index, block in enumerate(blocks):
             done.append(block)
-            if block.kind not in HARMLESS_KINDS:
-                self._read_block(index, block)
+            if block.kind in HARMLESS_KINDS:
+                continue
+            cornered, self.cornered = self.cornered, False
+            self._read_block(index, block)
+            if (cornered or self.compensated) and block.kind in MOVING_KINDS:
+                done[-1] = block._replace(alone=True)
         return self.recorder.finish(done)
 
     def _read_block(self, index: int, block: Block) -> None:
@@ -163,30 +194,21 @@ class HeidenhainInterpreter:
 
     def _read_statement(self, block: Block) -> None:
         match block.kind:
-            case "begin_pgm":
-                self._begin(block)
             case "end_pgm":
                 self.ended = True
-            case "tool_call":
-                self._tool_call(block)
-            case "tool_def":
-                self._tool_def(block)
-            case "cycle_def":
-                self._cycle(block)
-            case "fn":
-                self._fn(block)
-            case "function":
-                self._function(block)
-            case "plane" if block.detail.upper() in ("PLANE RESET", "PLANE RESET STAY"):
-                self.levelled = False
-            case "plane":
-                raise block.refuse(f"{block.detail}: tilts the working plane or moves rotary axes")
-            case "transformation" if _TRANSFORMATION_RESET.fullmatch(block.detail):
-                pass
-            case "transformation":
+            case "rounding" | "chamfer":
+                self.cornered = True
+            case _:
+                self._statements[block.kind](block)
+
+    def _plane(self, block: Block) -> None:
+        if block.kind == "transformation":
+            if not _TRANSFORMATION_RESET.fullmatch(block.detail):
                 raise block.refuse(f"{block.detail}: changes what coordinates mean")
-            case kind:
-                raise AssertionError(kind)
+        elif block.detail.upper() not in ("PLANE RESET", "PLANE RESET STAY"):
+            raise block.refuse(f"{block.detail}: tilts the working plane or moves rotary axes")
+        else:
+            self.levelled = False
 
     def _begin(self, block: Block) -> None:
         if self.begun:
@@ -204,9 +226,7 @@ class HeidenhainInterpreter:
         frame = self.recorder.frame
         self._functions_at_start(block, content)
         settled = frame == self.recorder.frame
-        shifting = sorted(COMPENSATIONS & content.other)
-        if shifting:
-            raise block.refuse(f"{shifting[0]}: radius compensation: the control shifts the path by itself")
+        self._compensate(block, content)
         if content.bare_axes and 94.0 not in content.m:
             raise block.refuse(f"{block.words[content.bare_axes[0]].address} without a number")
         if 91.0 in content.m:
@@ -217,7 +237,18 @@ class HeidenhainInterpreter:
             raise block.refuse("coordinates without L")
         elif content.axes:
             self._line(index, block, content, settled)
-        self._functions_at_end(content)
+        self._functions_at_end(block, content)
+
+    def _compensate(self, block: Block, content: _Content) -> None:
+        """Radius compensation: the points of the contour are corrected, and the control shifts the path with them."""
+        shifting = sorted(COMPENSATIONS & content.other)
+        if shifting and (shifting[0] in ("R+", "R-") or self.tcp):
+            raise block.refuse(f"{shifting[0]}: radius compensation of single axes, or under M128, is not corrected")
+        if shifting:
+            self.compensated = True
+            self.notes.add("radius compensation: the points of the contour are corrected", block.line)
+        elif "R0" in content.other:
+            self.compensated = False
 
     def _sort(self, block: Block) -> _Content:
         content = _Content()
@@ -358,7 +389,9 @@ class HeidenhainInterpreter:
         if 140.0 in content.m:
             self._retract()
 
-    def _functions_at_end(self, content: _Content) -> None:
+    def _functions_at_end(self, block: Block, content: _Content) -> None:
+        if CALL_M in content.m:
+            self._run_cycle(block)
         if 129.0 in content.m:
             self._switch_tcp(False)
         if 6.0 in content.m:
@@ -387,9 +420,14 @@ class HeidenhainInterpreter:
     def _frame(self) -> Frame:
         offset = list(self.setup.work_offset(self.preset))
         length = self.tool_length + self.oversize
+        placed = Placement()
+        for number in sorted(self.placements):
+            placed = placed.then(self.placements[number])
+        for axis, shift in zip(cartesian(self.machine), placed.shift, strict=True):
+            offset[axis] += shift
         if not self.tcp:
             offset[cartesian(self.machine)[2]] += length
-        return Frame(tuple(offset), length, self.tcp)
+        return Frame(tuple(offset), length, self.tcp, placed.frame_turn)
 
     def _change_frame(self, axes: Iterable[int]) -> None:
         """Program in the present frame from here, in which coordinates of these axes mean something else."""
@@ -446,6 +484,54 @@ class HeidenhainInterpreter:
             raise block.refuse(f"cycle {number}: {REFUSED_CYCLES[number]}")
         elif number not in HARMLESS_CYCLES:
             raise block.refuse(f"cycle {number} is not known")
+        elif number not in DATA_CYCLES:
+            self.cycle = number
+
+    def _cycle_call(self, block: Block) -> None:
+        match = _CALL.fullmatch(block.detail)
+        if match is None:
+            raise block.refuse(f"{block.detail}: where it runs the cycle is not known")
+        if match[1]:
+            code = float(match[1])
+            if code not in HARMLESS_M:
+                raise block.refuse(f"M{code:g} with a cycle")
+        self._run_cycle(block)
+
+    def _run_cycle(self, block: Block) -> None:
+        """A canned cycle goes with the corrected place it starts from; depths and outlines are the control's."""
+        z = cartesian(self.machine)[2]
+        if self.tcp:
+            raise block.refuse("a canned cycle while M128 is on")
+        if self.cycle in CYCLES_AT_PLACE:
+            self._end_above(z)
+        elif self.cycle in CYCLES_ROUND_PLACE:
+            self._end_above(z)
+            self._forget("XY")
+        elif self.cycle in CONTOUR_CYCLES:
+            self._forget("XYZ")
+            self.notes.add(f"cycle {self.cycle} runs along its contour as programmed: not corrected", block.line)
+            return
+        elif self.cycle not in CYCLES_AT_START:
+            raise block.refuse(f"cycle {self.cycle}: where it runs is not known" if self.cycle else "M99 or CYCL CALL without a cycle")
+        self.notes.add(
+            "canned cycles start from the corrected place; their depths and outlines stay as programmed", block.line
+        )
+
+    def _end_above(self, z: int) -> None:
+        """Where a cycle leaves Z, as far as its parameters say so; no word of ours relies on it."""
+        try:
+            surface, second, first = (self._q(number) for number in (203, 204, 200))
+        except NotKnown:
+            self._forget("Z")
+            return
+        self.recorder.doubt([z])
+        self.recorder.position[z] = (surface + max(second, first)) * self.unit
+        self.recorder.known[z] = Known.MACHINE
+
+    def _q(self, number: int) -> float:
+        value = self.scope.get("Q", (float(number),))
+        assert isinstance(value, float)
+        return value
 
     def _set_preset(self, block: Block) -> None:
         values = [self._value(block, word) for word in block.words if word.address == "Q339"]
@@ -457,12 +543,53 @@ class HeidenhainInterpreter:
         self._change_frame(range(len(self.machine.axes)))
 
     def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
+        if number in PLACING and part is not None and not re.search(r"[\d#]", name):
+            self._place(block, number, part)
+            return
         addresses, neutral, meaning = FRAME_CYCLES[number]
         changes = [word for word in block.words if not re.fullmatch(addresses, word.address) or word.value != neutral]
         if part is None or changes or re.search(r"[\d#]", name):
             raise block.refuse(f"cycle {number} {meaning}")
         if number == 19 and part != ".0":
             self.levelled = bool(block.words)
+
+    def _place(self, block: Block, number: int, part: str) -> None:
+        """Datum shift, mirror, rotation, scaling; one at a time, but for a shift before the others."""
+        words = {word.address: self._value(block, word) if word.start < word.end else 0.0 for word in block.words}
+        if part == ".0":
+            return
+        before = self.placements.get(number, Placement())
+        match number:
+            case 7:
+                others = {name: value for name, value in words.items() if name not in "XYZ"}
+                if any(value or name.removeprefix("I") not in AXES for name, value in others.items()):
+                    raise block.refuse(f"cycle 7 shifts the datum by {' '.join(others)}")
+                values = [
+                    words.get(name, old / self.unit) * self.unit for name, old in zip("XYZ", before.shift, strict=True)
+                ]
+                placement = shifted(*values)
+            case 8:
+                if not words.keys() <= set("XYZ"):
+                    raise block.refuse("cycle 8 mirrors a rotary axis")
+                placement = mirrored("".join(words))
+            case 10:
+                if words.keys() != {"ROT"}:
+                    raise block.refuse("cycle 10 turns the coordinates by an increment, or by nothing")
+                placement = rotated(words["ROT"])
+            case _:
+                if words.keys() != {"SCL"} or words["SCL"] <= 0.0:
+                    raise block.refuse("cycle 11 without a scale")
+                placement = scaled(words["SCL"])
+        if placement == before:
+            return
+        self.placements[number] = placement
+        active = [n for n, p in self.placements.items() if p != Placement()]
+        if len([n for n in active if n != 7]) > 1 or (number == 7 and active not in ([], [7])):
+            raise block.refuse(
+                f"cycle {number} beside another that changes the coordinates: their order is not followed"
+            )
+        self.pole = None
+        self._change_frame(cartesian(self.machine))
 
     def _fn(self, block: Block) -> None:
         match = _FN.match(block.detail)

@@ -13,7 +13,10 @@ from lark import Token, Tree
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from grammars import block_parser
+from postproc.flow import check_order
+from postproc.heidenhain_statements import formula_of, setting, statement
 from postproc.program import Block, Refusal, Word
+from postproc.statements import Code
 
 _VALUE = r"([+-]?)[ \t]*(\d+(?:[.,]\d*)?|[.,]\d+)"
 _PARTS = re.compile(rf"(I?[XYZABCUVW]|[FSM])[ \t]*({_VALUE})|F[ \t]*MAX|R[0LR]?|F(?![UZ])|M(?!B)", re.IGNORECASE)
@@ -73,14 +76,22 @@ def parse_block(line: int, text: str) -> Block:
     statements = [child for child in tree.children if isinstance(child, Tree)]
     if not statements:
         return Block(line, text, "blank", (), "", skippable)
+    kind, parts = str(statements[0].data), statements[0].children
+    step = statement(kind, parts)
+    if step is not None:
+        if skippable:
+            raise Refusal(line, text, "whether it runs depends on the block-skip switch")
+        return check_order(Block(line, text, "control", (), "", False, Code((step,))))
     words: list[Word] = []
     detail: list[str] = []
-    for item in statements[0].children:
+    for item in parts:
         if isinstance(item, Token):
             detail += item.split()
         else:
             words.append(_word(item))
-    return Block(line, text, str(statements[0].data), tuple(words), " ".join(detail), skippable)
+    steps = setting(kind, " ".join(detail), tuple(words))
+    code = Code((), tuple(steps)) if steps or any(word.formula for word in words) else None
+    return Block(line, text, kind, tuple(words), " ".join(detail), skippable, code)
 
 
 def _word(item: Tree[Token]) -> Word:
@@ -90,10 +101,11 @@ def _word(item: Tree[Token]) -> Word:
     if item.data == "flag":
         return _flag(token, at)
     if item.data == "tool":
-        return Word("T", _number(token), at, at, at + len(token))
+        return Word("T", _number(token), at, at, at + len(token), formula_of(token))
     match = (_PARAMETER if item.data == "parameter" else _VALUED).fullmatch(token)
     assert match is not None
-    return Word(match[1].upper(), _number(match[2]), at, at + match.start(2), at + match.end(2))
+    formula = formula_of(match[2])
+    return Word(match[1].upper(), _number(match[2]), at, at + match.start(2), at + match.end(2), formula)
 
 
 def _flag(text: str, at: int) -> Word:

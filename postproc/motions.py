@@ -130,6 +130,16 @@ class Motions:
         return np.asarray(self._said(self.known) & (self.kind != Kind.MACHINE) & ~self.inner)
 
     @property
+    def correctable(self) -> NDArrayBool:
+        """Positions `(n, axes)` that the program has said; of coordinates that are turned, all or none."""
+        said = np.asarray(self.known == Known.PROGRAM)
+        coupled = np.array([frame.couples for frame in self.frames], bool)
+        if coupled.any():
+            cells = np.ix_(np.flatnonzero(coupled[self.frame]), np.array(cartesian(self.machine)))
+            said[cells] &= said[cells].all(axis=1, keepdims=True)
+        return said
+
+    @property
     def inner(self) -> NDArrayBool:
         """Rows `(n,)` that end inside a programmed move: take-ups, and all pieces of an arc but the last."""
         inner = np.asarray(self.kind == Kind.TAKE_UP)
@@ -403,13 +413,13 @@ class Recorder:
         """Axes whose coordinates mean something else in another frame."""
         old, new = self.frame.offset, frame.offset
         moved = {i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b}
-        if (frame.tcp or self.frame.tcp) and frame != self.frame:
+        if (frame.tcp or self.frame.tcp or frame.turn != self.frame.turn) and frame != self.frame:
             moved.update(cartesian(self.machine))
         return sorted(moved)
 
     def _coupled(self) -> tuple[int, ...]:
         """Axes whose programmed coordinates change when any axis moves in machine coordinates."""
-        return cartesian(self.machine) if self.frame.tcp else ()
+        return cartesian(self.machine) if self.frame.tcp or self.frame.couples else ()
 
     def _stand_at(self, positions: list[float]) -> list[float]:
         q = np.array([positions]) * self.machine.scale

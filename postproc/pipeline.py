@@ -143,7 +143,11 @@ class Pipeline:
         return written.texts
 
     def _refuse_marked(self, blocks: list[Block]) -> None:
+        own = self.job.dialect.own
         for block in blocks:
+            used = own.search(block.text) if own is not None and not self.job.force else None
+            if used is not None:
+                raise block.refuse(f"{used[0].upper()} is one of the variables that corrections are put into")
             calibration = mark_in(block.text)
             if calibration is None:
                 continue

@@ -69,6 +69,12 @@ class TakeUps:
         """The moves of a chunk with all that has to be added; none where no error depends on a direction."""
         if not self.axes:
             return Directed(motions, None)
+        turned = [i for i, frame in enumerate(motions.frames) if frame.couples]
+        rows = np.flatnonzero(np.isin(motions.frame, turned))
+        if rows.size:
+            raise motions.blocks[motions.block[rows[0]]].refuse(
+                "turned coordinates on a machine with play: not corrected"
+            )
         motions = split(motions, self._cuts(motions))
         before = self._directions.last
         first, last = self._directions_of(motions)

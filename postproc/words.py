@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from postproc.numbers import NumberStyle, decimals_of
 from postproc.program import Block, Edit, Word
@@ -10,6 +10,8 @@ from postproc.program import Block, Edit, Word
 ORDER = "XYZABCUVWIJKR"
 
 
+CARRIERS = {letter: 450 + i for i, letter in enumerate(ORDER)}
+"""Klartext: numbers of the QL parameters that take corrected coordinates."""
 _RANKS = {letter: i for i, letter in enumerate(ORDER)}
 _RANKS.update({f"I{letter}": i for i, letter in enumerate(ORDER) if letter not in "IJKR"})
 
@@ -48,7 +50,9 @@ class WordEditor:
         """Make a word say `value`, with no fewer decimals than it has or than given; returns what it says then."""
         word = self.block.words[index]
         number = self.rounded(index, value, decimals)
-        if number != word.value and word.formula is not None:
+        if number != word.value and word.formula is not None and word.formula.carrier:
+            self._carry(word, number - (word.value or 0.0), max(decimals_of(self._number(word)), decimals))
+        elif number != word.value and word.formula is not None:
             shift = f"{number - (word.value or 0.0):+.{max(decimals_of(self._number(word)), decimals)}f}"
             text = word.formula.plus(self.block.text[word.start : word.end], shift)
             self.edits.append(Edit(word.start, word.end, text))
@@ -106,6 +110,15 @@ class WordEditor:
         first = next(word for word in self.block.words if word.address != "N")
         lower = self.block.text[first.at].islower()
         self.edits.append(Edit(first.at, first.at, (code.lower() if lower else code) + " " * self.layout.blank))
+
+    def _carry(self, word: Word, shift: float, decimals: int) -> None:
+        """Klartext: give a parameter of ncomp's own the sum, and the word that parameter."""
+        name = f"QL{CARRIERS[word.address.removeprefix('I')]}"
+        text = "".join(self.block.text[word.start : word.end].split())
+        said = text if text[0] in "+-" else f"+{text}"
+        style = replace(self.layout.numbers, plus=True)
+        self.lines_before([f"FN 1: {name} ={said} + {style.write(shift, decimals)}"])
+        self.edits.append(Edit(word.start, word.end, f"+{name}"))
 
     def _refuse_alone(self) -> None:
         if self.block.alone:

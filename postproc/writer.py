@@ -109,7 +109,7 @@ class Writer:
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
         turning = motions.turning
         assumed = (motions.known_start == Known.ASSUMED).tolist()
-        self._said = (motions.known == Known.PROGRAM).tolist()
+        self._said = motions.correctable.tolist()
         self._ours, self._inner = motions.added.tolist(), motions.inner.tolist()
         for row in range(len(motions)):
             held = self._before(motions, row, assumed[row])
@@ -142,7 +142,8 @@ class Writer:
     def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
         """A move in machine coordinates; under TCP the other coordinates of the tool point follow."""
         moved = {word.axis for word in motions.words[row]}
-        if motions.frames[motions.frame[row]].tcp:
+        frame = motions.frames[motions.frame[row]]
+        if frame.tcp or frame.couples:
             moved.update(cartesian(self.machine))
         for axis in moved:
             held[axis] = float(motions.target[row, axis])

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from test_forward_thesis import thesis_forward
 
 import machines
+from postproc.flow import Flow, straight
 from postproc.heidenhain import HeidenhainInterpreter
 from postproc.heidenhain_blocks import _read_plain, join_lines, parse_block, read_block
+from postproc.heidenhain_statements import labels
 from postproc.motions import Kind, Known
 from postproc.notes import Notes
 from postproc.program import Refusal
@@ -52,7 +54,14 @@ class Run:
         self.setup = make_setup(self.machine, offsets, lengths)
         self.notes = Notes()
         self.interpreter = HeidenhainInterpreter(self.machine, self.setup, self.notes)
-        self.motions = self.interpreter.read(blocks_of(text))
+        blocks = blocks_of(text)
+        scope = self.interpreter.scope
+        if any(block.code is not None and block.code.turns for block in blocks):
+            flow = Flow(blocks, scope, labels)
+            running = (block for _, block in flow.run(lambda: self.interpreter.ended))
+        else:
+            running = straight(blocks, scope)
+        self.motions = self.interpreter.read(running)
 
     def program(self, names="XYZ"):
         """Programmed targets of all moves, mm and degrees."""
@@ -154,11 +163,11 @@ GOLDEN = [
     ("CYCL DEF 20 A ~\n Q1=-15 ;D ~\n Q2=+Q9 ;E\n", "cycle_def", "Q1=-15 Q2=+Q9", "CYCL DEF 20 A"),
     ("CYCL DEF 200 A Q200=2 Q201=-.5", "cycle_def", "Q200=2 Q201=-.5", "CYCL DEF 200 A"),
     ("CYCL CALL POS X+1", "cycle_call", [], "CYCL CALL POS X+1"),
-    ("Q2 = COS ( Q1 * ~\n 2 ) + 5 ; c", "assignment", [], "Q2 = COS ( Q1 * 2 ) + 5"),
-    ("FN 12: IF +Q4 LT +18,85 GOTO LBL 2", "fn", [], "FN 12: IF +Q4 LT +18,85 GOTO LBL 2"),
+    ("Q2 = COS ( Q1 * ~\n 2 ) + 5 ; c", "control", [], ""),
+    ("FN 12: IF +Q4 LT +18,85 GOTO LBL 2", "control", [], ""),
     ("FN18: SYSREAD Q32 = ID270", "fn", [], "FN18: SYSREAD Q32 = ID270"),
-    ("LBL 1 ;contour", "label", [], "LBL 1"),
-    ("CALL LBL 1 REP 25/25", "label_call", [], "CALL LBL 1 REP 25/25"),
+    ("LBL 1 ;contour", "control", [], ""),
+    ("CALL LBL 1 REP 25/25", "control", [], ""),
     ("CALL PGM TNC:\\a.h", "program_call", [], "CALL PGM TNC:\\a.h"),
     ('SEL TABLE ~\n "a.d"', "selection", [], 'SEL TABLE "a.d"'),
     ("PLANE RESET STAY", "plane", [], "PLANE RESET STAY"),
@@ -390,10 +399,10 @@ def test_m128_follows_the_kinematics(on, off):
 
 
 def test_blocks_behind_the_end_do_not_run():
-    program = run("L Z+100 M30\nLBL 1\nL X+Q1 RR\nCALL LBL 2\nEND PGM T MM\n")
+    program = run("L Z+100 M30\nL X+5 RR\nL X+9\nEND PGM T MM\n")
     assert len(program.motions) == 2
     assert program.notes.texts() == [
-        "blocks behind the end of the program do not run and stay as they are (line 6, 2 times)"
+        "blocks behind the end of the program do not run and stay as they are (line 5, 2 times)"
     ]
 
 
@@ -463,12 +472,11 @@ def test_inch_arcs():
 
 # ---- what is refused, and what is not
 
-COMPUTED = "its value is computed while the program runs"
 REFUSED = [
-    ("L X+Q1", f"X+Q1: {COMPUTED}"),
-    ("L IY-QL3", f"IY-QL3: {COMPUTED}"),
-    ("L X+1 RL", "RL: radius compensation"),
-    ("L RR", "RR: radius compensation"),
+    ("L X+Q1", "X+Q1: Q1 is not set by the program"),
+    ("L IY-QL3", "IY-QL3: QL3 is not set by the program"),
+    ("L X+1 R+", "R+: radius compensation of single axes"),
+    ("M128\nL X+1 RR", "RR: radius compensation of single axes, or under M128"),
     ("X+46 R+", "R+: radius compensation"),
     ("L A+5", "machine dmu50 (w C B b X Y Z t) has no axis A"),
     ("L X+1 IX+2", "two X words"),
@@ -493,36 +501,45 @@ REFUSED = [
     ("CC X+0", "one coordinate of a pole, and no earlier pole"),
     ("CC X+0 X+1", "one coordinate of the pole twice"),
     ("CC Z+0 X+0", "arcs are corrected in the plane of X and Y only"),
-    ("CC X+Q1 Y+0", f"X+Q1: {COMPUTED}"),
+    ("CC X+Q1 Y+0", "X+Q1: Q1 is not set by the program"),
     ("CC X+0 Y+0\nM128\nC X-10 Y-20 DR+", "an arc without a pole (CC) in the present frame"),
     ("CC X+0 Y+0\nCYCL DEF 247 A Q339=1\nC X-10 Y-20 DR+", "an arc without a pole (CC) in the present frame"),
     ("CR X+0 Y+0 DR+", "CR without a radius"),
     ("CR X+0 Y+0 R DR+", "CR without a radius"),
     ("CR X+0 Y+0 R+5 DR+", "no circle of this radius joins start and end"),
-    ("CR X+0 Y+0 R+Q5 DR+", f"R+Q5: {COMPUTED}"),
+    ("CR X+0 Y+0 R+Q5 DR+", "R+Q5: Q5 is not set by the program"),
     ("CR X+0 Y+0 R+50", "an arc without DR+ or DR-"),
     ("LN X+1 NZ1", "surface normals (LN) are not corrected"),
     ("LP PR+1", "polar coordinates are not corrected"),
     ("CP IPA+90 DR+", "polar coordinates are not corrected"),
     ("CT X+1", "an arc given by its tangent"),
-    ("RND R5", "the control rounds the corner by itself"),
-    ("CHF 2", "the control breaks the corner by itself"),
     ("APPR LT X+1", "works out the way to the contour by itself"),
     ("DEP LT LEN1", "works out the way to the contour by itself"),
     ("FL X+1", "free contours (FK) are not corrected"),
-    ("CYCL CALL M3", "canned cycles are not corrected"),
-    ("CALL LBL 1", "subprograms and repeats are not followed"),
+    ("CYCL CALL M3", "CYCL CALL without a cycle"),
+    ("CYCL CALL POS X+5", "where it runs the cycle is not known"),
+    ("CYCL DEF 270 DATA Q1=1\nCYCL CALL", "cycle 270: where it runs is not known"),
+    ("CALL LBL 1", "no LBL 1 in this file"),
+    ("LBL 2\nCALL LBL 1 REP 2", "no block LBL 1 before it"),
+    ("LBL 1\nCALL LBL 1", "subprograms that call each other without end"),
+    ("Q1 = 1 / 0\nL X+Q1", "Q1 is not known: / has no value for 1, 0"),
+    ("FN18: SYSREAD Q1 = ID270\nL X+Q1", "Q1 is not known"),
+    ("Q20 = 5\nFN 23: Q20 = CDATA Q30\nL X+Q20", "Q20 is not known"),
+    ("L X+Q108", "Q108 is set by the control"),
+    ("Q1 = SGN 0\nL X+Q1", "SGN of 0 depends on the control"),
     ("CALL PGM A.H", "other programs are not followed"),
     ("SEL TABLE A", "what it selects is not known"),
     ("TCH PROBE 0.0", "where a probing move ends is not known"),
-    ("CYCL DEF 7.1 X+1", "cycle 7 shifts the datum"),
-    ("CYCL DEF 7.1 X+Q1", "cycle 7 shifts the datum"),
+    ("CYCL DEF 7.1 X+Q1", "Q1 is not set by the program"),
+    ("CYCL DEF 7.1 C+5", "cycle 7 shifts the datum by C"),
+    ("CYCL DEF 7.1 IX+5", "cycle 7 shifts the datum by IX"),
+    ("CYCL DEF 10.1 ROT+30\nCYCL DEF 8.1 X", "cycle 8 beside another that changes the coordinates"),
     ("CYCL DEF 7.1 #0", "cycle 7 shifts the datum"),
     ("CYCL DEF 7 SHIFT", "cycle 7 shifts the datum"),
     ("CYCL DEF 7.0 SHIFT X+1", "cycle 7 shifts the datum"),
-    ("CYCL DEF 8.1 X", "cycle 8 mirrors the coordinates"),
-    ("CYCL DEF 10.1 ROT+5", "cycle 10 turns the coordinates"),
-    ("CYCL DEF 11.1 SCL 2", "cycle 11 scales the coordinates"),
+    ("CYCL DEF 8.1 C", "cycle 8 mirrors a rotary axis"),
+    ("CYCL DEF 10.1 IROT+5", "cycle 10 turns the coordinates by an increment"),
+    ("CYCL DEF 11.1 SCL 0", "cycle 11 without a scale"),
     ("CYCL DEF 26.1 X1 Y1,01", "cycle 26 scales the coordinates"),
     ("CYCL DEF 26.1 X1 CCX+5", "cycle 26 scales the coordinates"),
     ("CYCL DEF 19.1 B+45", "cycle 19 tilts the working plane"),
@@ -532,24 +549,25 @@ REFUSED = [
     ("CYCL DEF 221 PATTERN", "cycle 221: pattern cycles run where they are defined"),
     ("CYCL DEF 999 X", "cycle 999 is not known"),
     ("CYCL DEF 247 DATUM", "cycle 247 without a preset number Q339"),
-    ("CYCL DEF 247 DATUM Q339=Q1", COMPUTED),
+    ("CYCL DEF 247 DATUM Q339=Q1", "Q1 is not set by the program"),
     ("PLANE RESET TURN", "PLANE RESET TURN: tilts the working plane or moves rotary axes"),
     ("PLANE SPATIAL SPA+0 SPB+0 SPC+0 STAY", "tilts the working plane or moves rotary axes"),
     ("FUNCTION TCPM F TCP AXIS SPAT PATHCTRL AXIS", "is not known"),
     ("FUNCTION TCPM F TCP AXIS POS REFPNT CENTER-CENTER", "is not known"),
     ("FUNCTION MODE TURN", "is not known"),
     ("TRANS DATUM AXIS X+1", "changes what coordinates mean"),
-    ("FN 9: IF +Q1 EQU +1 GOTO LBL 5", "jumps are not followed"),
+    ("FN 9: IF +Q1 EQU +1 GOTO LBL 5", "Q1 is not set by the program"),
+    ("FN 9: IF +1 EQU +1 GOTO LBL 5", "no block with the label LBL 5"),
     ("FN 17: SYSWRITE ID1", "sets data of the control while it runs"),
     ("FN 25: PRESET", "sets a preset while it runs"),
     ("FN 99: X", "FN 99 is not known"),
     ('TOOL CALL "MILL" Z', 'tool "MILL": tool lengths are known by number only'),
-    ("TOOL CALL Q1 Z", f"Q1: {COMPUTED}"),
+    ("TOOL CALL Q1 Z", "Q1: Q1 is not set by the program"),
     ("TOOL CALL 5.1 Z", "tool 5.1: lengths of indexed tools are not known"),
     ("TOOL CALL 5 Y", "tool axis Y: only tools along Z are corrected"),
-    ("TOOL CALL DL-Q108", f"DL-Q108: {COMPUTED}"),
+    ("TOOL CALL DL-Q108", "DL-Q108: Q108 is set by the control"),
     ("TOOL CALL 1 Z DL+1\nTOOL CALL S500", "whether DL stays in force"),
-    ("TOOL DEF 1 L+Q1", f"L+Q1: {COMPUTED}"),
+    ("TOOL DEF 1 L+Q1", "L+Q1: Q1 is not set by the program"),
     ("TOOL DEF L+5", "a tool length without a tool number"),
     ("BEGIN PGM B MM", "a second program in one file"),
 ]
@@ -566,7 +584,7 @@ def test_refused(text, reason):
 @pytest.mark.parametrize(
     "text",
     [
-        *("", "; comment", "* - part", "LBL 1", 'LBL "A"', "/ ; comment", "/LBL 1", "STOP", "STOP M1", "L", "L R0 F99"),
+        *("", "; comment", "* - part", "LBL 1", 'LBL "A"', "/ ; comment", "RND R5", "CHF 2", "LBL 0", "Q1 = 5", "FN 0: Q2 =+5", "STOP", "STOP M1", "L", "L R0 F99"),
         *(f"M{code}" for code in (0, 1, 4, 5, 8, 9, 13, 19, 90, 103, 107, 109, 115, 116, 117, 118, 120, 124, 126, 127)),
         *("M129", "M136", "M137", "M141", "M143", "M145", "M148", "M149", "M94 C", "L M120 LA5", "M103 F20", "M134"),
         *("BLK FORM 0.1 Z X+0 Y+0 Z-5", "Q1 = Q2 + 5", "QS1 = \"A\"", "FN 0: Q1 =+50", "FN 18: SYSREAD Q1 = ID1"),
@@ -600,15 +618,18 @@ def test_real_programs(nc_data):
         "xg_model3.h": (7854, 0),
         "YL-01.h": (7854, 0),
         "3170_de.klartext": (22, "CALL PGM 31701_de.h: other programs are not followed"),
-        "668.klartext": (12, "CYCL CALL M: canned cycles are not corrected"),
-        "700.klartext": (26, "cycle 8 mirrors the coordinates"),
-        "7025.klartext": (15, f"DL-Q108: {COMPUTED}"),
+        "668.klartext": (9, 0),
+        "700.klartext": (32, 0),
+        "7025.klartext": (15, "DL-Q108: Q108 is set by the control"),
         "9030_de.klartext": (62, "CALL PGM 90301_de.h: other programs are not followed"),
-        "BewegBlv.klartext": (26, "M99 calls a cycle: canned cycles are not corrected"),
-        "Krivka.klartext": (17, f"Z+Q1: {COMPUTED}"),
-        "SLII001.klartext": (24, "CYCL CALL M8: canned cycles are not corrected"),
-        "VESELYparametr.klartext": (59, "CYCL CALL M13: canned cycles are not corrected"),
-        "programm-zirkularnut-fraesen.klartext": (4, f"Q11: {COMPUTED}"),
+        "BewegBlv.klartext": (120, "no LBL 3 in this file"),
+        "Krivka.klartext": (3 + 4 * 18851 + 2, 0),
+        "SLII001.klartext": (3, 0),
+        "VESELYparametr.klartext": (78, "cycle 221: pattern cycles run where they are defined"),
+        "programm-zirkularnut-fraesen.klartext": (
+            28,
+            "IX+Q2: Q2 is not known: Q10 is not known: what the control reads is not known to ncomp",
+        ),
     }
 
 
