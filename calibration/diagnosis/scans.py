@@ -88,10 +88,9 @@ def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
     effect = candidate.effect
     assert isinstance(effect, Cyclic)
     known = [e.period for e in frame.fit.model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
-    most = MOST_HARMONICS
-    while most > 1 and any(abs(effect.period / k / period - 1.0) < SAME for k in range(2, most + 1) for period in known):
-        most -= 1
-    variants = [_wave(effect.component, effect.axis, effect.period, number) for number in range(1, most + 1)]
+    same = [k for k in range(2, MOST_HARMONICS + 1) for period in known if abs(effect.period / k / period - 1.0) < SAME]
+    numbers = range(1, min(same, default=MOST_HARMONICS + 1))
+    variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
     best = min(variants, key=lambda each: frame.score(frame.projected(frame.columns(each))).delta_bic)
     return Candidate(best, candidate.shapes, candidate.trials)
 
