@@ -512,7 +512,8 @@ class HeidenhainInterpreter:
             self.notes.add(f"cycle {self.cycle} runs along its contour as programmed: not corrected", block.line)
             return
         elif self.cycle not in CYCLES_AT_START:
-            raise block.refuse(f"cycle {self.cycle}: where it runs is not known" if self.cycle else "M99 or CYCL CALL without a cycle")
+            known = f"cycle {self.cycle}: where it runs is not known"
+            raise block.refuse(known if self.cycle else "M99 or CYCL CALL without a cycle")
         self.notes.add(
             "canned cycles start from the corrected place; their depths and outlines stay as programmed", block.line
         )
