@@ -10,6 +10,7 @@ from typer.core import TyperGroup
 
 from kinematics.errors import UserError
 from postproc.commands import (
+    check,
     correct,
     diagnose,
     export,
@@ -54,6 +55,7 @@ app = typer.Typer(
 
 app.command(MAIN_JOB, epilog=correct.EPILOG)(correct.correct)
 app.command("verify", epilog=verify.EPILOG)(verify.verify)
+app.command("check", epilog=check.EPILOG)(check.check)
 app.command("machines", epilog=machines.EPILOG)(machines.machines)
 app.command("export", epilog=export.EPILOG)(export.export)
 app.command("fit", epilog=fit.EPILOG)(fit.fit)

@@ -11,7 +11,7 @@ from typing import Protocol
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from postproc.flow import Variables
-from postproc.motions import Motions
+from postproc.motions import Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block
 from postproc.setup import Setup
@@ -22,6 +22,7 @@ class Interpreter(Protocol):
 
     ended: bool
     """The program has come to its end."""
+    recorder: Recorder
 
     @property
     def scope(self) -> Variables:

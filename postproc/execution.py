@@ -44,12 +44,12 @@ class Execution(Protocol):
 
 def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Execution:
     """How a program has to be run."""
-    if _turns(source, dialect):
+    if turns(source, dialect):
         return Walk(source, dialect, interpreter)
     return Straight(source, dialect, interpreter)
 
 
-def _turns(source: Source, dialect: Dialect) -> bool:
+def turns(source: Source, dialect: Dialect) -> bool:
     """True for a program that holds a jump, a loop or a call."""
     for line, text in dialect.join_lines(source.lines()):
         if dialect.flow.search(text):

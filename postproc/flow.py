@@ -155,6 +155,8 @@ class Flow:
             Return: self._return,
             Rerun: self._rerun,
         }
+        self.ran: set[int] = set()
+        """Blocks that have run."""
         self._jumped = False
         """The block that comes now has been jumped to."""
 
@@ -166,6 +168,7 @@ class Flow:
             ran += 1
             if ran > LONGEST:
                 raise block.refuse(f"the program does not come to an end within {LONGEST} blocks")
+            self.ran.add(at)
             jumped, self._jumped, then = self._jumped, False, None
             if block.code is not None:
                 then = self._steps(at, block, block.code.before)

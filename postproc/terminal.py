@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from kinematics.machine import Machine
+from postproc.check import Findings, ranges
 from postproc.class_table import Left
 from postproc.report import Report, Statistic
 from postproc.verify import Verdict
@@ -59,6 +60,28 @@ def show_report(report: Report) -> None:
         console.print(_correction_table(report))
     for note in report.notes:
         say("note", note)
+
+
+def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> None:
+    """What `ncomp check` found."""
+    to = console if to_errors else output
+    moves = len(findings.corrected) + len(findings.unsaid) + len(findings.machine)
+    to.print(f"program      {name}  ({findings.dialect}, {findings.blocks} blocks, {moves} moves)")
+    for what, lines in (
+        ("corrected", findings.corrected),
+        ("not said", findings.unsaid),
+        ("machine", findings.machine),
+        ("repeated", findings.repeated),
+        ("not run", findings.not_run),
+    ):
+        if lines:
+            to.print(f"{what:<12} {len(lines)}: lines {ranges(lines)}")
+    for note in findings.notes:
+        to.print(f"note         {note}")
+    for line, text, reason in findings.refused:
+        to.print(f"refused      line {line}: {text!r}: {reason}")
+    if not findings.refused:
+        to.print("accepted")
 
 
 def show_verdict(verdict: Verdict, to: Console) -> None:

@@ -1,0 +1,85 @@
+"""`ncomp check`: what would be corrected, what passes, what is refused, with lines; nothing is written."""
+
+import json
+
+import pytest
+
+from postproc.check import ranges
+
+GOOD = """G21 G90 G54
+G0 X1. Y1.
+Z5.
+G53 G0 Z300.
+#1=0
+N10 G1 Z4. X[#1] F100
+#1=#1+1
+IF[#1 LT 3] GOTO 10
+GOTO 20
+X99.
+N20 X5.
+M30
+X7.
+"""
+BAD = """G0 X1. Y1. Z1.
+G41 D1 X5.
+X2. Y2. Z2.
+X3. (a (b))
+G91 X1.
+G999
+"""
+
+
+def test_a_program_with_jumps(command, tmp_path):
+    (tmp_path / "a.nc").write_text(GOOD)
+    done = command("check", "a.nc", "--machine", "gantry")
+    assert done.status == 0
+    assert [line.split() for line in done.out.decode().splitlines() if not line.startswith("note")] == [
+        ["program", "a.nc", "(iso,", "13", "blocks,", "7", "moves)"],
+        ["corrected", "5:", "lines", "3,", "6,", "11"],
+        ["not", "said", "1:", "lines", "2"],
+        ["machine", "1:", "lines", "4"],
+        ["repeated", "1:", "lines", "6"],
+        ["not", "run", "2:", "lines", "10,", "13"],
+        ["accepted"],
+    ]
+
+
+def test_every_line_that_is_refused(command, tmp_path):
+    (tmp_path / "a.nc").write_text(BAD)
+    done = command("check", "a.nc", "--machine", "gantry", "--json", "out.json")
+    assert done.status == 2
+    refused = json.loads((tmp_path / "out.json").read_text())["refused"]
+    assert [(found["line"], found["text"]) for found in refused] == [
+        (4, "X3. (a (b))"), (2, "G41 D1 X5."), (6, "G999"),
+    ]  # fmt: skip
+    assert b"refused      line 2: 'G41 D1 X5.': G41 cutter radius compensation" in done.out
+
+
+def test_json_alone_on_standard_output(command, tmp_path):
+    (tmp_path / "a.h").write_text("BEGIN PGM A MM\nQ1 = 5\nL X+Q1 Y+0 Z+5 FMAX\nEND PGM A MM\n")
+    done = command("check", "a.h", "--machine", "gantry", "--json", "-")
+    assert done.status == 0
+    found = json.loads(done.out)
+    assert (found["dialect"], found["moves"], found["corrected_lines"], found["refused"]) == ("heidenhain", 1, "3", [])
+
+
+@pytest.mark.parametrize(
+    ("lines", "text"), [([], ""), ([3], "3"), ([5, 3, 4, 4, 9], "3-5, 9"), ([1, 2, 4, 5], "1-2, 4-5")]
+)
+def test_ranges(lines, text):
+    assert ranges(lines) == text
+
+
+def test_check_and_correct_agree(command, nc_data):
+    """What one accepts the other does, for real programs of all dialects."""
+    agreed = 0
+    for path in sorted(nc_data.rglob("*.*")):
+        if path.stat().st_size > 100_000 or path.name == "Krivka.klartext":
+            continue
+        checked = command("check", path, "--machine", "dmu50").status
+        corrected = command(
+            path, "--machine", "dmu50", "--calibration", "none", "--no-travel-check", "-o", "out.nc"
+        ).status
+        assert checked == corrected, path
+        agreed += 1
+    assert agreed > 70
