@@ -80,7 +80,12 @@ CASES = [
     Case("linuxcnc", POSITIONING, PLAY),
     Case("linuxcnc", POSITIONING, PLAY, settings=("type=0",)),
     Case("linuxcnc", POSITIONING, [ROUND[5], Backlash("C", 40.0)], machine="head_table"),
-    Case("csv", " ".join((POSITIONING, STRAIGHTNESS, ANGULAR)), [*SQUARENESS, *PLAY], exact=2e-7),
+    Case("siemens-eec", POSITIONING),
+    Case("siemens-eec", POSITIONING, [ROUND[5]], machine="head_table", settings=("points=361",), leaves=0.06),
+    Case("siemens-cec", f"{POSITIONING} {STRAIGHTNESS}", [*SQUARENESS, *PLAY], sign="error"),
+    Case("siemens-cec", f"{POSITIONING} {STRAIGHTNESS} {ANGULAR}", [*SQUARENESS, *PLAY], sign="correction", leaves=0.2),
+    Case("siemens-cec", STRAIGHTNESS, sign="error", settings=("own=false", "products=false", "control=828d")),
+    Case("csv", f"{POSITIONING} {STRAIGHTNESS} {ANGULAR}", [*SQUARENESS, *PLAY], exact=2e-7),
     Case("csv", "XX BX", [*ROUND, LocationError("X", "C", 30.0)], machine="head_table", exact=2e-7),
 ]
 

@@ -86,17 +86,21 @@ def test_the_reader_finds_what_was_written(case: Case):
 def test_the_right_sign_leaves_what_was_predicted_and_the_wrong_one_doubles_it(case: Case):
     exported = case.exported()
     places = in_the_volume(exported.target)
-    predicted = exported.in_the_volume()["tool_point_um"]
+    predicted = exported.errors_in_the_volume()["tool_point_um"]
     found = read_back(case, exported)
     right = commanded(exported, found, places.q, places.approach)
     other = {"error": "correction", "correction": "error"}[exported.content.sign]
     wrong = 2 * places.q - right
     if exported.format.sign is None:
         wrong = commanded(exported, read_back(case, exported, other), places.q, places.approach)
+    machine = exported.target.machine
+    shift = np.array([exported.datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale
+    right, wrong = right + shift, wrong - shift
+    stage = "after_tables_and_datum_shift" if exported.datum else "after_tables"
     before, after, doubled = (missed_um(exported, m, places.q, places.approach) for m in (places.q, right, wrong))
     assert rms(before) == pytest.approx(predicted["before"]["rms"], abs=1e-3)
-    assert rms(after) == pytest.approx(predicted["after_tables"]["rms"], abs=2e-3)
-    assert np.linalg.norm(after, axis=1).max() == pytest.approx(predicted["after_tables"]["max"], abs=5e-3)
+    assert rms(after) == pytest.approx(predicted[stage]["rms"], abs=2e-3)
+    assert np.linalg.norm(after, axis=1).max() == pytest.approx(predicted[stage]["max"], abs=5e-3)
     assert rms(after) <= case.leaves < 0.2 * rms(before)
     assert rms(doubled) == pytest.approx(2 * rms(before), rel=0.01)
     both = predicted["after_tables_and_nc_correction_of_the_rest"]

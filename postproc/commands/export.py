@@ -91,7 +91,6 @@ def export(
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
     from postproc.tables.probe import probe as probe_files
-    from postproc.tables.remaining import stages, summary
     from postproc.tables.sheet import sheet
     from postproc.terminal import say
 
@@ -112,9 +111,9 @@ def export(
     exported = exported_tables(found, model, form, chosen, meaning, (0.0, 0.0, -tool_mm))
     if program is not None:
         places = _places(program, dialect, exported, (work_offset, tool_length, tool_table))
-    left, errors = exported.left, {"volume": exported.in_the_volume()}
+    left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
     if places is not None:
-        errors["program"] = summary(stages(exported.target, exported.moves, exported.taken, places))
+        errors["program"] = exported.errors_at(places)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
     with result(json) as results:
         write_json(_json(exported, left, errors, list(files)), results)

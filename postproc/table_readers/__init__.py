@@ -9,11 +9,13 @@ from collections.abc import Callable
 
 from kinematics.effects import Effect
 from kinematics.errors import UserError
-from postproc.table_readers import iso_csv, linuxcnc
+from postproc.table_readers import iso_csv, linuxcnc, siemens
 from postproc.table_readers.source import Source
 
 READERS: dict[str, Callable[[Source], list[Effect]]] = {
     "linuxcnc": linuxcnc.read,
+    "siemens-eec": siemens.read_eec,
+    "siemens-cec": siemens.read_cec,
     "csv": iso_csv.read,
 }
 

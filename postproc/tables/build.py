@@ -42,12 +42,20 @@ class Carries:
     """True when a table can add to the axis that it is a function of."""
     cross: bool = False
     """True when it can add to another."""
+    pairs: tuple[str, ...] = ()
+    """Letters of output and source, `XY`, of the only tables that add to another axis; empty for all."""
     both_ways: bool = False
     """True when an axis' own table may differ with the direction of travel."""
     products: bool = False
     """True when two tables can be multiplied."""
     surfaces: str = ""
     """Letters of the axes of which tables can be functions of two."""
+    surface_outputs: str = "XYZUVWABC"
+    """Letters of the axes that these can add to."""
+
+    def adds(self, output: str, source: str) -> bool:
+        """True when a table can add to the axis `output` by the position of another, `source`."""
+        return self.cross and output[0] in self.outputs and (not self.pairs or output[0] + source[0] in self.pairs)
 
 
 @dataclass(frozen=True)
@@ -80,14 +88,13 @@ def build(target: Target, carries: Carries, limits: Limits, what: str) -> Built:
     parts += _of_two_axes(target, outputs, carries)
     kept = _best(parts, limits)
     writer = _Writer(target, limits)
-    two = [part for part in kept if len(part.sources) == 2]
-    for part in two:
-        writer.surface(part) if carries.surfaces else writer.product(part)
     for part in kept:
-        if len(part.sources) == 1:
-            writer.curve(part)
+        if len(part.sources) == 2:
+            writer.surface(part) if carries.surfaces else writer.product(part)
+    for group in _sharing([part for part in kept if len(part.sources) == 1], limits):
+        writer.curves(group)
     writer.balance()
-    check_terms(writer.terms, limits, what)
+    check_terms(writer.terms, limits, what, target.machine)
     return Built(tuple(sorted(writer.terms, key=lambda term: (len(term.factors), term.output))), writer.datum)
 
 
@@ -104,7 +111,7 @@ def _of_one_axis(target: Target, outputs: Sequence[int], carries: Carries) -> li
             if i == j and carries.own:
                 curves = values[:, :, i]
                 found.append(_Part(i, (j,), (x,), curves, curves.shape[1], float(np.mean(curves**2))))
-            elif i != j and carries.cross:
+            elif i != j and carries.adds(target.machine.axes[i].name, target.machine.axes[j].name):
                 curve = values[:, :, i].mean(axis=1, keepdims=True)
                 curve = curve - curve.mean()
                 found.append(_Part(i, (j,), (x,), curve, 1, float(np.mean(curve**2))))
@@ -124,7 +131,7 @@ def _of_two_axes(target: Target, outputs: Sequence[int], carries: Carries) -> li
         alone = both - both.mean(axis=(0, 1))
         if carries.cross:
             alone = alone - alone.mean(axis=0, keepdims=True) - alone.mean(axis=1, keepdims=True)
-        for i in outputs:
+        for i in (i for i in outputs if axes[i].name[0] in carries.surface_outputs):
             gain = float(np.mean(alone[:, :, i] ** 2))
             if gain >= WORTH**2:
                 found.append(_Part(i, pair, places, alone[:, :, i], 1 if carries.surfaces else 2, gain))
@@ -133,12 +140,32 @@ def _of_two_axes(target: Target, outputs: Sequence[int], carries: Carries) -> li
 
 def _best(parts: Iterable[_Part], limits: Limits) -> list[_Part]:
     """Those that take away most for each table they need, as many as the control holds."""
-    kept, left = [], float("inf") if limits.tables is None else limits.tables
+    kept: list[_Part] = []
+    left = float("inf") if limits.tables is None else limits.tables
     for part in sorted(parts, key=lambda part: -part.gain / part.tables):
-        if part.tables <= left:
+        if part.tables <= left and not _one_too_many(part, kept, limits):
             kept.append(part)
             left -= part.tables
     return kept
+
+
+def _one_too_many(part: _Part, kept: Sequence[_Part], limits: Limits) -> bool:
+    if len(part.sources) == 2:
+        most, count = limits.surfaces_per_output, sum(len(k.sources) == 2 and k.output == part.output for k in kept)
+    elif part.sources != (part.output,):
+        most = limits.cross_per_source
+        count = sum(k.sources == part.sources and k.sources != (k.output,) for k in kept)
+    else:
+        return False
+    return most is not None and count >= most
+
+
+def _sharing(parts: Sequence[_Part], limits: Limits) -> list[list[_Part]]:
+    """The parts of one axis together where their tables share nodes, and each for itself where not."""
+    if not limits.shared:
+        return [[part] for part in parts]
+    sources = dict.fromkeys(part.sources for part in parts)
+    return [[part for part in parts if part.sources == source] for source in sources]
 
 
 class _Writer:
@@ -149,23 +176,30 @@ class _Writer:
         self.terms: list[Term] = []
         self.datum: dict[str, float] = {}
 
-    def curve(self, part: _Part) -> None:
-        """A table of one axis, of each direction where they differ."""
-        output, source = (self._target.machine.axes[i] for i in (part.output, part.sources[0]))
-        x = part.places[0]
-        curves = part.values - self._means_of_products(part)[:, None]
-        if np.abs(curves).max() < self._limits.resolution / 2:
+    def curves(self, parts: Sequence[_Part]) -> None:
+        """Tables of one axis on the same nodes; of each direction where they differ."""
+        source = self._target.machine.axes[parts[0].sources[0]]
+        cross = parts[0].sources != (parts[0].output,)
+        limits = self._limits.cross if cross and self._limits.cross is not None else self._limits
+        x = parts[0].places[0]
+        wanted = [part.values - self._means_of_products(part)[:, None] for part in parts]
+        together = [(part, curves) for part, curves in zip(parts, wanted, strict=True) if _visible(curves, limits)]
+        if not together:
             return
-        nodes = choose_nodes(x, curves, self._limits, source.home)
-        values = fitted(x, curves, nodes)
-        if closes(source):
+        closing = closes(source)
+        curves = np.concatenate([curves for _, curves in together], axis=1)
+        nodes = choose_nodes(x, curves, limits, source.home, closing=closing)
+        for part, own in together:
+            self._table(part, nodes, fitted(x, own, nodes), limits, closing=closing)
+
+    def _table(self, part: _Part, nodes: Array, values: Array, limits: Limits, *, closing: bool) -> None:
+        output, source = (self._target.machine.axes[i] for i in (part.output, part.sources[0]))
+        if closing:
             values[[0, -1]] = values[[0, -1]].mean(axis=0)
-        if self._limits.zero_at_home:
-            here = float(np.mean([np.interp(source.home, nodes, column) for column in values.T]))
-            values = values - here
-        step = self._limits.resolution
-        values = np.round(np.round(values / step) * step, 12)
-        for way, column in zip((1, -1) if values.shape[1] == 2 else (0,), values.T, strict=True):
+        if limits.zero_at_home:
+            values = values - float(np.mean([np.interp(source.home, nodes, column) for column in values.T]))
+        rounded = np.round(np.round(values / limits.resolution) * limits.resolution, 12)
+        for way, column in zip((1, -1) if values.shape[1] == 2 else (0,), rounded.T, strict=True):
             if way or column.any():
                 self.terms.append(Term(output.name, (Curve(source.name, nodes, column),), way))
 
@@ -205,8 +239,14 @@ class _Writer:
     def surface(self, part: _Part) -> None:
         """A table of two axes, with equidistant nodes on both."""
         axes = [self._target.machine.axes[k] for k in part.sources]
+        bounds = [self._target.bounds[k] for k in part.sources]
         n = min(int(np.sqrt(self._limits.points)), len(part.places[0]) // 2 + 1)
-        nodes = [evenly(self._target.bounds[k], n).round(9) for k in part.sources]
+        if self._limits.square:
+            step = max(float(np.ptp(b)) for b in bounds) / (n - 1)
+            nodes = [b[0] + step * np.arange(int(np.ceil(np.ptp(b) / step - 1e-9)) + 1) for b in bounds]
+        else:
+            nodes = [evenly(b, n) for b in bounds]
+        nodes = [places.round(9) for places in nodes]
         values = fitted(part.places[0], part.values, nodes[0])
         values = fitted(part.places[1], values.T, nodes[1]).T
         step = self._limits.resolution
@@ -235,3 +275,7 @@ class _Writer:
 def _along(factor: Curve | Surface, x: Array) -> Array:
     """A function of one axis at positions of it."""
     return factor.at(lambda _: x)
+
+
+def _visible(curves: Array, limits: Limits) -> bool:
+    return bool(np.abs(curves).max() >= limits.resolution / 2)

@@ -19,7 +19,7 @@ from postproc.tables.build import build
 from postproc.tables.format import Content, Format, Settings, Sign
 from postproc.tables.motion_tables import build_motions, effects_of_motions
 from postproc.tables.not_carried import Left, not_carried
-from postproc.tables.remaining import Move, in_the_volume, stages, summary
+from postproc.tables.remaining import Move, Places, in_the_volume, stages, summary
 from postproc.tables.rest import effects_of, joined
 from postproc.tables.target import Target, standing
 from postproc.tables.terms import added
@@ -63,9 +63,13 @@ class Exported:
         carries = self.format.carries
         return not_carried(self.target, self.whole, None if carries is None else carries(self.content.settings))
 
-    def in_the_volume(self) -> dict[str, Any]:
-        """Errors over the volume, by stage."""
-        return summary(stages(self.target, self.moves, self.taken, in_the_volume(self.target)))
+    def errors_in_the_volume(self) -> dict[str, Any]:
+        """By stage."""
+        return self.errors_at(in_the_volume(self.target))
+
+    def errors_at(self, places: Places) -> dict[str, Any]:
+        """By stage."""
+        return summary(stages(self.target, self.moves, self.taken, self.datum, places))
 
     def _by_motions(self, q: Array, approach: Array) -> Array:
         machine = self.target.machine

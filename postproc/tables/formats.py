@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from kinematics.errors import UserError
-from postproc.tables import iso_csv, linuxcnc
+from postproc.tables import iso_csv, linuxcnc, siemens
 from postproc.tables.format import Format
 
-FORMATS: dict[str, Format] = {module.FORMAT.name: module.FORMAT for module in (linuxcnc, iso_csv)}
+FORMATS: dict[str, Format] = {
+    form.name: form
+    for form in (
+        linuxcnc.FORMAT,
+        siemens.EEC,
+        siemens.CEC,
+        iso_csv.FORMAT,
+    )
+}
 
 
 def find_format(name: str) -> Format:

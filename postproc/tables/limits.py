@@ -8,8 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.errors import UserError
+from kinematics.machine import Axis, Machine
 from kinematics.transforms import Array
-from postproc.tables.terms import Term
+from postproc.tables.terms import Curve, Term
+
+TURN = 360.0
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,18 @@ class Limits:
     """Nodes lie on whole multiples of this from the reference position; of equidistant ones, their spacing."""
     interval: float | None = None
     """The spacing of equidistant nodes, mm or degrees, when it is given."""
+    on_grid: bool = False
+    """True when free nodes stand on whole intervals from the reference position."""
+    shared: bool = False
+    """True when all tables of one axis are columns over the same nodes."""
+    cross: Limits | None = None
+    """Of tables that add to another axis, where they differ."""
+    cross_per_source: int | None = None
+    """Most axes that one axis has tables for, besides its own."""
+    surfaces_per_output: int | None = None
+    """Most surfaces that add to one axis."""
+    square: bool = False
+    """True when the nodes of a surface are as far apart along both axes."""
     tables: int | None = None
     """Most tables in all; a product takes two."""
     largest: float = float("inf")
@@ -35,16 +50,32 @@ class Limits:
     """True when the value at the reference position must be 0, or the axis would jump when it is homed."""
 
 
-def check_terms(terms: Sequence[Term], limits: Limits, what: str) -> None:
+def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machine) -> None:
     """UserError, naming the table, for anything that the control `what` would refuse or cut off without a word."""
     count = sum(len(term.factors) for term in terms)
     if limits.tables is not None and count > limits.tables:
         raise UserError(f"{what} holds {limits.tables} tables, these are {count}")
     for term in terms:
+        own = limits.cross if limits.cross is not None and term.inputs != (term.output,) else limits
+        where = f"{what}, table {term.name}"
         for factor in term.factors:
             for nodes in factor.nodes if isinstance(factor.nodes, tuple) else (factor.nodes,):
-                _check_nodes(nodes, limits, f"{what}, table {term.name}")
-            _check_values(factor.values, limits, f"{what}, table {term.name}")
+                _check_nodes(nodes, own, where)
+            _check_values(factor.values, own, where)
+            if isinstance(factor, Curve):
+                _check_ends(factor, own, where, machine.axes[machine.index(factor.axis)], term.way)
+
+
+def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, way: int) -> None:
+    """Of a table that must begin where it ends, or be 0 at the reference position.
+
+    Those of the two directions are 0 there on the mean.
+    """
+    if axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN and curve.values[0] != curve.values[-1]:
+        raise UserError(f"{where}: {axis.name} turns without end, so its first and last value must be equal")
+    at_home = float(np.interp(axis.home, curve.nodes, curve.values))
+    if limits.zero_at_home and not way and abs(at_home) > limits.resolution:
+        raise UserError(f"{where}: {at_home:g} at the reference position {axis.home:g}, where it must be 0")
 
 
 def _check_nodes(nodes: Array, limits: Limits, where: str) -> None:

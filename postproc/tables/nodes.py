@@ -19,14 +19,19 @@ ENOUGH = 0.25
 """Of the resolution of values: RMS below this is not worth further nodes."""
 
 
-def choose_nodes(x: Array, curves: Array, limits: Limits, home: float) -> Array:
+def choose_nodes(x: Array, curves: Array, limits: Limits, home: float, *, closing: bool = False) -> Array:
     """Nodes for one or more curves that share them.
 
-    x `(m,)`: ascending; curves `(m, c)`: values there. home: the reference position, on which equidistant nodes stand.
+    x `(m,)`: ascending; curves `(m, c)`: values there. home: the reference position, on which equidistant nodes stand;
+    those of a closing table divide the way from the first to the last place.
     """
     enough = len(x) * max(ENOUGH * limits.resolution, limits.finest) ** 2
     if limits.equidistant:
-        return _equidistant(x, curves, limits, home, enough)
+        return _equidistant(x, curves, limits, None if closing else home, enough)
+    if limits.on_grid and limits.interval:
+        on = _around(home, limits.interval, x[0], x[-1])
+        curves = np.stack([np.interp(on, x, curve) for curve in curves.T], axis=1)
+        return _free(on, curves, limits.points, enough)
     return _free(x, curves, limits.points, enough)
 
 
@@ -91,11 +96,14 @@ def _chord_costs(x: Array, f: Array) -> Array:
     return np.asarray(cost)
 
 
-def _equidistant(x: Array, curves: Array, limits: Limits, home: float, enough: float) -> Array:
+def _equidistant(x: Array, curves: Array, limits: Limits, home: float | None, enough: float) -> Array:
+    """Without home, nodes that divide the whole way."""
     best: Array | None = None
     least = np.inf
     for spacing in _spacings(x, limits):
-        nodes = _around(home, spacing, x[0], x[-1])
+        if home is None and abs((x[-1] - x[0]) / spacing - round((x[-1] - x[0]) / spacing)) > 1e-9:
+            continue
+        nodes = _around(x[0] if home is None else home, spacing, x[0], x[-1])
         if len(nodes) > limits.points:
             continue
         left = left_over(x, curves, nodes, fitted(x, curves, nodes))

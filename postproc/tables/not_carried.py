@@ -95,8 +95,8 @@ def _beside_tables(target: Target, wanted: Array, carries: Carries) -> Array:
         sources: list[tuple[int, ...]] = []
         if axis.name[0] in carries.outputs:
             sources = [()] if carries.own or carries.cross or carries.surfaces else []
-            sources += [(j,) for j in every if (carries.own if j == i else carries.cross)]
-            if carries.products or carries.surfaces:
+            sources += [(j,) for j in every if (carries.own if j == i else carries.adds(axis.name, axes[j].name))]
+            if carries.products or (carries.surfaces and axis.name[0] in carries.surface_outputs):
                 pairs = combinations(every, 2)
                 letters = carries.surfaces or "XYZUVWABC"
                 sources += [pair for pair in pairs if all(axes[j].name[0] in letters for j in pair)]

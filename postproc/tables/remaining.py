@@ -41,10 +41,13 @@ def in_the_volume(target: Target) -> Places:
     return Places(q, approach, np.broadcast_to(target.tool, (len(q), 3)))
 
 
-def stages(target: Target, tables: Move, taken: ErrorModel, places: Places) -> dict[str, Missed]:
+def stages(
+    target: Target, tables: Move, taken: ErrorModel, datum: dict[str, float], places: Places
+) -> dict[str, Missed]:
     """What the machine misses of its commands, by what is done about it.
 
-    tables: what the control with the tables does; taken: the errors that the tables take away, as a model.
+    tables: what the control with the tables does; taken: the errors that the tables take away, as a model. datum: by
+    axis, mm or degrees, what a shift of its zero adds to commands.
     """
     machine, model = target.machine, target.model
     rest = joined(model, taken.effects, -1.0)
@@ -58,9 +61,12 @@ def stages(target: Target, tables: Move, taken: ErrorModel, places: Places) -> d
     def left(q: Array) -> Missed:
         return missed(machine, model, q, places.q, places.tool, lambda q: State(q, places.approach))
 
+    with_tables = tables(places.q, places.approach)
+    shift = np.array([datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale
     return {
         "before": left(places.q),
-        "after_tables": left(tables(places.q, places.approach)),
+        "after_tables": left(with_tables),
+        **({"after_tables_and_datum_shift": left(with_tables + shift)} if datum else {}),
         "after_nc_correction": left(corrected(model)),
         "after_tables_and_nc_correction_of_the_rest": left(tables(corrected(rest), places.approach)),
     }

@@ -15,6 +15,7 @@ from postproc.tables.parameters import parameter_rows
 STAGES = {
     "before": "without compensation",
     "after_tables": "with these tables",
+    "after_tables_and_datum_shift": "with these tables and the zero of the axes shifted by the constants above",
     "after_nc_correction": "with corrected programs and no tables",
     "after_tables_and_nc_correction_of_the_rest": "with these tables and programs corrected for the rest",
 }

@@ -18,8 +18,8 @@ from kinematics.machine import Axis, Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from postproc.tables.limits import TURN
 
-TURN = 360.0
 SAMPLES = {1: 96, 2: 32}
 """Positions of the other axes that a mean is taken over, by the number of axes it is a function of."""
 
