@@ -166,7 +166,7 @@ def test_the_probe_is_one_node(case: Case):
     q[:, i] = np.linspace(*machine.axes[i].travel, 2001)
     errors = model.errors(machine, State(q * machine.scale, np.ones(q.shape)))[:, i, 0]
     assert np.abs(errors).max() == pytest.approx(SIZE, rel=0.06)
-    assert np.mean(np.abs(errors) > 0.001 * SIZE) < 0.25
+    assert np.mean(np.abs(errors) > 0.001 * SIZE) < 0.5
 
 
 def test_settings_are_checked():

@@ -9,13 +9,23 @@ from collections.abc import Callable
 
 from kinematics.effects import Effect
 from kinematics.errors import UserError
-from postproc.table_readers import iso_csv, linuxcnc, siemens
+from postproc.table_readers import etalon, fanuc, firmware, heidenhain, isg, iso_csv, linuxcnc, mitsubishi, siemens
 from postproc.table_readers.source import Source
 
 READERS: dict[str, Callable[[Source], list[Effect]]] = {
     "linuxcnc": linuxcnc.read,
     "siemens-eec": siemens.read_eec,
     "siemens-cec": siemens.read_cec,
+    "heidenhain": heidenhain.read,
+    "heidenhain-kinematics": heidenhain.read_kinematics,
+    "fanuc": fanuc.read,
+    "isg": isg.read_ssfk,
+    "isg-cross": isg.read_cross,
+    "isg-volumetric": isg.read_volumetric,
+    "etalon": etalon.read,
+    "mitsubishi": mitsubishi.read,
+    "klipper": firmware.read_klipper,
+    "reprap": firmware.read_reprap,
     "csv": iso_csv.read,
 }
 

@@ -128,13 +128,16 @@ def _of_two_axes(target: Target, outputs: Sequence[int], carries: Carries) -> li
         n = COARSE.get(len(axes), FEW[1])
         places = tuple(evenly(target.bounds[k], n) for k in pair)
         both = target.mean(pair, places)
-        alone = both - both.mean(axis=(0, 1))
-        if carries.cross:
-            alone = alone - alone.mean(axis=0, keepdims=True) - alone.mean(axis=1, keepdims=True)
+        means = {pair[0]: both.mean(axis=1, keepdims=True), pair[1]: both.mean(axis=0, keepdims=True)}
+        middle = both.mean(axis=(0, 1))
         for i in (i for i in outputs if axes[i].name[0] in carries.surface_outputs):
-            gain = float(np.mean(alone[:, :, i] ** 2))
+            alone = both[:, :, i] - middle[i]
+            for k in pair:
+                if carries.own if k == i else carries.adds(axes[i].name, axes[k].name):
+                    alone = alone - (means[k][:, :, i] - middle[i])
+            gain = float(np.mean(alone**2))
             if gain >= WORTH**2:
-                found.append(_Part(i, pair, places, alone[:, :, i], 1 if carries.surfaces else 2, gain))
+                found.append(_Part(i, pair, places, alone, 1 if carries.surfaces else 2, gain))
     return found
 
 
@@ -196,8 +199,12 @@ class _Writer:
         output, source = (self._target.machine.axes[i] for i in (part.output, part.sources[0]))
         if closing:
             values[[0, -1]] = values[[0, -1]].mean(axis=0)
-        if limits.zero_at_home:
-            values = values - float(np.mean([np.interp(source.home, nodes, column) for column in values.T]))
+        if limits.through_origin:
+            slope = (values[-1] - values[0]) / (nodes[-1] - nodes[0])
+            nodes = np.array([2 * nodes[0] - nodes[-1], 2 * nodes[-1] - nodes[0]])  # it goes on straight
+            values = np.outer(nodes, slope)
+        elif limits.zero_at_home:
+            values = values - float(np.interp(source.home, nodes, values[:, 0]))
         rounded = np.round(np.round(values / limits.resolution) * limits.resolution, 12)
         for way, column in zip((1, -1) if values.shape[1] == 2 else (0,), rounded.T, strict=True):
             if way or column.any():
@@ -208,16 +215,19 @@ class _Writer:
         machine = self._target.machine
         low, high = self._target.bounds.T
         q = (low + (high - low) * spread_out(BALANCE, len(low))) * machine.scale
-        left = (self._target.correction(q) - added(self.terms, machine, q)).mean(axis=0) / machine.scale
         step = self._limits.resolution
+        wanted = self._target.correction(q)
+        left = (wanted - added(self.terms, machine, q)).mean(axis=0) / machine.scale
         for k, term in enumerate(self.terms):
             curve = term.factors[0]
             if term.inputs == (term.output,) and isinstance(curve, Curve) and not self._limits.zero_at_home:
                 shift = np.round(left[machine.index(term.output)] / step) * step
                 values = np.round(curve.values + shift, 12)
                 self.terms[k] = replace(term, factors=(replace(curve, values=values),))
-        if self._limits.zero_at_home:
-            self.datum = {machine.names[i]: float(left[i]) for i in np.flatnonzero(np.abs(left) >= step)}
+        left = (wanted - added(self.terms, machine, q)).mean(axis=0) / machine.scale
+        outputs = {term.output for term in self.terms}
+        seen = [i for i, name in enumerate(machine.names) if name in outputs and abs(left[i]) >= step]
+        self.datum = {machine.names[i]: float(left[i]) for i in seen}
 
     def product(self, part: _Part) -> None:
         """Two tables that are multiplied; both are 0 at the reference positions, as a lever that begins there."""
@@ -240,12 +250,11 @@ class _Writer:
         """A table of two axes, with equidistant nodes on both."""
         axes = [self._target.machine.axes[k] for k in part.sources]
         bounds = [self._target.bounds[k] for k in part.sources]
-        n = min(int(np.sqrt(self._limits.points)), len(part.places[0]) // 2 + 1)
-        if self._limits.square:
-            step = max(float(np.ptp(b)) for b in bounds) / (n - 1)
-            nodes = [b[0] + step * np.arange(int(np.ceil(np.ptp(b) / step - 1e-9)) + 1) for b in bounds]
-        else:
-            nodes = [evenly(b, n) for b in bounds]
+        n = min(self._limits.grid or int(np.sqrt(self._limits.points)), len(part.places[0]) // 2 + 1)
+        apart = [_whole(float(np.ptp(b)) / (n - 1), self._limits.spacing_step) for b in bounds]
+        apart = [max(apart)] * 2 if self._limits.square else apart
+        steps = [int(np.ceil(np.ptp(b) / a - 1e-9)) for b, a in zip(bounds, apart, strict=True)]
+        nodes = [b[0] + a * np.arange(k + 1) for b, a, k in zip(bounds, apart, steps, strict=True)]
         nodes = [places.round(9) for places in nodes]
         values = fitted(part.places[0], part.values, nodes[0])
         values = fitted(part.places[1], values.T, nodes[1]).T
@@ -279,3 +288,8 @@ def _along(factor: Curve | Surface, x: Array) -> Array:
 
 def _visible(curves: Array, limits: Limits) -> bool:
     return bool(np.abs(curves).max() >= limits.resolution / 2)
+
+
+def _whole(spacing: float, step: float) -> float:
+    """The spacing, or the next wider one of whole steps."""
+    return float(np.ceil(spacing / step - 1e-9) * step)

@@ -60,8 +60,7 @@ class Exported:
     @property
     def left(self) -> list[Left]:
         """What the tables can't carry."""
-        carries = self.format.carries
-        return not_carried(self.target, self.whole, None if carries is None else carries(self.content.settings))
+        return not_carried(self.target, self.whole, None if self.format.carries is None else self.content.terms)
 
     def errors_in_the_volume(self) -> dict[str, Any]:
         """By stage."""

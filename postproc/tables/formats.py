@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kinematics.errors import UserError
-from postproc.tables import iso_csv, linuxcnc, siemens
+from postproc.tables import etalon, fanuc, firmware, heidenhain, isg, iso_csv, linuxcnc, mitsubishi, siemens
 from postproc.tables.format import Format
 
 FORMATS: dict[str, Format] = {
@@ -12,6 +12,16 @@ FORMATS: dict[str, Format] = {
         linuxcnc.FORMAT,
         siemens.EEC,
         siemens.CEC,
+        heidenhain.COM,
+        heidenhain.KINEMATICS,
+        fanuc.FORMAT,
+        isg.SSFK,
+        isg.CROSS,
+        isg.VOLUMETRIC,
+        etalon.FORMAT,
+        mitsubishi.FORMAT,
+        firmware.KLIPPER,
+        firmware.REPRAP,
         iso_csv.FORMAT,
     )
 }

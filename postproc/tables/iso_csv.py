@@ -40,15 +40,15 @@ FORMAT = Format(
     name="csv",
     title="error motions by ISO 230-1 as CSV",
     settings=CsvSettings,
-    limits=lambda settings: Limits(points=settings.points, resolution=1e-7),
+    limits=lambda settings: Limits(points=settings.points, resolution=1e-7, spacing_step=1e-6),
     carries=None,
     write=write,
     sign="error",
     meaning="""\
-Values are errors, actual minus nominal, tool relative to workpiece also for axes that carry the workpiece, in um and
-urad; positions in mm and degrees, machine coordinates. Forward and backward differ for positioning errors only.
-Location errors are in them: squareness as slopes, the place of a rotary axis as constants. Reference points of angular
-errors: the `point` of each axis in the machine file.""",
+Values are errors, actual minus nominal, tool relative to workpiece also for axes that carry the workpiece, in um
+and urad; positions in mm and degrees, machine coordinates. Forward and backward differ for positioning errors
+only. Location errors are in them: squareness as slopes, the place of a rotary axis as constants. Reference points
+of angular errors: the `point` of each axis in the machine file.""",
     loading="Not for a control as it stands: for a spreadsheet, a report, or a converter of your own.",
     certainty="ncomp's own format (docs/conventions.md).",
 )

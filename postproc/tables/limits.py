@@ -40,14 +40,20 @@ class Limits:
     """Most axes that one axis has tables for, besides its own."""
     surfaces_per_output: int | None = None
     """Most surfaces that add to one axis."""
+    through_origin: bool = False
+    """True when a table is a straight line through position 0."""
+    grid: int | None = None
+    """Most nodes of a surface along either axis."""
     square: bool = False
     """True when the nodes of a surface are as far apart along both axes."""
     tables: int | None = None
     """Most tables in all; a product takes two."""
     largest: float = float("inf")
     """Size that no value may exceed, mm or degrees."""
+    steepest: float = float("inf")
+    """Largest difference of two neighbouring values, mm or degrees."""
     zero_at_home: bool = False
-    """True when the value at the reference position must be 0, or the axis would jump when it is homed."""
+    """True when the value (forward) at the reference position must be 0, or the axis would jump when it is homed."""
 
 
 def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machine) -> None:
@@ -56,7 +62,8 @@ def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machi
     if limits.tables is not None and count > limits.tables:
         raise UserError(f"{what} holds {limits.tables} tables, these are {count}")
     for term in terms:
-        own = limits.cross if limits.cross is not None and term.inputs != (term.output,) else limits
+        crossing = len(term.inputs) == 1 and term.inputs != (term.output,)
+        own = limits.cross if limits.cross is not None and crossing else limits
         where = f"{what}, table {term.name}"
         for factor in term.factors:
             for nodes in factor.nodes if isinstance(factor.nodes, tuple) else (factor.nodes,):
@@ -69,12 +76,12 @@ def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machi
 def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, way: int) -> None:
     """Of a table that must begin where it ends, or be 0 at the reference position.
 
-    Those of the two directions are 0 there on the mean.
+    Of the two directions, that of forward travel.
     """
     if axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN and curve.values[0] != curve.values[-1]:
         raise UserError(f"{where}: {axis.name} turns without end, so its first and last value must be equal")
     at_home = float(np.interp(axis.home, curve.nodes, curve.values))
-    if limits.zero_at_home and not way and abs(at_home) > limits.resolution:
+    if limits.zero_at_home and way >= 0 and abs(at_home) > limits.resolution:
         raise UserError(f"{where}: {at_home:g} at the reference position {axis.home:g}, where it must be 0")
 
 
@@ -92,5 +99,8 @@ def _check_nodes(nodes: Array, limits: Limits, where: str) -> None:
 def _check_values(values: Array, limits: Limits, where: str) -> None:
     if not np.isfinite(values).all():
         raise UserError(f"{where}: a value is no number")
+    steps = np.abs(np.diff(values)).max(initial=0.0)
+    if steps > limits.steepest * (1 + 1e-9):
+        raise UserError(f"{where}: a step of {steps:g} between points, and none may exceed {limits.steepest:g}")
     if np.abs(values).max(initial=0.0) > limits.largest:
         raise UserError(f"{where}: a value of {np.abs(values).max():g}, and none may exceed {limits.largest:g}")

@@ -55,23 +55,23 @@ FORMAT = Format(
     name="linuxcnc",
     title="LinuxCNC COMP_FILE",
     settings=LinuxCncSettings,
-    limits=lambda settings: Limits(points=settings.points, resolution=10.0**-DECIMALS, finest=2e-7),
+    limits=lambda settings: Limits(points=settings.points, resolution=10.0**-DECIMALS, spacing_step=1e-7, finest=2e-7),
     carries=lambda _: Carries(both_ways=True),
     write=write,
     sign="correction",
     parameters="linuxcnc",
     meaning="""\
-Three columns: nominal position, then one value for travel in the positive and one for travel in the negative direction,
-in machine units (mm, degrees), machine coordinates. Type 1: values are the correction, which LinuxCNC adds to the
-command of the joint. Type 0: values are the position where the joint really is when told the nominal one. Linear
-between rows; the first and last row hold outside. The direction is the sign of the joint's velocity; nothing is
-compensated from start-up until the joint has first moved.""",
+Three columns: nominal position, then one value for travel in the positive and one for travel in the negative
+direction, in machine units (mm, degrees), machine coordinates. Type 1: values are the correction, which LinuxCNC
+adds to the command of the joint. Type 0: values are the position where the joint really is when told the nominal
+one. Linear between rows; the first and last row hold outside. The direction is the sign of the joint's velocity;
+nothing is compensated from start-up until the joint has first moved.""",
     loading="""\
 Copy the files beside the INI file and add the lines of linuxcnc.ini to its [JOINT_n] sections; restart LinuxCNC.
-BACKLASH of a joint with a table is ignored by LinuxCNC: the table holds both directions. The files must hold no comment
-and no blank line: LinuxCNC stops reading there without a word. Rotary joints: the table does not repeat; it covers
-the travel of the machine file.""",
+BACKLASH of a joint with a table is ignored by LinuxCNC: the table holds both directions. The files must hold no
+comment and no blank line: LinuxCNC stops reading there without a word. Rotary joints: the table does not repeat;
+it covers the travel of the machine file.""",
     certainty="""\
-Confirmed: LinuxCNC's source, and its simulator (2.9.0~pre1), which loads these files in ncomp's own tests and moves its
-joints as they say.""",
+Confirmed: LinuxCNC's source, and its simulator (2.9.0~pre1), which loads these files in ncomp's own tests and
+moves its joints as they say.""",
 )

@@ -11,7 +11,7 @@ import numpy as np
 from kinematics.basis import BSpline
 from kinematics.effects import COMPONENTS, UM, URAD, Component, ControlTable, Effect, ErrorMotion
 from kinematics.effects.base import own_component, own_motion
-from kinematics.machine import Machine
+from kinematics.machine import Axis, Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.tables.limits import Limits
@@ -63,21 +63,32 @@ def build_motions(target: Target, limits: Limits, angular_resolution: float, *, 
     for j, axis in enumerate(machine.axes):
         x = target.places(j, FINE)
         errors = {way: _mean_errors(target, j, x, way, low + (high - low) * others) for way in (1, -1)}
-        for k, component in enumerate(COMPONENTS):
-            curves = np.stack([errors[1][:, k], errors[-1][:, k]], axis=1)
-            if not (both_ways and component == own_component(axis.name)):
-                curves = curves.mean(axis=1, keepdims=True)
-            resolution = angular_resolution if component in "ABC" else limits.resolution
-            if np.abs(curves).max() < resolution / 2:
-                continue
-            fine = replace(limits, resolution=resolution, finest=FINEST["ABC".find(component) >= 0])
-            nodes = choose_nodes(x, curves, fine, axis.home)
-            values = fitted(x, curves, nodes)
-            if closes(axis):
-                values[[0, -1]] = values[[0, -1]].mean(axis=0)
-            values = np.round(np.round(values / resolution) * resolution, 15)
-            found.append(MotionTable(component, axis.name, nodes, values[:, 0], values[:, -1]))
+        curves = {c: _curves(errors, k, c, axis, both_ways=both_ways) for k, c in enumerate(COMPONENTS)}
+        steps = {c: angular_resolution if c in "ABC" else limits.resolution for c in COMPONENTS}
+        seen = {c: curve for c, curve in curves.items() if np.abs(curve).max() >= steps[c] / 2}
+        for group in [list(seen)] if limits.shared and seen else [[c] for c in seen]:
+            nodes = _nodes(x, {c: seen[c] for c in group}, steps, limits, axis)
+            for component in group:
+                values = fitted(x, seen[component], nodes)
+                if closes(axis):
+                    values[[0, -1]] = values[[0, -1]].mean(axis=0)
+                values = np.round(np.round(values / steps[component]) * steps[component], 15)
+                found.append(MotionTable(component, axis.name, nodes, values[:, 0], values[:, -1]))
     return found
+
+
+def _curves(errors: dict[int, Array], k: int, component: str, axis: Axis, *, both_ways: bool) -> Array:
+    """Of one component `(m, ways)`: of both directions only for positioning."""
+    curves = np.stack([errors[1][:, k], errors[-1][:, k]], axis=1)
+    own = both_ways and component == own_component(axis.name)
+    return curves if own else np.asarray(curves.mean(axis=1, keepdims=True))
+
+
+def _nodes(x: Array, curves: dict[str, Array], steps: dict[str, float], limits: Limits, axis: Axis) -> Array:
+    """Nodes for some components together, each counted in what is not worth further nodes."""
+    sizes = {c: max(0.25 * steps[c], FINEST["ABC".find(c) >= 0]) for c in curves}
+    scaled = np.concatenate([curve / sizes[c] for c, curve in curves.items()], axis=1)
+    return choose_nodes(x, scaled, replace(limits, resolution=1.0, finest=1.0), axis.home, closing=closes(axis))
 
 
 def _mean_errors(target: Target, column: int, x: Array, way: int, others: Array) -> Array:

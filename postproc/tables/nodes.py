@@ -32,7 +32,8 @@ def choose_nodes(x: Array, curves: Array, limits: Limits, home: float, *, closin
         on = _around(home, limits.interval, x[0], x[-1])
         curves = np.stack([np.interp(on, x, curve) for curve in curves.T], axis=1)
         return _free(on, curves, limits.points, enough)
-    return _free(x, curves, limits.points, enough)
+    nodes = _free(x, curves, limits.points, enough)
+    return np.unique(np.round(np.round(nodes / limits.spacing_step) * limits.spacing_step, 9))
 
 
 def fitted(x: Array, curves: Array, nodes: Array) -> Array:
@@ -106,14 +107,18 @@ def _equidistant(x: Array, curves: Array, limits: Limits, home: float | None, en
         nodes = _around(x[0] if home is None else home, spacing, x[0], x[-1])
         if len(nodes) > limits.points:
             continue
-        left = left_over(x, curves, nodes, fitted(x, curves, nodes))
+        values = fitted(x, curves, nodes)
+        if np.abs(np.diff(values, axis=0)).max() > limits.steepest - limits.resolution / 2:
+            continue
+        left = left_over(x, curves, nodes, values)
         if left < least * (1 - 1e-6) - 1e-30:
             best, least = nodes, left
         if least <= enough:
             break
     if best is None:
         asked = f" {limits.interval:g} apart" if limits.interval else ""
-        raise UserError(f"{limits.points} points{asked} do not reach from {x[0]:g} to {x[-1]:g}")
+        steep = "" if np.isinf(limits.steepest) else f" in steps of at most {limits.steepest:g}"
+        raise UserError(f"{limits.points} points{asked} do not reach from {x[0]:g} to {x[-1]:g}{steep}")
     return best
 
 

@@ -6,7 +6,7 @@ over the grid, leave of that is what they can't hold, however fine they are.
 
 from __future__ import annotations
 
-from itertools import combinations
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,8 @@ from kinematics.inverse import linear_positions
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.tables.build import Carries
 from postproc.tables.target import Target, standing
+from postproc.tables.terms import Surface, Term
 
 GRID = {3: 9}
 """Places along each axis, by the number of axes; COARSE for more."""
@@ -38,10 +38,10 @@ class Left(NamedTuple):
     why: str
 
 
-def not_carried(target: Target, whole: ErrorModel, carries: Carries | None) -> list[Left]:
+def not_carried(target: Target, whole: ErrorModel, terms: Sequence[Term] | None) -> list[Left]:
     """The errors that stay, the largest first; those that depend on more than positions and directions at the end.
 
-    Without `carries`, of tables of error motions: what depends on other axes than their own.
+    Without `terms`, of tables of error motions: what depends on other axes than their own.
     """
     machine = target.machine
     n = GRID.get(len(machine.axes), COARSE)
@@ -49,19 +49,19 @@ def not_carried(target: Target, whole: ErrorModel, carries: Carries | None) -> l
     q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) * machine.scale
     errors = target.model.errors(machine, State(q, np.zeros_like(q))).reshape(len(q), -1)
     transform = place_transform(machine, q, target.tool)[:, :3]
-    if carries is None:
+    if terms is None:
         return [*_not_of_their_own_axis(target, errors, transform, n), *_beyond(whole)]
     nominal = tool_point(machine, q, target.tool)
     found = []
     for k, name in enumerate(place_names(machine)):
-        if not errors[:, k].any() or _by_a_rotary_table(target, k, carries):
+        if not errors[:, k].any() or _by_a_rotary_table(target, k, terms):
             continue
         aim = nominal - transform[:, :, k] * errors[:, [k]]
         wanted = (linear_positions(machine, q, aim, target.tool) - q).reshape(*(n,) * len(axes), -1)
-        left = float(np.sqrt(np.mean(np.sum(_beside_tables(target, wanted, carries) ** 2, axis=-1)))) * 1e3
+        left = float(np.sqrt(np.mean(np.sum(_beside_tables(target, wanted, terms) ** 2, axis=-1)))) * 1e3
         if left > WORTH:
             found.append(Left(name, round(left, 4), _reason(name)))
-    return [*sorted(found, key=lambda left: -left.rms_um), *_reversals(target, carries), *_beyond(whole)]
+    return [*sorted(found, key=lambda left: -left.rms_um), *_reversals(target, terms), *_beyond(whole)]
 
 
 def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: int) -> list[Left]:
@@ -76,36 +76,30 @@ def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: i
     return sorted(found, key=lambda left: -left.rms_um)
 
 
-def _by_a_rotary_table(target: Target, column: int, carries: Carries) -> bool:
+def _by_a_rotary_table(target: Target, column: int, terms: Sequence[Term]) -> bool:
     """True of the positioning error of a rotary axis that has a table of its own."""
     place, component = divmod(column, 6)
     if place >= len(target.machine.axes):
         return False
     axis = target.machine.axes[place]
     own = axis.rotary and own_component(axis.name) == COMPONENTS[component]
-    return own and carries.own and axis.name[0] in carries.outputs
+    return own and any(term.output == axis.name and term.inputs == (axis.name,) for term in terms)
 
 
-def _beside_tables(target: Target, wanted: Array, carries: Carries) -> Array:
-    """What the means that tables can hold leave of a correction on the grid `(n, ..., axes)`."""
+def _beside_tables(target: Target, wanted: Array, terms: Sequence[Term]) -> Array:
+    """What the means that the tables can hold leave of a correction on the grid `(n, ..., axes)`."""
     axes, left = target.machine.axes, wanted.copy()
     every = tuple(range(len(axes)))
     for i, axis in enumerate(axes):
-        one = wanted[..., i]
-        sources: list[tuple[int, ...]] = []
-        if axis.name[0] in carries.outputs:
-            sources = [()] if carries.own or carries.cross or carries.surfaces else []
-            sources += [(j,) for j in every if (carries.own if j == i else carries.adds(axis.name, axes[j].name))]
-            if carries.products or (carries.surfaces and axis.name[0] in carries.surface_outputs):
-                pairs = combinations(every, 2)
-                letters = carries.surfaces or "XYZUVWABC"
-                sources += [pair for pair in pairs if all(axes[j].name[0] in letters for j in pair)]
-        if sources and carries.surfaces and not carries.cross:
-            sources += [(j,) for pair in sources if len(pair) == 2 for j in pair]
-        for source in dict.fromkeys(sorted(sources, key=len)):
+        sources: set[tuple[int, ...]] = set()
+        for term in (term for term in terms if term.output == axis.name):
+            columns = tuple(sorted(target.machine.index(name) for name in term.inputs))
+            sources |= {(), columns}
+            if isinstance(term.factors[0], Surface):
+                sources |= {(column,) for column in columns}
+        for source in sorted(sources, key=len):
             rest = tuple(j for j in every if j not in source)
-            part = left[..., i] if source else one
-            left[..., i] = left[..., i] - part.mean(axis=rest, keepdims=True)
+            left[..., i] = left[..., i] - left[..., i].mean(axis=rest, keepdims=True)
     return left
 
 
@@ -116,15 +110,14 @@ def _reason(name: str) -> str:
     return "in a direction, or along an axis, that the tables don't have" if component else "at the tool"
 
 
-def _reversals(target: Target, carries: Carries) -> list[Left]:
+def _reversals(target: Target, terms: Sequence[Term]) -> list[Left]:
     """Play of axes whose table is the same both ways."""
-    if carries.both_ways:
-        return []
+    both_ways = {term.output for term in terms if term.way}
     machine, found = target.machine, []
     low, high = target.bounds.T
     middle = (low + high) / 2 * machine.scale
     for i, axis in enumerate(machine.axes):
-        if not target.depends_on_way(i):
+        if axis.name in both_ways or not target.depends_on_way(i):
             continue
         ways = np.zeros((2, len(machine.axes)))
         ways[:, i] = 1.0, -1.0

@@ -166,17 +166,18 @@ EEC = Format(
     parameters="siemens",
     meaning="""\
 $AA_ENC_COMP holds the error of the axis: position measured minus programmed position, mm or degrees, at point N =
-(position - MIN) / STEP. The control adds it to the encoder's actual value, so that a positive value drives the axis in
-its negative direction. One value for both directions: the mean of the two; play belongs into MD32450. Linear between
-points; point 0 holds below MIN, the last above MAX; modulo tables begin again. Machine coordinates.""",
+(position - MIN) / STEP. The control adds it to the encoder's actual value, so that a positive value drives the
+axis in its negative direction. One value for both directions: the mean of the two; play belongs into MD32450.
+Linear between points; point 0 holds below MIN, the last above MAX; modulo tables begin again. Machine
+coordinates.""",
     loading="""\
-Full data backup first: a change of MD38000 (points, at least those of the table) reformats the static user memory.
-MD32700 ENC_COMP_ENABLE of the axis to 0; load ax_eec.ini; MD32700 to 1; reference the axes. Values are read in the
-control's system of units: this file is metric.""",
+Full data backup first: a change of MD38000 (points, at least those of the table) reformats the static user
+memory. MD32700 ENC_COMP_ENABLE of the axis to 0; load ax_eec.ini; MD32700 to 1; reference the axes. Values are
+read in the control's system of units: this file is metric.""",
     certainty="""\
 Layout and effect ("a positive compensation value causes the axis to move in the negative direction"): Siemens
-manuals K3 and 808D. That the file value is the error itself follows from these; two independent public tools write it
-so. Not tried on a control by ncomp: check one node with --probe.""",
+manuals K3 and 808D. That the file value is the error itself follows from these; two independent public tools
+write it so. Not tried on a control by ncomp: check one node with --probe.""",
 )
 CEC = Format(
     name="siemens-cec",
@@ -188,17 +189,17 @@ CEC = Format(
     sign=None,
     parameters="siemens",
     meaning="""\
-Table t adds to the OUTPUT axis by the programmed position of the INPUT axis, mm or degrees; all tables of an axis sum.
-DIRECTION 1 or -1: only while the input axis travels that way. MULT_BY_TABLE = number (index + 1) of a second table
-whose output multiplies this one's; the second is a dimensionless factor, and both are zero at the reference position.
-Linear between points; the end values hold outside; modulo tables begin again. Machine coordinates.""",
+Table t adds to the OUTPUT axis by the programmed position of the INPUT axis, mm or degrees; all tables of an axis
+sum. DIRECTION 1 or -1: only while the input axis travels that way. MULT_BY_TABLE = number (index + 1) of a second
+table whose output multiplies this one's; the second is a dimensionless factor, and both are zero at the reference
+position. Linear between points; the end values hold outside; modulo tables begin again. Machine coordinates.""",
     loading="""\
 MD18342 MM_CEC_MAX_POINTS of each table to at least its points (a change reformats the static user memory: back up
-first); MD32710 CEC_ENABLE of the output axes to 0; load nc_cec.ini; MD32710 to 1, and SD41300 CEC_TABLE_ENABLE to 1 for
-all tables but those that are only a factor of another (marked in the file); reference the axes. MD32711 must say
-metric.""",
+first); MD32710 CEC_ENABLE of the output axes to 0; load nc_cec.ini; MD32710 to 1, and SD41300 CEC_TABLE_ENABLE to
+1 for all tables but those that are only a factor of another (marked in the file); reference the axes. MD32711
+must say metric.""",
     certainty="""\
-Layout, summing, DIRECTION, product: Siemens manuals K3 and 802D sl. Sign: said by no page that was read; it is as given
-by --sign. That a factor table adds nothing by itself while its own SD41300 is 0 is not said either: check a product on
-the machine before use, or export with --set products=false.""",
+Layout, summing, DIRECTION, product: Siemens manuals K3 and 802D sl. Sign: said by no page that was read; it is as
+given by --sign. That a factor table adds nothing by itself while its own SD41300 is 0 is not said either: check a
+product on the machine before use, or export with --set products=false.""",
 )

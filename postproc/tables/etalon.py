@@ -1,0 +1,49 @@
+"""Etalon Exchange Format, the variant "Vendor": error motions by ISO 230-1, mm and rad."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec import Meta
+
+from postproc.tables.format import Content, Format, Settings, number
+from postproc.tables.limits import Limits
+
+
+class EtalonSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Most grid points of one error motion."""
+
+    points: Annotated[int, Meta(ge=2)] = 200
+
+
+def write(content: Content) -> dict[str, str]:
+    """`errors.etalon`."""
+    sign = 1.0 if content.sign == "error" else -1.0
+    lines = [f"// ISO 230-1 error motions, values: {content.sign}; mm and rad"]
+    for table in content.motions:
+        name = f"E{table.component}{table.axis}"
+        lines += [f"[{name}]", "Gridpoints = {"]
+        rows = zip(table.nodes.tolist(), (sign * table.mean).tolist(), strict=True)
+        lines += [f"          {number(x, 4)} {number(value, 12)}" for x, value in rows]
+        lines.append(f"}}  // end of {name}")
+    return {"errors.etalon": "\n".join([*lines, ""])}
+
+
+FORMAT = Format(
+    name="etalon",
+    title="Etalon Exchange Format (Vendor)",
+    settings=EtalonSettings,
+    limits=lambda settings: Limits(points=settings.points, resolution=1e-7),
+    write=write,
+    sign=None,
+    parameters="isg",
+    meaning="""\
+Error motions EXX ... ECC over the position of their own axis, mm and rad, positions in mm and degrees; squareness
+and places of rotary axes are in them as slopes and constants. Counted as tool relative to workpiece, angular
+errors about the axis' point (docs/conventions.md).""",
+    loading="""\
+ISG and Beckhoff: file_format[0] of the volumetric compensation. Other controls: by the converter of their maker.""",
+    certainty="""\
+Layout: Beckhoff TF5280 documentation of the variant "Vendor". Units by the size of its sample; sign not said;
+experimental. The sign is as given by --sign.""",
+)

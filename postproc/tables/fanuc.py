@@ -1,0 +1,167 @@
+"""FANUC 30i/31i/32i, 16i/18i/0i: pitch error compensation as increments of a quantised curve; straightness.
+
+Numbers and increments: parameter manuals 0i-PB, 15i; text of the data: common knowledge (docs/tables.md).
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from kinematics.errors import UserError
+from kinematics.machine import Axis
+from kinematics.transforms import Array
+from postproc.tables.build import Carries
+from postproc.tables.format import Content, Format, Own, Settings, lettered, number, own_table
+from postproc.tables.limits import Limits
+from postproc.tables.terms import Curve
+
+POSITIVE, NEGATIVE = 10000, 20000
+"""What is added to a point number in the text, for data of both directions and of negative travel."""
+STRAIGHT = 4
+"""Points of a straightness compensation."""
+
+
+class FanucSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Detection unit, magnification (3623), interval (3624), largest increment, points of an axis and in all."""
+
+    unit_um: Annotated[float, Meta(gt=0)] = 1.0
+    magnification: Annotated[int, Meta(ge=1, le=100)] = 1
+    interval: Annotated[float, Meta(gt=0)] | None = None
+    largest: Annotated[int, Meta(ge=1, le=127)] = 7
+    points: Annotated[int, Meta(ge=2, le=1024)] = 128
+    first: Annotated[int, Meta(ge=0, le=1023)] = 0
+    total: Annotated[int, Meta(ge=2, le=6000)] = 1024
+    bidirectional: bool = True
+    straightness: bool = False
+
+
+def write(content: Content) -> dict[str, str]:
+    """`pitch.csv` for the screen, `pitch.txt` as a data file, `straightness.csv`."""
+    settings: FanucSettings = content.settings
+    step = _step(settings)
+    table, data, pitch = ["axis,parameter,value"], [], ["axis,point,position,positive travel,negative travel"]
+    point = settings.first
+    for k, axis in enumerate(lettered(content.machine), 1):
+        own = own_table(content.terms, axis)
+        if own is None:
+            continue
+        if point + len(own.nodes) > settings.total:
+            raise UserError(f"fanuc: points up to {point + len(own.nodes) - 1}, and {settings.total} are there")
+        said = _parameters(content, axis, own, point)
+        table += [f"{axis.name},{name},{value}" for name, value in said.items()]
+        data += [f"N{name}A{k}P{value}" for name, value in said.items()]
+        up, down = (_increments(content, axis, values, step) for values in (own.forward, own.backward))
+        for n, position in enumerate(own.nodes.tolist()):
+            back = down[n] if own.both_ways else ""
+            pitch.append(f"{axis.name},{point + n},{number(position, 4)},{up[n]},{back}")
+            data.append(f"N{POSITIVE + point + n}P{up[n]}")
+        if own.both_ways:
+            data += [f"N{NEGATIVE + point + n}P{value}" for n, value in enumerate(down)]
+        point += len(own.nodes)
+    files = {
+        "pitch.csv": "\n".join([*pitch, ""]),
+        "parameters.csv": "\n".join([*table, ""]),
+        "pitch.txt": "\n".join(["%", *data, "%", ""]),
+    }
+    straight = _straightness(content, step)
+    return files | ({"straightness.csv": straight} if straight else {})
+
+
+def _step(settings: FanucSettings) -> float:
+    """mm or degrees of one increment; a detection unit of a rotary axis is as many 1e-3 degrees."""
+    return settings.unit_um * 1e-3 * settings.magnification
+
+
+def _parameters(content: Content, axis: Axis, own: Own, first: int) -> dict[str, str]:
+    settings: FanucSettings = content.settings
+    interval = float(own.nodes[1] - own.nodes[0])
+    home = first + round((axis.home - own.nodes[0]) / interval)
+    said = {
+        "03620": str(home),
+        "03621": str(first),
+        "03622": str(first + len(own.nodes) - 1),
+        "03623": str(settings.magnification),
+        "03624": number(interval, 4),
+    }
+    if axis.rotary:
+        said["03625"] = "360.0"
+    if own.both_ways:
+        amount = float(np.interp(axis.home, own.nodes, own.backward - own.forward))
+        said |= {"03626": str(first), "03627": str(round(content.factor * amount / _step(settings)))}
+    return said
+
+
+def _increments(content: Content, axis: Axis, values: Array, step: float) -> list[int]:
+    """Of each point, what is added over the section that ends there; the first closes a turn, or is 0."""
+    curve = np.round(content.factor * values / step).astype(int)
+    steps = np.diff(curve).tolist()
+    largest = content.settings.largest
+    if max(map(abs, steps)) > largest:
+        raise UserError(
+            f"fanuc, axis {axis.name}: an increment of {max(map(abs, steps))}, and none may exceed {largest}: "
+            "raise the magnification, or take a shorter interval (--set magnification=, --set interval=)"
+        )
+    return [steps[-1] if curve[0] == curve[-1] and axis.rotary else 0, *steps]
+
+
+def _straightness(content: Content, step: float) -> str:
+    lines = ["moving axis,compensated axis,position,amount"]
+    for term in content.terms:
+        curve = term.factors[0]
+        if term.inputs != (term.output,) and isinstance(curve, Curve):
+            amounts = np.round(content.factor * curve.values / step).astype(int).tolist()
+            rows = zip(curve.nodes.tolist(), amounts, strict=True)
+            lines += [f"{curve.axis},{term.output},{number(x, 4)},{amount}" for x, amount in rows]
+    return "\n".join([*lines, ""]) if len(lines) > 1 else ""
+
+
+def _limits(settings: FanucSettings) -> Limits:
+    if settings.straightness and settings.interval is None:
+        raise UserError(
+            "--set straightness=true: its points are those of the pitch tables; say --set interval= as well"
+        )
+    step = _step(settings)
+    straight = Limits(points=STRAIGHT, resolution=step, interval=settings.interval, on_grid=True, zero_at_home=True)
+    return Limits(
+        points=settings.points,
+        resolution=step,
+        equidistant=True,
+        spacing_step=1e-3,
+        interval=settings.interval,
+        steepest=settings.largest * step,
+        zero_at_home=True,
+        cross=straight,
+    )
+
+
+FORMAT = Format(
+    name="fanuc",
+    title="FANUC pitch error compensation (incremental), straightness",
+    settings=FanucSettings,
+    limits=_limits,
+    carries=lambda s: Carries(both_ways=s.bidirectional, cross=s.straightness),
+    write=write,
+    sign=None,
+    parameters="fanuc",
+    meaning="""\
+The value of point n is what the correction (or error, by --sign) gains over the section that ends at point n, in
+detection units times the magnification (3623): the running sum from the reference point (3620) is the amount at a
+position. The whole curve is rounded, and then differences are taken, so rounding does not add up. Positive and
+negative travel have data of their own where 3605#0 BDP is 1 (3626: first point of negative travel, 3627: amount
+at the reference position when it is approached from the other side). Between points the amount is taken as
+linear: with the interpolated option; without it, it steps by an increment. Beyond the ends nothing changes.
+Straightness: amounts of a second axis at four points of the first, straight between them (5711, 5721, 5731, 5761
+and following).""",
+    loading="""\
+Enter parameters.csv and pitch.csv on the screens; pitch.txt is the same as a data file, from common knowledge of
+its layout: compare what the control shows with pitch.csv. Never as a G10 L50 program: it means parameters on one
+series and pitch data on another. Switch the control off and on, and return to the reference position, before
+anything moves.""",
+    certainty="""\
+Increments, point numbers, parameters 3620 ... 3627, the closing sum of a rotary axis: FANUC parameter manuals
+0i-PB and 15i and A-77810E. Sign: common knowledge says correction; no source that was read does: it is as given
+by --sign. Text of pitch.txt and straightness parameters: common knowledge; experimental.""",
+)
