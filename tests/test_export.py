@@ -11,7 +11,7 @@ from kinematics.effects import GrowthWithSensor, LocationError
 from kinematics.model import read_model, write_model
 from kinematics.state import State
 
-NC = "G21 G90 G0 X10 Y10 Z400\nG1 X500 Y300 F800\nG2 X400 Y200 I-100 J0\nG1 Z100\nX20\nM2\n"
+NC = "G21 G90 G0 X10 Y10 Z400\nG1 X500 Y300 F800\nG2 X400 Y200 I-100 J0\nG1 Z100\nX20\nX30\nX25\nM2\n"
 
 
 @pytest.fixture
@@ -57,10 +57,14 @@ def test_a_program_corrected_with_the_rest_does_what_is_left(command, calibratio
     assert made.status == 0, made.err
     done = command("part.nc", *options, "-c", "rest.json", "-o", "rest.nc", "--json", "report.json")
     assert done.status == 0, done.err
-    before = json.loads((tmp_path / "report.json").read_text())["predicted_error_um"]["before"]["rms"]
+    report = json.loads((tmp_path / "report.json").read_text())
+    before = report["predicted_error_um"]["before"]["rms"]
+    assert report["blocks"]["added"] == 0  # the play is in the tables
     done = command("part.nc", *options, "-c", calibration, "-o", "all.nc", "--json", "report.json")
     assert done.status == 0, done.err
-    whole = json.loads((tmp_path / "report.json").read_text())["predicted_error_um"]["before"]["rms"]
+    report = json.loads((tmp_path / "report.json").read_text())
+    whole = report["predicted_error_um"]["before"]["rms"]
+    assert report["blocks"]["added"] > 0
     assert 0 < before < 0.9 * whole
 
 

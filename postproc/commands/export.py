@@ -92,7 +92,6 @@ def export(
     from postproc.tables.formats import find_format
     from postproc.tables.probe import probe as probe_files
     from postproc.tables.sheet import sheet
-    from postproc.terminal import say
 
     check_places((calibration, program, tool_table), (rest, json))
     _check_folder(output)
@@ -100,17 +99,14 @@ def export(
     form = find_format(format)
     chosen = parse_settings(form.settings, settings or ())
     if probe is not None:
-        if sign is not None or rest is not None or program is not None or json is not None:
+        if (sign, rest, program, json) != (None,) * 4:
             raise UserError("--probe writes a probe table alone: without --sign, --rest, --program and --json")
-        write_folder(output, _encoded(probe_files(found, probe, form, chosen)))
-        say("probe", f"read {output / 'probe.md'} before loading anything")
+        _write_probe(output, probe_files(found, probe, form, chosen))
         return
     meaning = sign_of(form, sign)
-    places = None
     model = model_of(calibration, found)
     exported = exported_tables(found, model, form, chosen, meaning, (0.0, 0.0, -tool_mm))
-    if program is not None:
-        places = _places(program, dialect, exported, (work_offset, tool_length, tool_table))
+    places = _places(program, dialect, exported, (work_offset, tool_length, tool_table))
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
     if places is not None:
         errors["program"] = exported.errors_at(places)
@@ -121,6 +117,14 @@ def export(
     if rest is not None:
         write_model(exported.rest, rest)
     _show(exported, left, errors, output, to_screen=json != "-")
+
+
+def _write_probe(output: Path, files: dict[str, str]) -> None:
+    from kinematics.files import write_folder
+    from postproc.terminal import say
+
+    write_folder(output, _encoded(files))
+    say("probe", f"read {output / 'probe.md'} before loading anything")
 
 
 def _check_folder(output: Path) -> None:
@@ -136,13 +140,15 @@ def _encoded(files: dict[str, str]) -> dict[str, bytes]:
 
 
 def _places(
-    program: str, dialect: str, exported: Exported, setup: tuple[list[str] | None, list[str] | None, Path | None]
-) -> Places:
+    program: str | None, dialect: str, exported: Exported, setup: tuple[list[str] | None, list[str] | None, Path | None]
+) -> Places | None:
     from postproc.dialects import find_dialect
     from postproc.source import open_source
     from postproc.tables.along_program import places_of
     from postproc.verify import merged, read_motions
 
+    if program is None:
+        return None
     machine = exported.target.machine
     source = open_source(program)
     language = find_dialect(dialect, source.name, source.text_head)

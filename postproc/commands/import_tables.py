@@ -14,6 +14,10 @@ from postproc.commands.shared import MachineName, check_places, machine_of
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from kinematics.effects import Effect
+    from kinematics.machine import Machine
+    from kinematics.model import ErrorModel
+
 EPILOG = (
     "Examples:\n\n"
     "`ncomp import machine.ini comp_x.txt comp_y.txt --machine gantry --format linuxcnc -o in_control.json`\n\n"
@@ -47,16 +51,12 @@ def import_tables(
     A calibration measured without them, less what they do, is what is left for programs to correct; one measured with
     them active, plus what they do, is the machine itself, from which new tables can be made.
     """
-    import datetime
-
-    import msgspec
-
-    from kinematics.model import ErrorModel, Provenance, read_model, reference, write_model
+    from kinematics.model import read_model, write_model
     from postproc.table_readers import read_tables
     from postproc.table_readers.source import Source
     from postproc.tables.export import sign_of
+    from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
-    from postproc.tables.rest import joined
     from postproc.terminal import say
 
     if less_tables_from is not None and with_tables_to is not None:
@@ -64,24 +64,13 @@ def import_tables(
     check_places((*files, less_tables_from, with_tables_to), (output,))
     found = machine_of(machine)
     form = find_format(format)
+    parse_settings(form.settings, settings or ())
     said = dict(text.partition("=")[::2] for text in settings or ())
     texts, prints = _texts(files)
     effects = read_tables(format, Source(found, texts, sign_of(form, sign), said))
-    base = less_tables_from or with_tables_to
-    if base is None:
-        made = Provenance("ncomp import", datetime.datetime.now(datetime.UTC), form.title, prints)
-        model = ErrorModel(machine=reference(found), provenance=made, effects=tuple(effects))
-    else:
-        model = joined(read_model(base, found), effects, -1.0 if less_tables_from else 1.0)
-        made = msgspec.structs.replace(
-            model.provenance,
-            source=f"{model.provenance.source}; {'less' if less_tables_from else 'with'} {form.title}".removeprefix(
-                "; "
-            ),
-            inputs=model.provenance.inputs | prints,
-        )
-        model = msgspec.structs.replace(model, provenance=made)
-    write_model(model, output)
+    joined_to = less_tables_from or with_tables_to
+    base = None if joined_to is None else read_model(joined_to, found)
+    write_model(_model(found, effects, base, -1.0 if less_tables_from else 1.0, form.title, prints), output)
     say("read", ", ".join(effect.name for effect in effects))
 
 
@@ -103,3 +92,23 @@ def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
             raise UserError(f"tables {file}: no text") from None
         prints[file.name] = fingerprint(data)
     return texts, prints
+
+
+def _model(
+    machine: Machine, effects: list[Effect], base: ErrorModel | None, sign: float, title: str, prints: dict[str, str]
+) -> ErrorModel:
+    """The tables as an error model, or `sign` times them joined to another."""
+    import datetime
+
+    import msgspec
+
+    from kinematics.model import ErrorModel, Provenance, reference
+    from postproc.tables.rest import joined
+
+    if base is None:
+        made = Provenance("ncomp import", datetime.datetime.now(datetime.UTC), title, prints)
+        return ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
+    model = joined(base, effects, sign)
+    source = f"{base.provenance.source}; {'with' if sign > 0 else 'less'} {title}".removeprefix("; ")
+    made = msgspec.structs.replace(base.provenance, source=source, inputs=base.provenance.inputs | prints)
+    return msgspec.structs.replace(model, provenance=made)

@@ -211,8 +211,7 @@ the tables of format isg leave (--rest).""",
 As the lists of format isg; lr_param.crosscomp 1 or lr_param.crosscomp2 1 in the list of the slave. One list an
 axis: join its lines with those of kw.ssfk. Check the axis numbers.""",
     certainty="""\
-Format, units, interpolation: Beckhoff TF5200 documentation. Sign: not said; it is as given by --sign. The probe
-of format isg does not show it: load one square by hand.""",
+Format, units, interpolation: Beckhoff TF5200 documentation. Sign: not said; it is as given by --sign.""",
 )
 VOLUMETRIC = Format(
     name="isg-volumetric",

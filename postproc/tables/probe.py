@@ -14,10 +14,12 @@ from postproc.tables.format import Content, Format, Settings
 from postproc.tables.limits import Limits
 from postproc.tables.motion_tables import MotionTable
 from postproc.tables.target import bounds
-from postproc.tables.terms import Curve, Term
+from postproc.tables.terms import Curve, Surface, Term
 
 SIZE = 0.02
 """mm or degrees."""
+BESIDE = 25.0
+"""mm: from the node to the zeros beside it, over other axes."""
 SHARE = 0.05
 """Of the travel: from the node to the zeros beside it."""
 
@@ -35,11 +37,36 @@ def probe(machine: Machine, axis_name: str, format: Format, settings: Settings) 
         content = Content(machine, settings, "error", motions=(table,))
     else:
         carries = format.carries(settings)
-        if not carries.own or axis.name[0] not in carries.outputs:
-            raise UserError(f"--probe {axis.name}: {format.name} has no table of {axis.name} over itself")
+        if axis.name[0] not in carries.outputs or (not carries.own and (format.sign is not None or axis.rotary)):
+            raise UserError(f"--probe {axis.name}: {format.name} has no table that shows the sign of {axis.name}")
+        if not carries.own:
+            return _across(machine, axis, format, settings)
         term = Term(axis.name, (Curve(axis.name, nodes, values),))
         content = Content(machine, settings, "correction", terms=(term,))
     return {**format.write(content), "probe.md": _instructions(axis, nodes, int(np.argmax(shares)), beside, format)}
+
+
+def _across(machine: Machine, axis: Axis, format: Format, settings: Settings) -> dict[str, str]:
+    """A probe of a format that has tables over other axes only: one node over one of them, or over two."""
+    others = [other for other in machine.axes if not other.rotary and other is not axis][:2]
+    limits = format.limits(settings)
+    places = []
+    for other in others:
+        low, high = bounds(other)
+        middle = round((low + high) / 2 / limits.spacing_step) * limits.spacing_step
+        places.append(np.round(middle + BESIDE * np.array([-1.0, 0.0, 1.0]), 9))
+    peak = np.array([0.0, SIZE, 0.0])
+    assert format.carries is not None
+    if format.carries(settings).surfaces:
+        surface = Surface((others[0].name, others[1].name), (places[0], places[1]), np.outer(peak, peak) / SIZE)
+        term = Term(axis.name, (surface,))
+    else:
+        places, others = places[:1], others[:1]
+        term = Term(axis.name, (Curve(others[0].name, places[0], peak),))
+    content = Content(machine, settings, "correction", terms=(term,))
+    stand = ", ".join(f"{other.name} {at[1]:g}" for other, at in zip(others, places, strict=True))
+    away = ", ".join(f"{other.name} {at[0]:g}" for other, at in zip(others, places, strict=True))
+    return {**format.write(content), "probe.md": _told(axis, f"at {stand}", f"at {away}", f"{stand}", format)}
 
 
 def _nodes(axis: Axis, limits: Limits, beside: int) -> tuple[Array, Array]:
@@ -58,17 +85,24 @@ def _nodes(axis: Axis, limits: Limits, beside: int) -> tuple[Array, Array]:
 
 
 def _instructions(axis: Axis, nodes: Array, peak: int, beside: int, format: Format) -> str:
-    unit, at = axis.unit, f"{nodes[peak]:g}"
-    low, high = f"{nodes[peak - beside]:g}", f"{nodes[peak + beside]:g}"
+    at = f"{axis.name} {nodes[peak]:g}"
+    low, high = (f"{axis.name} {nodes[k]:g}" for k in (peak - beside, peak + beside))
+    return _told(axis, f"at {at}", f"from {low} and {high} on", f"{at}, coming from either side,", format)
+
+
+def _told(axis: Axis, at: str, away: str, where: str, format: Format) -> str:
+    unit = axis.unit
     return f"""# Probe of {format.title}, axis {axis.name}
 
-The table rises to one value, +{SIZE:g} {unit} at {axis.name} {at}, and is 0 from {low} and {high} on.
+The table holds one value, +{SIZE:g} {unit} {at}, and 0 {away}.
 
-1. Back up the control's compensation data. Without any table, set a dial indicator on {axis.name} at {at},
-   coming from {low}; note the reading; come from {high}, and note it again.
-2. Load the table ({format.loading.splitlines()[0]} ...), home the axis, and repeat both readings.
-3. The axis stands {SIZE:g} {unit} farther in its positive direction than without the table: values are corrections;
-   use --sign correction. In its negative direction: values are errors; use --sign error. Anything else, as another
-   size, or a change at {low} and {high}: load no table, and find out why first.
+1. Back up the control's compensation data. Without any table, set a dial indicator on {axis.name} at
+   {where} and note the reading.
+2. Load the table as the sheet of this format says, home the axes, go there again, and note the reading.
+3. {axis.name} stands {SIZE:g} {unit} farther in its positive direction than without the table: values are corrections;
+   use --sign correction. In its negative direction: values are errors; use --sign error. Anything else, another size,
+   or a change where the table is 0: load no table, and find out why first.
 4. Take the table out again.
+
+{format.loading}
 """
