@@ -138,6 +138,24 @@ class Frame:
         step = linalg.cho_solve(self.factor, self.design.T @ self.residual - self.limited * self.away)
         return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
 
+    def thinned(self, most: int) -> Frame:
+        """The frame of at most so many of its rows, evenly spread."""
+        n = len(self.rows)
+        if n <= most:
+            return self
+        kept = np.linspace(0, n - 1, most).astype(int)
+        mine = (kept[:, None] * (self.scalars // n) + np.arange(self.scalars // n)).reshape(-1)
+        fewer = replace(
+            self,
+            rows=self.rows[kept],
+            white=self.white[kept],
+            transform=self.transform[kept],
+            design=self.design[mine],
+            residual=self.residual[mine],
+            good=self.good[kept],
+        )
+        return fewer._at_rest()
+
     @property
     def measurement(self) -> Measurement:
         """The measurement of the fit, all rows."""

@@ -8,6 +8,7 @@ they are compared. Every proposal says in how many independent tries it was foun
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import get_args
 
 import msgspec
@@ -45,7 +46,7 @@ SCANNED = 2000
 """Rows that frequencies are looked for in."""
 BEST = 12
 """Of the frequencies, per error motion, of which the model's part is taken."""
-TEETH = 3.0
+TEETH = 5.5
 """Least number of steps over the travel."""
 OFFSETS = 12
 """Positions of the steps within a pitch that are tried."""
@@ -66,8 +67,21 @@ OVER = 3000
 """Rows times frequencies that are worked out together, in thousands."""
 
 
+def proposals(frame: Frame, library: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Candidates with shapes proposed from the residual of a frame, besides those of the library as they are."""
+    some = frame.thinned(SCANNED)
+    yield from steps(some, frame)
+    yield from breaks(some)
+    yield from finer(some)
+    yield from fixed_points(some, library)
+    yield from waves(some)
+
+
 def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component)) -> Iterator[Candidate]:
-    """The strongest cyclic error of each axis and component, with its period refined to what the travel resolves."""
+    """The strongest cyclic error of each axis and component, with its period refined to what the travel resolves.
+
+    With as many harmonics as pay, where it pays at all.
+    """
     measurement = frame.measurement
     for axis, (low, high) in moving_axes(measurement).items():
         x = _positions(frame, axis)
@@ -80,7 +94,8 @@ def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component))
         for component, power in zip(seen, strength, strict=True):
             tried = frequencies[_peaks(power, BEST)]
             best = _finest(frame, axis, component, tried, 0.5 / (OVERSAMPLING * (high - low)))
-            yield Candidate(_wave(component, axis, 1.0 / best, 1), 1, float(len(frequencies) * len(seen)))
+            found = Candidate(_wave(component, axis, 1.0 / best, 1), 1, float(len(frequencies) * len(seen)))
+            yield with_harmonics(frame, found) if _pays(frame, found) else found
 
 
 def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
@@ -95,8 +110,11 @@ def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
     return Candidate(best, candidate.shapes, candidate.trials)
 
 
-def steps(frame: Frame) -> Iterator[Candidate]:
-    """The strongest saw tooth along each linear axis."""
+def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
+    """The strongest saw tooth along each linear axis; where it pays, its place is closed in on in the `whole` frame.
+
+    Pitches by the power of their wave, places within them by the tooth itself.
+    """
     measurement, machine = frame.measurement, frame.measurement.machine
     for axis, (low, high) in moving_axes(measurement).items():
         if axis[0] in "ABC":
@@ -107,18 +125,20 @@ def steps(frame: Frame) -> Iterator[Candidate]:
         if len(frequencies) < OVERSAMPLING:
             continue
         i, component, _ = own_motion(machine, axis)
+        strength = _strengths(frame, axis, [get_args(Component)[component]], x, frequencies)[0]
         arm = frame.transform[:, :, 6 * i + component]
         along, squares = np.sum(arm * frame.residual.reshape(arm.shape), axis=1), np.sum(arm**2, axis=1)
-        shares = np.arange(OFFSETS) / OFFSETS
-        power = np.empty((len(frequencies), OFFSETS))
-        for number, frequency in enumerate(frequencies.tolist()):
+        shares, shapes = np.arange(OFFSETS) / OFFSETS, []
+        for frequency in frequencies[_peaks(strength, 2 * BEST)].tolist():
             teeth = 0.5 - (x[:, None] * frequency - shares) % 1.0
-            power[number] = (along @ teeth) ** 2 / np.maximum(squares @ teeth**2, 1e-300)
-        tried = np.unravel_index(np.argsort(power, axis=None)[::-1][: 4 * BEST], power.shape)
-        shapes = [(1.0 / frequencies[f], shares[o] / frequencies[f]) for f, o in zip(*tried, strict=True)]
-        pitch, offset = max(shapes, key=lambda shape: _gain(frame, _saw(axis, *shape)))
-        pitch, offset = _refined_saw(frame, axis, pitch, offset, high - low)
-        yield Candidate(_saw(axis, pitch, offset), 2, float(len(frequencies) * OFFSETS))
+            power = (along @ teeth) ** 2 / np.maximum(squares @ teeth**2, 1e-300)
+            shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
+        best = sorted(shapes, reverse=True)[:BEST]
+        _, pitch, offset = max(best, key=lambda shape: _gain(frame, _saw(axis, shape[1], shape[2])))
+        found = Candidate(_saw(axis, pitch, offset), 2, float(len(frequencies) * OFFSETS))
+        if _pays(frame, found):
+            found = replace(found, effect=_saw(axis, *_refined_saw(whole or frame, axis, pitch, offset, high - low)))
+        yield found
 
 
 def finer(frame: Frame) -> Iterator[Candidate]:
@@ -203,10 +223,8 @@ def _positions(frame: Frame, axis: str) -> Array:
 def _strengths(frame: Frame, axis: str, components: list[Component], x: Array, frequencies: Array) -> Array:
     """Power `(components, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
     i = frame.measurement.machine.index(axis)
-    some = np.linspace(0, len(x) - 1, min(len(x), SCANNED)).astype(int)
-    residual = frame.residual.reshape(len(x), -1)[some]
-    arms = [frame.transform[some, :, 6 * i + COMPONENTS.index(c)] for c in components]
-    x = x[some]
+    residual = frame.residual.reshape(len(x), -1)
+    arms = [frame.transform[:, :, 6 * i + COMPONENTS.index(c)] for c in components]
     along = np.stack([np.sum(arm * residual, axis=1) for arm in arms])
     squares = np.array([np.sum(arm**2) for arm in arms])[:, None]
     power = np.empty((len(components), len(frequencies)))
@@ -248,6 +266,11 @@ def _finest(frame: Frame, axis: str, component: Component, frequencies: Array, s
         best = best_of(np.array([best - step, best, best + step]))
         step /= 2
     return best
+
+
+def _pays(frame: Frame, candidate: Candidate) -> bool:
+    """True where a candidate is worth its parameters, however many tries it took."""
+    return frame.score(frame.projected(frame.columns(candidate.effect)), candidate.shapes).delta_bic < 0.0
 
 
 def _gain(frame: Frame, effect: QuantisedCompensation | StationShift) -> float:

@@ -210,9 +210,7 @@ def judge(frame: Frame, candidates: Sequence[Candidate]) -> list[Judged]:
 
 def proposals(frame: Frame, library: Sequence[Candidate]) -> list[Candidate]:
     """The library, and shapes proposed from the residual of this frame."""
-    found = [*library, *scans.steps(frame), *scans.breaks(frame), *scans.finer(frame)]
-    found += scans.fixed_points(frame, library)
-    return found + [scans.with_harmonics(frame, wave) for wave in scans.waves(frame)]
+    return [*library, *scans.proposals(frame, library)]
 
 
 def passing(frame: Frame, judged: Sequence[Judged]) -> Iterator[Judged]:
