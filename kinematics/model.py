@@ -148,14 +148,18 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return np.asarray(np.sqrt(np.einsum("nrp,p->nr", design**2, u**2)))
 
     def outside(self, machine: Machine, state: State) -> dict[str, float]:
-        """Error motions asked for outside their interval, with how far (mm or degrees); they hold their end value."""
+        """Effects asked for outside their interval, with how far; they hold their end value.
+
+        How far is in mm or degrees; of time (s) and temperatures (K) the variable stands behind the effect's name.
+        """
         beyond: dict[str, float] = {}
         for effect in self.effects:
-            for axis, (low, high) in effect.intervals.items():
-                x = state.position(machine, axis)
+            for variable, (low, high) in effect.intervals.items():
+                x = state.variable(machine, variable, effect.name)
                 excess = float(np.max(np.maximum(low - x, x - high), initial=0.0))
                 if excess > ROUNDING:
-                    beyond[effect.name] = max(excess, beyond.get(effect.name, 0.0))
+                    name = effect.name if variable in machine.names else f"{effect.name} in {variable}"
+                    beyond[name] = max(excess, beyond.get(name, 0.0))
         return beyond
 
 

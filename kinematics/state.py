@@ -15,6 +15,8 @@ from kinematics.transforms import Array
 
 REFERENCE = 20.0
 """degC that temperatures count from."""
+TIME, TEMPERATURE = "time", "temperature "
+"""The variable of time, and what those of sensors begin with; all others are axes."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,17 @@ class State:
         """Positions `(n,)` of one axis in the units of files, mm or degrees."""
         i = machine.index(axis)
         return np.asarray(self.positions[:, i] / machine.scale[i])
+
+    def variable(self, machine: Machine, name: str, by: str) -> Array:
+        """Column `(n,)` of an axis, mm or degrees, of `time`, s, or of `temperature NAME`, K from 20 degC.
+
+        UserError, naming the effect, when it is not known.
+        """
+        if name == TIME:
+            return np.asarray(self.need("time", by))
+        if name.startswith(TEMPERATURE):
+            return self.temperature(name.removeprefix(TEMPERATURE), by)
+        return self.position(machine, name)
 
     def basis_columns(self, machine: Machine, axis: str, basis: Basis) -> Array:
         """Basis functions `(n, size)` at the positions of one axis; kept, since its error motions share their basis."""

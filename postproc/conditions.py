@@ -74,16 +74,16 @@ class Conditions:
     def notes(self, model: ErrorModel) -> list[str]:
         """What a user should know of how these conditions serve a model; UserError for what it needs and they lack."""
         of_machine = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
-        used, settled = set(), []
+        used: set[str] = set()
+        settled: list[str] = []
         for effect in of_machine:
-            sensor = getattr(effect, "sensor", None)
-            if sensor is not None:
-                used.add(sensor)
+            used.update(effect.sensors)
+            for sensor in effect.sensors:
                 if sensor not in self.temperatures:
                     give = f"--temperature {sensor}=degC or --log"
                     raise UserError(f"{effect.name} needs the temperature {sensor!r}: give {give}{self._in_log()}")
-                if effect.HAS_MEMORY and "time" in effect.needs and self.past is None:
-                    settled.append(effect.name)
+            if effect.HAS_MEMORY and "time" in effect.needs:
+                settled += [effect.name] if self.past is None else []
             elif "time" in effect.needs and self.elapsed is None:
                 raise UserError(f"{effect.name} needs the time since its zero: give --elapsed s or --log")
         logged = () if self.past is None else self.past.temperatures

@@ -18,7 +18,6 @@ import numpy as np
 from kinematics.classes import ORIENTATION, select
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
-from kinematics.state import State
 from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
 from postproc.dialects import Dialect
@@ -104,7 +103,7 @@ class Pipeline:
         """Notes that belong to no line."""
         unused = [f"work offset {name} was given and is not used" for name in self.job.setup.unused()]
         beyond = [
-            f"{name} is used up to {excess:.4g} beyond what is known of it (mm or degrees); its end value is held there"
+            f"{name} is used up to {excess:.4g} (mm, deg, s, K) beyond what is known of it; its end value is held there"
             for name, excess in sorted(self._beyond.items())
         ]
         return unused + beyond
@@ -187,7 +186,7 @@ class Pipeline:
         whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[judged][some])
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along)
-        for name, excess in self.model.outside(machine, State(nominal)).items():
+        for name, excess in self.model.outside(machine, states_before(nominal)).items():
             self._beyond[name] = max(excess, self._beyond.get(name, 0.0))
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:

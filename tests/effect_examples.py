@@ -34,6 +34,7 @@ from kinematics.effects import (
     TargetOffset,
     ThermalDrift,
     TrackerDrift,
+    Unnamed,
     Wobble,
 )
 from kinematics.machine import Machine
@@ -152,6 +153,15 @@ EXAMPLES = [
         GrowthWithSensor(axis="U", sensor="column", coefficient=10.0, fixed_point=20.0),
         "thermal-scale-sensor U column", "um/m/K", "coefficient_um_per_m_per_k", "E_XU", BACKWARD,
     ),
+    Example(
+        Unnamed("Y", ("X", "time"), ((-250.0, 250.0), (0.0, 9000.0)), ((0, 1), (2, 0), (3, 2)), (3.0, -2.0, 4.0), u=(1.0,) * 3),
+        "unnamed Y(X, time)", "um um um", "coefficients_um", "tool Y",
+    ),
+    Example(
+        Unnamed("Z", ("C", "temperature column"), ((-180.0, 180.0), (0.0, 6.0)), ((1, 1), (2, 0)), (3.0, -2.0)),
+        "unnamed Z(C, temperature column)", "um um", "coefficients_um", "tool Z", BACKWARD,
+    ),
+    Example(Unnamed("X", ("Z",), ((0.0, 300.0),), ((2,),), (5.0,)), "unnamed X(Z)", "um", "coefficients_um", "tool X"),
     Example(StationShift("s2", (5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "station-shift s2", SIX, "shift_um turn_urad", XYZ),
     Example(TrackerDrift((5.0, -3.0, 8.0), (2.0, 1.0, -4.0)), "tracker-drift", PER_HOUR, "shift_um_per_h turn_urad_per_h", XYZ),
     Example(RangeOffset(7.0), "tracker-range", "um", "offset_um", XYZ),

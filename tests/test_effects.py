@@ -21,6 +21,7 @@ from kinematics.effects.drive import Backlash, Cyclic
 from kinematics.effects.geometric import Racking, Wobble
 from kinematics.effects.instrument import Outliers
 from kinematics.effects.thermal import GrowthWithTime, ThermalDrift
+from kinematics.effects.unnamed import Unnamed
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, decode_model, encode_model, no_errors
@@ -166,6 +167,16 @@ REFUSED = {
         lambda: ControlTable("X", ("Y",), ((1.0, 1.0),), (0.0, 0.0)),
     "control-table X(Y): its nodes take 2 values, got 3":
         lambda: ControlTable("X", ("Y",), ((0.0, 1.0),), (0.0, 0.0, 0.0)),
+    "unnamed X(): a function of at least one variable, each named once":
+        lambda: Unnamed("X", (), (), ((),), (1.0,)),
+    "unnamed X(Y, time): 2 variables take as many ranges":
+        lambda: Unnamed("X", ("Y", "time"), ((0.0, 1.0),), ((1, 1),), (1.0,)),
+    "unnamed X(Y): at least one term, of as many degrees as there are variables":
+        lambda: Unnamed("X", ("Y",), ((0.0, 1.0),), ((1, 1),), (1.0,)),
+    "unnamed X(Y): terms differ, and their degrees are 0 to 24":
+        lambda: Unnamed("X", ("Y",), ((0.0, 1.0),), ((1,), (25,)), (1.0, 1.0)),
+    "unnamed X(Y): its terms take 2 coefficients, got 1":
+        lambda: Unnamed("X", ("Y",), ((0.0, 1.0),), ((1,), (2,)), (1.0,)),
     "E_C0Y: 1 parameters with 2 u": lambda: LocationError("C", "Y", 1.0, u=(1.0, 1.0)),
 }  # fmt: skip
 
@@ -310,7 +321,7 @@ def test_what_it_needs_is_enough_and_each_missing_column_is_named(example: Examp
         missing = replace(enough, **{column: {} if column == "temperatures" else None})
         with pytest.raises(UserError) as refusal:
             total(effect, machine, missing)
-        what = f"the temperature {effect.sensor!r}" if column == "temperatures" else column.replace("_", " ")
+        what = f"the temperature {effect.sensors[0]!r}" if column == "temperatures" else column.replace("_", " ")
         assert str(refusal.value) == f"{effect.name} needs {what}, which these data do not give"
 
 

@@ -397,7 +397,7 @@ def test_notes():
         "Z not said by the program yet, taken at its home 400 (line 1)",
         "a feed move strays more than 1 um between its ends (line 3)",
         "work offset G55 was given and is not used",
-        "E_XX is used up to 100 beyond what is known of it (mm or degrees); its end value is held there",
+        "E_XX is used up to 100 (mm, deg, s, K) beyond what is known of it; its end value is held there",
     ]
 
 

@@ -16,6 +16,7 @@ from calibration.measurement import Measurement
 from calibration.models import moving_axes
 from calibration.sight import carried
 from kinematics.effects import Effect
+from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 
 IMPOSTOR = 1.0
@@ -94,8 +95,7 @@ def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
     found = [axis for axis in effect.axes if axis in given]
     if "time" in effect.needs:
         found.append("time")
-    if getattr(effect, "sensor", None):
-        found.append(f"temperature {getattr(effect, 'sensor', '')}")
+    found += [f"{TEMPERATURE}{sensor}" for sensor in effect.sensors]
     return found or [name for name in given if " " not in name and name not in ("time", "feed")]
 
 

@@ -45,11 +45,12 @@ from kinematics.effects import (
     TargetOffset,
     ThermalDrift,
     TrackerDrift,
+    Unnamed,
     Wobble,
     unit_of,
 )
 from kinematics.effects.base import own_motion
-from kinematics.state import REFERENCE, State
+from kinematics.state import REFERENCE, TIME, State
 from kinematics.transforms import Array
 
 DENSE = 400
@@ -282,6 +283,21 @@ def _of_table(seen: _Seen) -> Iterator[View]:
         yield replace(view, over=seen.position(second[0]), over_label=seen.label(second[0])) if second else view
 
 
+def _by_variable(seen: _Seen) -> Iterator[View]:
+    """A panel for each variable."""
+    machine, effect = seen.frame.measurement.machine, seen.effect
+    for name in effect.variables:
+        x, label = seen.state.variable(machine, name, effect.name), f"{name}, degC"
+        if name in machine.names:
+            label = seen.label(name)
+        elif name == TIME:
+            x, label = seen.time()
+        else:
+            x = x + REFERENCE
+        views = seen.over(x, label)
+        yield from map(_lined, views) if len(effect.variables) == 1 else views
+
+
 def _by_time(seen: _Seen) -> Iterator[View]:
     since = getattr(seen.effect, "since_s", None)
     if seen.state.time is None:
@@ -361,6 +377,7 @@ VIEWS: Mapping[type, Callable[[_Seen], Iterator[View]]] = {
     DriftWithSensor: _by_heat,
     GrowthWithTime: _growth,
     GrowthWithSensor: _growth,
+    Unnamed: _by_variable,
     StationShift: _by_time,
     TrackerDrift: _by_time,
     TargetOffset: _by_target,

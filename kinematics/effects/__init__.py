@@ -33,6 +33,7 @@ from kinematics.effects.instrument import (
     TrackerDrift,
 )
 from kinematics.effects.thermal import DriftWithSensor, GrowthWithSensor, GrowthWithTime, ThermalDrift
+from kinematics.effects.unnamed import Unnamed
 
 Effect = (
     ErrorMotion
@@ -51,6 +52,7 @@ Effect = (
     | DriftWithSensor
     | GrowthWithTime
     | GrowthWithSensor
+    | Unnamed
     | StationShift
     | TrackerDrift
     | RangeOffset
@@ -99,6 +101,7 @@ __all__ = [
     "TargetOffset",
     "ThermalDrift",
     "TrackerDrift",
+    "Unnamed",
     "Wobble",
     "unit_of",
 ]

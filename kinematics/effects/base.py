@@ -151,6 +151,11 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         return tuple(getattr(self, field) for field in ("axis", "other", "cross") if hasattr(self, field))
 
     @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the temperatures that it follows."""
+        return (self.sensor,) if hasattr(self, "sensor") else ()
+
+    @property
     def needs(self) -> tuple[str, ...]:
         """The columns of State, besides positions, that this effect can't do without."""
         return self.NEEDS
@@ -162,7 +167,10 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     @property
     def intervals(self) -> Mapping[str, Interval]:
-        """By axis, the positions it is known for, mm or degrees; outside it keeps the value at the nearer end."""
+        """By axis or other variable what it is known for; outside it keeps the value at the nearer end.
+
+        Units are those of `State.variable`.
+        """
         return {}
 
     def quantities(self) -> tuple[Parameter, ...]:

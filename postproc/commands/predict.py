@@ -85,7 +85,7 @@ def _identity(model: ErrorModel) -> str:
 def _doubts(model: ErrorModel, read: Points) -> list[str]:
     """Where the calibration is asked for more than it knows."""
     doubts = [
-        f"{name} is asked for up to {excess:.4g} outside its interval (mm or deg); it keeps its value at the end"
+        f"{name} is asked for up to {excess:.4g} outside its interval (mm, deg, s or K); it keeps its value at the end"
         for name, excess in model.outside(read.machine, read.places.state).items()
     ]
     if model.effects and model.covariance is None and not any(any(effect.uncertainties) for effect in model.effects):
