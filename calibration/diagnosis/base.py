@@ -29,6 +29,8 @@ from kinematics.model import ErrorModel
 
 FINEST = 16
 """Parameters of a linear axis' error motion: what is finer is named, as higher frequency or as a cyclic error."""
+COARSE = 8
+"""The same while causes are looked for: a finer basis bends itself round what is missing."""
 WIDE = 10.0
 """Prior of an accepted effect, as a multiple of what was found: its size is the data's to say."""
 EXACT = 1e-3
@@ -48,9 +50,13 @@ class Base:
 
     def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
         """The base whose bases are chosen by the evidence once more, with what was found besides."""
-        if self.origin != "automatic":
+        return self if self.choice is None else _automatic(measurement, effects, FINEST, progress)
+
+    def coarser(self, measurement: Measurement, progress: Progress) -> Base:
+        """The base to look for causes from: too coarse for it to take the course of one for an error motion."""
+        if self.choice is None or all(basis.size <= COARSE for basis in self.choice.bases.values()):
             return self
-        return _automatic(measurement, effects, progress)
+        return _automatic(measurement, (), COARSE, progress)
 
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
@@ -92,7 +98,7 @@ class Base:
 def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: Progress) -> Base:
     """The base for these data; UserError when a calibration says nothing of an axis that moves in them."""
     if calibration is None:
-        return _automatic(measurement, (), progress)
+        return _automatic(measurement, (), FINEST, progress)
     machine_effects = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
     known = {effect.axis for effect in machine_effects.effects if isinstance(effect, ErrorMotion)}
     unknown = [axis for axis in moving_axes(measurement) if axis not in known]
@@ -106,9 +112,9 @@ def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: 
     return _updated(machine_effects)
 
 
-def _automatic(measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
+def _automatic(measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress) -> Base:
     choice = choose(
-        measurement, AUTOMATIC_KINDS, rotary_kind=ROTARY_KIND, effects=effects, finest=FINEST, progress=progress
+        measurement, AUTOMATIC_KINDS, rotary_kind=ROTARY_KIND, effects=effects, finest=finest, progress=progress
     )
     model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)
     # what an interferometer's fit takes for granted, a diagnosis names

@@ -32,7 +32,7 @@ GATE = 0.2
 """Chance that pure noise is looked into any further."""
 LEFT = 0.01
 """Chance that pure noise is said to depend on something."""
-AGAIN = 2
+AGAIN = 3
 """Times that the bases are chosen anew with what was found."""
 DOUBT, ENOUGH = 1e-3, 20
 """p-value of the instrument's sheet, from so many degrees of freedom of repeats, below which these say its noise."""
@@ -186,17 +186,19 @@ def diagnose(
 
 
 def _causes(selector: Selector) -> _Found:
-    """The causes, the bases chosen anew once they are known, and each held against its siblings."""
+    """The causes, each held against its siblings, and the bases chosen anew until they stay with what was found."""
+    selector = replace(selector, base=selector.base.coarser(selector.measurement, selector.progress))
     selection = selector.select()
     for _ in range(AGAIN):
-        stage = selection.stages[-1]
-        base = _chosen_again(selector, stage) if stage.accepted else selector.base
+        stage = selector.settled(selection.stages[-1])
+        base = _chosen_again(selector, stage)
         if base.choice == selector.base.choice:
             break
         selector = replace(selector, base=base)
         selection = selector.select(stage.accepted)
-    stage = selection.stages[-1]
-    return _Found(selector, selector.settled(stage) if stage.accepted else stage, selection.last_round)
+    else:
+        stage = selector.settled(selection.stages[-1])
+    return _Found(selector, stage, selection.last_round)
 
 
 def _chosen_again(selector: Selector, stage: Stage) -> Base:
