@@ -50,6 +50,8 @@ TEETH = 5.5
 """Least number of steps over the travel."""
 OFFSETS = 12
 """Positions of the steps within a pitch that are tried."""
+HALVINGS = 9
+"""Of the steps in which the place of a saw tooth is closed in on."""
 MOST_HARMONICS = 8
 SAME = 0.01
 """Relative difference of two periods that are one."""
@@ -308,8 +310,9 @@ def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float,
 def _refined_saw(frame: Frame, axis: str, pitch: float, offset: float, travel: float) -> tuple[float, float]:
     """Pitch and offset between the neighbours of the best; a jump has no slope, so it is closed in on by halves."""
     step_pitch, step_offset = pitch**2 / travel / OVERSAMPLING / 2, pitch / OFFSETS / 2
-    for _ in range(7):
-        tried = [(pitch + i * step_pitch, offset + j * step_offset) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    near = (-2, -1, 0, 1, 2)
+    for _ in range(HALVINGS):
+        tried = [(pitch + i * step_pitch, offset + j * step_offset) for i in near for j in near]
         pitch, offset = max(tried, key=lambda shape: _gain(frame, _saw(axis, *shape)))
         step_pitch, step_offset = step_pitch / 2, step_offset / 2
     return pitch, offset % pitch
