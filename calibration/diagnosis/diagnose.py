@@ -91,11 +91,12 @@ class Diagnosis:
     @property
     def next_measurement(self) -> str:
         """What to measure next, in workshop words."""
-        return (
-            self.moves[0].says
-            if self.moves
-            else "nothing is asked for: no tie, and nothing left that depends on anything"
-        )
+        if self.moves:
+            return self.moves[0].says
+        if self.unexplained is not None:
+            what = ", ".join(self.unexplained.variables)
+            return f"the same positions once more: what depends on {what} is the machine's where it comes again"
+        return "nothing is asked for: no tie, and nothing left that depends on anything"
 
     @property
     def noise_um(self) -> float:
