@@ -46,6 +46,10 @@ def test_export_writes_tables_sheet_rest_and_json(command, calibration, tmp_path
     sheet = (tmp_path / "out" / "sheet.md").read_text()
     assert "9.0000 um/m/K of sensor spindle" in sheet
     assert "play of X | 15.000 um" in sheet
+    assert [
+        line.endswith("| yes: do not enter it as well |") for line in sheet.splitlines() if "| play of" in line
+    ] == [True, True]
+    assert [table["name"] for table in told["tables"]][:2] == ["X(X) forward", "X(X) backward"]
     assert f"| with these tables | {told['errors']['volume']['tool_point_um']['after_tables']['rms']:.3f} |" in sheet
 
 

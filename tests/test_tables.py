@@ -5,11 +5,13 @@ import re
 import msgspec
 import numpy as np
 import pytest
+from effect_examples import BACKWARD
 from programs import load, model_of
 from table_cases import CASES, TOOL, Case
 
+from kinematics.basis import Polynomial
 from kinematics.correction import correct_position
-from kinematics.effects import UM, ControlTable
+from kinematics.effects import UM, Backlash, ControlTable, ErrorMotion
 from kinematics.effects.base import COMPONENTS, own_component
 from kinematics.errors import UserError
 from kinematics.forward import forward, tool_point
@@ -17,7 +19,10 @@ from kinematics.model import no_errors
 from kinematics.state import State
 from postproc.table_readers import READERS, read_tables
 from postproc.table_readers.source import Source
+from postproc.tables.export import export, sign_of
+from postproc.tables.format import parse_settings
 from postproc.tables.formats import FORMATS, find_format
+from postproc.tables.probe import SIZE, probe
 from postproc.tables.remaining import in_the_volume
 
 every_case = pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
@@ -129,8 +134,6 @@ def test_the_rest_is_the_calibration_less_the_tables(case: Case):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_sign_that_no_source_confirms_is_demanded(name):
-    from postproc.tables.export import sign_of
-
     form = find_format(name)
     if form.sign is None:
         with pytest.raises(UserError, match="--probe"):
@@ -146,9 +149,6 @@ def test_a_sign_that_no_source_confirms_is_demanded(name):
 @every_case
 def test_the_probe_is_one_node(case: Case):
     """Of the axis' own table, or of its positioning error; the reader finds it with the size that was said."""
-    from postproc.tables.format import parse_settings
-    from postproc.tables.probe import SIZE, probe
-
     form, machine = find_format(case.format), load(case.machine)
     settings = parse_settings(form.settings, case.settings)
     if form.carries is not None and not form.carries(settings).own and form.sign is not None:
@@ -170,9 +170,25 @@ def test_the_probe_is_one_node(case: Case):
     assert np.mean(np.abs(errors) > 0.001 * SIZE) < 0.5
 
 
-def test_settings_are_checked():
-    from postproc.tables.format import parse_settings
+def test_axes_that_run_against_their_letters():
+    """X and C against theirs, Y carrying the workpiece: every own table still goes the right way."""
+    names = {"X": (0.0, 600.0), "Y": (0.0, 400.0), "Z": (0.0, 300.0), "C": (-180.0, 180.0)}
+    effects = [ErrorMotion(a, a, Polynomial(ends, 1), (0.0, 30.0), u=(0.0, 0.0)) for a, ends in names.items()]
+    effects += [Backlash("X", 20.0), Backlash("C", 60.0)]
+    form = find_format("linuxcnc")
+    exported = export(BACKWARD, model_of(BACKWARD, *effects), form, parse_settings(form.settings, []), form.sign, TOOL)
+    places = in_the_volume(exported.target)
+    tables = msgspec.structs.replace(
+        no_errors(BACKWARD),
+        effects=tuple(read_tables("linuxcnc", Source(BACKWARD, exported.files, "correction", {}))),
+    )
+    motors = commanded(exported, tables, places.q, places.approach)
+    before, after = (missed_um(exported, m, places.q, places.approach) for m in (places.q, motors))
+    assert rms(before) > 10
+    assert rms(after) < 0.01
 
+
+def test_settings_are_checked():
     kind = find_format("linuxcnc").settings
     assert parse_settings(kind, ["type=0", "points=20"]).points == 20
     for text, why in {

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import load, model_of
 from table_cases import motions
@@ -77,6 +77,7 @@ def test_a_rotary_axis_of_fanuc_closes():
     assert -found / np.radians(1e-3) / 1e6 == pytest.approx([0, 1, -1, 0], abs=1e-9)
 
 
+@settings(max_examples=12)
 @given(st.integers(0, 10_000), st.sampled_from([0.5, 1.0, 2.0]))
 def test_rounding_does_not_add_up(seed, unit):
     """The sum of rounded increments is never off by more than half a unit from the curve that was fitted."""
@@ -85,8 +86,8 @@ def test_rounding_does_not_add_up(seed, unit):
     rng = np.random.default_rng(seed)
     (motion,) = motions(machine, "XX")
     model = model_of(machine, motion.with_parameters(rng.uniform(-12, 12, 4).tolist(), (0.0,) * 4))
-    settings = parse_settings(form.settings, [f"unit_um={unit}", "interval=20", "largest=127"])
-    exported = export(machine, model, form, settings, "correction", (0, 0, 0))
+    chosen = parse_settings(form.settings, [f"unit_um={unit}", "interval=20", "largest=127"])
+    exported = export(machine, model, form, chosen, "correction", (0, 0, 0))
     rows = [line.split(",") for line in exported.files["pitch.csv"].splitlines()[1:]]
     x, steps = np.array([float(row[2]) for row in rows]), np.array([int(row[3]) for row in rows])
     sums = np.concatenate([[0], np.cumsum(steps[1:])]) * unit
@@ -317,11 +318,11 @@ WRITERS = {
 }
 
 
-@pytest.mark.parametrize(("format", "settings", "errors", "said"), WRITERS.values(), ids=WRITERS)
-def test_what_a_control_cannot_hold_is_not_written(format, settings, errors, said):
+@pytest.mark.parametrize(("format", "chosen", "errors", "said"), WRITERS.values(), ids=WRITERS)
+def test_what_a_control_cannot_hold_is_not_written(format, chosen, errors, said):
     machine, form = load("cframe"), find_format(format)
     with pytest.raises(UserError, match=said):
         export(
-            machine, model_of(machine, *motions(machine, errors)), form, parse_settings(form.settings, settings),
+            machine, model_of(machine, *motions(machine, errors)), form, parse_settings(form.settings, chosen),
             form.sign or "error", (0, 0, 0),
         )  # fmt: skip

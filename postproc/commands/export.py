@@ -160,6 +160,8 @@ def _places(
 
 
 def _json(exported: Exported, left: list[Left], errors: dict[str, Any], files: list[str]) -> dict[str, Any]:
+    from postproc.tables.sheet import table_rows
+
     content = exported.content
     return {
         "format": exported.format.name,
@@ -170,7 +172,7 @@ def _json(exported: Exported, left: list[Left], errors: dict[str, Any], files: l
         "sign_confirmed": exported.format.sign is not None,
         "tool_mm": -float(exported.target.tool[2]),
         "files": files,
-        "tables": [term.name for term in content.terms] + [table.name for table in content.motions],
+        "tables": [row._asdict() for row in table_rows(exported)],
         "errors": errors,
         "not_carried": [
             {"error": item.name, "rms_um": None if item.rms_um != item.rms_um else item.rms_um, "why": item.why}
@@ -184,13 +186,17 @@ def _json(exported: Exported, left: list[Left], errors: dict[str, Any], files: l
 def _show(exported: Exported, left: list[Left], errors: dict[str, Any], output: Path, *, to_screen: bool) -> None:
     from rich.table import Table
 
-    from postproc.tables.sheet import STAGES
+    from postproc.tables.sheet import STAGES, table_rows
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
     to = screen if to_screen else console
     if exported.whole.demonstration:
         say("demonstration calibration", "it describes no real machine; don't load its tables")
+    carried = Table("table", "points", "from", "to", "largest value", title=f"what {exported.format.name} carries")
+    for row in table_rows(exported):
+        carried.add_row(*row)
+    to.print(carried)
     for where, numbers in errors.items():
         table = Table("tool point error, um", "RMS", "95 %", "max", title=f"over the {where}")
         for stage, sizes in numbers["tool_point_um"].items():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import msgspec
@@ -18,10 +18,10 @@ from kinematics.transforms import Array
 from postproc.tables.build import build
 from postproc.tables.format import Content, Format, Settings, Sign
 from postproc.tables.motion_tables import build_motions, effects_of_motions
-from postproc.tables.not_carried import Left, not_carried
+from postproc.tables.not_carried import Left, not_carried, short_waves
 from postproc.tables.remaining import Move, Places, in_the_volume, stages, summary
 from postproc.tables.rest import effects_of, joined
-from postproc.tables.target import Target, standing
+from postproc.tables.target import Target, standing, too_fine
 from postproc.tables.terms import added
 
 ANGULAR = 1e-9
@@ -60,7 +60,9 @@ class Exported:
     @property
     def left(self) -> list[Left]:
         """What the tables can't carry."""
-        return not_carried(self.target, self.whole, None if self.format.carries is None else self.content.terms)
+        points = self.format.limits(self.content.settings).points
+        terms = None if self.format.carries is None else self.content.terms
+        return [*not_carried(self.target, self.whole, terms), *short_waves(self.target, points)]
 
     def errors_in_the_volume(self) -> dict[str, Any]:
         """By stage."""
@@ -94,7 +96,8 @@ def export(
     machine: Machine, model: ErrorModel, format: Format, settings: Settings, sign: Sign, tool: tuple[float, ...]
 ) -> Exported:
     """The tables of a control for one tool, in its format."""
-    part = model.part(standing)
+    whole = model.part(standing)
+    part = whole.part(lambda effect: not too_fine(effect, machine))
     if not part.effects:
         raise UserError("the calibration has no errors that a table could hold")
     limits = format.limits(settings)
@@ -111,4 +114,5 @@ def export(
         content, datum = Content(machine, settings, sign, terms=built.terms), built.datum
         effects = effects_of(machine, built.terms)
     taken = msgspec.structs.replace(model, effects=tuple(effects), covariance=None)
+    target = replace(target, model=whole)
     return Exported(format, content, target, model, format.write(content), taken, datum)

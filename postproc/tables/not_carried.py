@@ -19,12 +19,14 @@ from kinematics.inverse import linear_positions
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.tables.target import Target, standing
+from postproc.tables.target import Target, shortest_wave, standing, too_fine
 from postproc.tables.terms import Surface, Term
 
 GRID = {3: 9}
 """Places along each axis, by the number of axes; COARSE for more."""
 COARSE = 5
+POINTS_A_WAVE = 6
+"""Of a table: fewer leave more than a tenth of it."""
 WORTH = 0.05
 """um RMS: less is not named."""
 
@@ -62,6 +64,19 @@ def not_carried(target: Target, whole: ErrorModel, terms: Sequence[Term] | None)
         if left > WORTH:
             found.append(Left(name, round(left, 4), _reason(name)))
     return [*sorted(found, key=lambda left: -left.rms_um), *_reversals(target, terms), *_beyond(whole)]
+
+
+def short_waves(target: Target, points: int) -> list[Left]:
+    """Effects that repeat faster than so many points along their axis can follow."""
+    machine, found = target.machine, []
+    for effect in target.model.effects:
+        wave = shortest_wave(effect)
+        if wave is None:
+            continue
+        i = machine.index(wave[0])
+        if wave[1] * points < POINTS_A_WAVE * np.ptp(target.bounds[i]) or too_fine(effect, machine):
+            found.append(Left(effect.name, float("nan"), f"waves of {wave[1]:g} {machine.axes[i].unit} are too short"))
+    return found
 
 
 def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: int) -> list[Left]:

@@ -14,14 +14,21 @@ import numpy as np
 from kinematics.effects import UM, Backlash, GrowthWithSensor, GrowthWithTime, LocationError, ThermalDrift
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
+from postproc.tables.format import Content
 
 
 class Row(NamedTuple):
-    """One parameter: what it is of, its value with unit, where it goes."""
+    """One parameter: what it is of, its value with unit, where it goes, whether the tables hold it already."""
 
     what: str
     value: str
     place: str
+    held: str
+
+
+NOT_HELD = "no"
+HELD = "yes: do not enter it as well"
+CONSTANT = "its constant part, with the constants of the tables: do not enter it as well"
 
 
 PLACES: Mapping[str, Mapping[str, str]] = {
@@ -64,26 +71,29 @@ PLACES: Mapping[str, Mapping[str, str]] = {
 }
 
 
-def parameter_rows(model: ErrorModel, machine: Machine, family: str) -> list[Row]:
+def parameter_rows(model: ErrorModel, content: Content, family: str) -> list[Row]:
     """The rows of the sheet for one control, in the order of the calibration."""
-    places = PLACES.get(family, {})
+    machine, places = content.machine, PLACES.get(family, {})
+    both_ways = {term.output for term in content.terms if term.way}
+    both_ways |= {table.axis for table in content.motions if (table.forward != table.backward).any()}
+    lines = HELD if content.motions else CONSTANT
     rows = []
     for effect in model.effects:
         if isinstance(effect, Backlash):
             unit = effect.quantities()[0].unit
             windup = "" if effect.windup is None else f", and {effect.windup:.3f} {effect.quantities()[1].unit}"
             value = f"{effect.width:.3f} {unit}{windup} (forward minus backward: {-effect.width:.3f} {unit})"
-            rows.append(Row(f"play of {effect.axis}", value, places.get("play", "")))
+            held = HELD if effect.axis in both_ways else NOT_HELD
+            rows.append(Row(f"play of {effect.axis}", value, places.get("play", ""), held))
         elif isinstance(effect, GrowthWithSensor):
             value = f"{effect.coefficient:.4f} um/m/K of sensor {effect.sensor}, fixed at {effect.fixed_point:g}"
-            rows.append(Row(f"growth of {effect.axis}", value, places.get("growth", "")))
+            rows.append(Row(f"growth of {effect.axis}", value, places.get("growth", ""), NOT_HELD))
         elif isinstance(effect, GrowthWithTime | ThermalDrift):
             parts = zip(effect.parameter_table, effect.parameters, strict=True)
-            rows.append(
-                Row(effect.name, ", ".join(f"{p.name} {v:.4f} {p.unit}" for p, v in parts), places.get("growth", ""))
-            )
+            value = ", ".join(f"{p.name} {v:.4f} {p.unit}" for p, v in parts)
+            rows.append(Row(effect.name, value, places.get("growth", ""), NOT_HELD))
         elif isinstance(effect, LocationError) and machine.axes[machine.index(effect.axis)].rotary:
-            rows.append(Row(effect.name, _line(effect, machine), places.get("rotary", "")))
+            rows.append(Row(effect.name, _line(effect, machine), places.get("rotary", ""), lines))
     return rows
 
 

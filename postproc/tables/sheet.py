@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,14 +40,22 @@ def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> 
     yield from ["", "## What the numbers mean", "", f"Values are {meant}: {told}.", "", form.meaning]
     yield from ["", "## How to load them", "", form.loading, "", "## How certain this is", "", form.certainty]
     yield from ["", "## Tables", "", "| table | points | from | to | largest value |", "|---|---|---|---|---|"]
-    yield from _tables(exported)
+    yield from (
+        f"| {row.name} | {row.points} | {row.first} | {row.last} | {row.largest} |" for row in table_rows(exported)
+    )
     if exported.datum:
         yield from ["", "Constants that the tables must not hold, as corrections: shift the zero of the axis, or leave"]
         yield "them to the work offset: " + ", ".join(f"{axis} {value:.6f}" for axis, value in exported.datum.items())
-    rows = parameter_rows(whole, exported.target.machine, form.parameters)
+    rows = parameter_rows(whole, exported.content, form.parameters)
     if rows:
-        yield from ["", "## Parameters", "", "| of | value | where |", "|---|---|---|"]
-        yield from (f"| {row.what} | {row.value} | {row.place} |" for row in rows)
+        yield from [
+            "",
+            "## Parameters",
+            "",
+            "Values of the calibration; what the tables hold already must not be done twice.",
+        ]
+        yield from ["", "| of | value | where | held by the tables |", "|---|---|---|---|"]
+        yield from (f"| {' | '.join(row)} |" for row in rows)
     yield from ["", "## What this leaves", "", "Tool point error over the working volume, um, by the exact model:", ""]
     yield from ["| | RMS | 95 % | max |", "|---|---|---|---|"]
     for stage, numbers in volume["tool_point_um"].items():
@@ -61,14 +69,29 @@ def _size(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.3f}"
 
 
-def _tables(exported: Exported) -> Iterator[str]:
+class TableRow(NamedTuple):
+    """What one table carries."""
+
+    name: str
+    points: str
+    first: str
+    last: str
+    largest: str
+
+
+def table_rows(exported: Exported) -> list[TableRow]:
+    """Of all tables; positions in mm and degrees."""
+    rows = []
     for term in exported.content.terms:
-        for factor in term.factors:
+        unit = exported.target.machine.axes[exported.target.machine.index(term.output)].unit
+        for k, factor in enumerate(term.factors):
             nodes = factor.nodes if isinstance(factor.nodes, tuple) else (factor.nodes,)
-            points = " x ".join(str(len(n)) for n in nodes)
-            ends = [", ".join(f"{n[k]:g}" for n in nodes) for k in (0, -1)]
-            yield f"| {term.name} | {points} | {ends[0]} | {ends[1]} | {np.abs(factor.values).max():.6f} |"
+            first, last = (", ".join(f"{n[end]:g}" for n in nodes) for end in (0, -1))
+            size = f"{np.abs(factor.values).max():.6f} {'x' if k else unit}"
+            name = term.name if len(term.factors) == 1 else f"{term.name}, factor of {factor.axes[0]}"
+            rows.append(TableRow(name, " x ".join(str(len(n)) for n in nodes), first, last, size))
     for table in exported.content.motions:
-        largest = max(np.abs(table.forward).max(), np.abs(table.backward).max()) * (1e6 if table.angular else 1e3)
-        unit = "urad" if table.angular else "um"
-        yield f"| {table.name} | {len(table.nodes)} | {table.nodes[0]:g} | {table.nodes[-1]:g} | {largest:.3f} {unit} |"
+        largest = max(np.abs(table.forward).max(), np.abs(table.backward).max())
+        size = f"{largest * 1e6:.3f} urad" if table.angular else f"{largest * 1e3:.3f} um"
+        rows.append(TableRow(table.name, str(len(table.nodes)), f"{table.nodes[0]:g}", f"{table.nodes[-1]:g}", size))
+    return rows

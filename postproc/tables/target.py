@@ -9,9 +9,9 @@ from itertools import product
 
 import numpy as np
 
-from kinematics.basis import BSpline
+from kinematics.basis import BSpline, Fourier
 from kinematics.correction import correct_position
-from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects import Cyclic, Effect, ErrorMotion, QuantisedCompensation, Wobble
 from kinematics.effects.base import own_motion
 from kinematics.errors import UserError
 from kinematics.machine import Axis, Machine
@@ -20,6 +20,8 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.tables.limits import TURN
 
+PER_WAVE, MOST_PLACES = 8, 1601
+"""Places along an axis on the shortest wave of its errors; and in all."""
 SAMPLES = {1: 96, 2: 32}
 """Positions of the other axes that a mean is taken over, by the number of axes it is a function of."""
 
@@ -27,6 +29,29 @@ SAMPLES = {1: 96, 2: 32}
 def standing(effect: Effect) -> bool:
     """True for what depends on positions and directions alone, as tables do."""
     return effect.ACTS_ON != "instrument" and effect.REMEDY != "none" and set(effect.needs) <= {"approach"}
+
+
+def shortest_wave(effect: Effect) -> tuple[str, float] | None:
+    """Axis, and length along it, mm or degrees, of the shortest wave of an effect that repeats; None of others."""
+    if isinstance(effect, Cyclic):
+        return effect.axis, effect.period / len(effect.sine)
+    if isinstance(effect, QuantisedCompensation):
+        return effect.axis, effect.pitch
+    if isinstance(effect, Wobble):
+        return effect.axis, TURN / effect.harmonic
+    if isinstance(effect, ErrorMotion) and isinstance(effect.basis, Fourier) and effect.basis.harmonics:
+        low, high = effect.basis.interval
+        return effect.axis, 2 * (high - low) / max(effect.basis.harmonics)
+    return None
+
+
+def too_fine(effect: Effect, machine: Machine) -> bool:
+    """True of waves too short for any table: places along the axis would see them as something else."""
+    wave = shortest_wave(effect)
+    if wave is None:
+        return False
+    low, high = bounds(machine.axes[machine.index(wave[0])])
+    return wave[1] * MOST_PLACES < PER_WAVE * (high - low)
 
 
 def volume(machine: Machine) -> Array:
@@ -110,8 +135,14 @@ class Target:
         return np.asarray(mean.reshape(*(len(p) for p in positions), -1))
 
     def places(self, column: int, n: int) -> Array:
-        """Commands along an axis, mm or degrees: n evenly spread, and those that bring it to a kink of its errors."""
+        """Commands along an axis, mm or degrees: n evenly spread, and those that bring it to a kink of its errors.
+
+        More than n where its errors have short waves.
+        """
         machine = self.machine
+        waves = [wave for effect in self.model.effects if (wave := shortest_wave(effect)) is not None]
+        shortest = min((length for axis, length in waves if axis == machine.names[column]), default=np.inf)
+        n = min(max(n, int(np.ceil(PER_WAVE * np.ptp(self.bounds[column]) / shortest)) + 1), MOST_PLACES)
         kinks: set[float] = set()
         for effect in self.model.effects:
             if isinstance(effect, ErrorMotion) and effect.axis == machine.names[column]:
