@@ -9,7 +9,34 @@ from dataclasses import dataclass, field
 from kinematics.machine import Machine
 from postproc.circles import Point, centre_from_radius, radius_fault, same
 from postproc.expressions import NotKnown
-from postproc.frames import Frame, Placement, cartesian, mirrored, rotated, scaled, shifted
+from postproc.frames import Frame, cartesian
+from postproc.heidenhain_codes import (
+    AXIS_M,
+    CALL_M,
+    COMPENSATIONS,
+    CONTOUR_CYCLES,
+    CYCLES_AT_PLACE,
+    CYCLES_AT_START,
+    CYCLES_ROUND_PLACE,
+    DATA_CYCLES,
+    DIRECTIONS,
+    FRAME_CYCLES,
+    HARMLESS_CYCLES,
+    HARMLESS_FN,
+    HARMLESS_KINDS,
+    HARMLESS_M,
+    MEANT_M,
+    MOVING_KINDS,
+    PLACING,
+    PLC_FN,
+    PRESET_CYCLE,
+    PROGRAM_END_M,
+    REFUSED_CYCLES,
+    REFUSED_FN,
+    REFUSED_KINDS,
+    REFUSED_M,
+)
+from postproc.heidenhain_places import Places
 from postproc.heidenhain_variables import QParameters
 from postproc.iso_codes import AXES, INCH
 from postproc.motions import Arc, AxisWord, Kind, Known, Motions, Recorder
@@ -17,89 +44,7 @@ from postproc.notes import Notes
 from postproc.program import Block, Word
 from postproc.setup import Setup
 
-# Neither move the tool nor change where coordinates point: spindle, coolant, stops, feed modes, the way round of rotary
-# axes (M126), path modes, monitoring, and what takes back something that is refused or was never there.
-HARMLESS_M = frozenset(
-    map(
-        float,
-        (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19, 90, 94, 102, 103, *range(105, 112), 113, *range(115, 119)),
-    )
-) | frozenset(map(float, (120, 124, 126, 127, 132, 133, *range(134, 139), 141, 143, 145, 148, 149)))
-PROGRAM_END_M = frozenset((2.0, 30.0))
-MEANT_M = frozenset((6.0, 91.0, 99.0, 128.0, 129.0, 140.0)) | PROGRAM_END_M
-REFUSED_M = {
-    89.0: "calls a cycle after every move",
-    92.0: "refers to a position that only the machine's maker knows",
-    **dict.fromkeys((97.0, 98.0), "changes the path at corners"),
-    101.0: "lets the control change the tool by itself",
-    104.0: "goes back to an earlier datum",
-    112.0: "rounds corners",
-    114.0: "compensates tilted axes in an older way than M128",
-    130.0: "refers to the coordinates before tilting",
-    142.0: "deletes modal states of the control",
-    144.0: "takes the kinematics into the coordinates",
-    150.0: "lets a move end at a limit switch",
-    **dict.fromkeys(map(float, range(200, 205)), "laser cutting is not corrected"),
-}
-AXIS_M = {118.0: "lets the handwheel move axes", 138.0: "changes which axes M128 compensates"}
-"""With axes behind them."""
-
-COMPENSATIONS = frozenset(("RL", "RR", "R+", "R-"))
-DIRECTIONS = {"DR+": 1, "DR-": -1}
-
-# Cycles that only a call runs, and data for them; dwell, oriented spindle stop, tolerance.
-HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *range(27, 30), 32, 39)) | frozenset(
-    (*range(200, 216), 225, *range(230, 234), 240, 241, *range(251, 259), *range(262, 268), *range(270, 277))
-)
-REFUSED_CYCLES = {
-    12: "calls a program",
-    220: "pattern cycles run where they are defined",
-    221: "pattern cycles run where they are defined",
-}
-FRAME_CYCLES = {
-    7: ("I?[XYZABCUVW]", 0.0, "shifts the datum"),
-    8: ("", 0.0, "mirrors the coordinates"),
-    10: ("I?ROT", 0.0, "turns the coordinates"),
-    11: ("SCL", 1.0, "scales the coordinates"),
-    19: ("[ABC]", 0.0, "tilts the working plane"),
-    26: ("[XYZ]", 1.0, "scales the coordinates"),
-}
-"""The words that a cycle may have, the value of each that changes nothing, and what any other does."""
-PRESET_CYCLE = 247
-CALL_M = 99.0
-PLACING = frozenset((7, 8, 10, 11))
-DATA_CYCLES = frozenset((9, 13, 14, 20, 32, 39))
-"""Run where they stand or hold data: a call does not mean them."""
-
-CYCLES_AT_START = frozenset((1, 2, 3, 4, 5, 17, 18))
-"""Begin where the tool stands, which they come back to."""
-CYCLES_AT_PLACE = frozenset((*range(200, 210), 240, 241))
-"""Begin at X Y of the tool, above a surface Q203; they end at Q204 or Q200 above it."""
-CYCLES_ROUND_PLACE = frozenset((*range(251, 259), *range(262, 266), 267))
-"""Begin there too, but may end elsewhere."""
-CONTOUR_CYCLES = frozenset((21, 22, 23, 24, 25))
-"""Run along the contour of labels that cycle 14 names, wherever the tool stands."""
 _CALL = re.compile(r"CYCL CALL(?: M ?(\d*))?", re.IGNORECASE)
-
-HARMLESS_FN = frozenset((*range(14, 17), 18, 20, 23, 24, 26, 27, 28, 37, 38))
-PLC_FN = frozenset((19, 29))
-REFUSED_FN = {
-    17: "sets data of the control while it runs",
-    25: "sets a preset while it runs",
-}
-
-HARMLESS_KINDS = frozenset(("blank", "blank_form", "definition", "control", "text_assignment"))
-MOVING_KINDS = frozenset(("line", "circle", "circle_radius"))
-REFUSED_KINDS = {
-    "normal_line": "surface normals (LN) are not corrected",
-    "polar": "polar coordinates are not corrected",
-    "tangent": "an arc given by its tangent is not corrected",
-    "approach": "the control works out the way to the contour by itself",
-    "free_contour": "free contours (FK) are not corrected",
-    "program_call": "other programs are not followed",
-    "selection": "what it selects is not known",
-    "probe": "where a probing move ends is not known",
-}
 _TCPM = re.compile(
     r"FUNCTION TCPM( F (TCP|CONT))?( AXIS POS)?( PATHCTRL (AXIS|VECTOR))?( REFPNT TIP-TIP)?( F ?[\d.,]+)?",
     re.IGNORECASE,
@@ -138,8 +83,7 @@ class HeidenhainInterpreter:
         self.preset = "0"
         self.tool_length = self.oversize = 0.0
         self.tcp = self.machine.control.tcp_at_start
-        self.placements: dict[int, Placement] = {}
-        """Datum shift, mirror, rotation and scaling by the number of their cycle."""
+        self.places = Places()
         self.cycle = 0  # the last one that was defined for a call
         self.levelled = False  # cycle 19 tilts the working plane by zero angles
         self.compensated = self.cornered = False
@@ -420,9 +364,7 @@ class HeidenhainInterpreter:
     def _frame(self) -> Frame:
         offset = list(self.setup.work_offset(self.preset))
         length = self.tool_length + self.oversize
-        placed = Placement()
-        for number in sorted(self.placements):
-            placed = placed.then(self.placements[number])
+        placed = self.places.placement
         for axis, shift in zip(cartesian(self.machine), placed.shift, strict=True):
             offset[axis] += shift
         if not self.tcp:
@@ -545,7 +487,8 @@ class HeidenhainInterpreter:
 
     def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
         if number in PLACING and part is not None and not re.search(r"[\d#]", name):
-            self._place(block, number, part)
+            if part != ".0":
+                self._place(block, number)
             return
         addresses, neutral, meaning = FRAME_CYCLES[number]
         changes = [word for word in block.words if not re.fullmatch(addresses, word.address) or word.value != neutral]
@@ -554,43 +497,11 @@ class HeidenhainInterpreter:
         if number == 19 and part != ".0":
             self.levelled = bool(block.words)
 
-    def _place(self, block: Block, number: int, part: str) -> None:
-        """Datum shift, mirror, rotation, scaling; one at a time, but for a shift before the others."""
+    def _place(self, block: Block, number: int) -> None:
         words = {word.address: self._value(block, word) if word.start < word.end else 0.0 for word in block.words}
-        if part == ".0":
-            return
-        before = self.placements.get(number, Placement())
-        match number:
-            case 7:
-                others = {name: value for name, value in words.items() if name not in "XYZ"}
-                if any(value or name.removeprefix("I") not in AXES for name, value in others.items()):
-                    raise block.refuse(f"cycle 7 shifts the datum by {' '.join(others)}")
-                values = [
-                    words.get(name, old / self.unit) * self.unit for name, old in zip("XYZ", before.shift, strict=True)
-                ]
-                placement = shifted(*values)
-            case 8:
-                if not words.keys() <= set("XYZ"):
-                    raise block.refuse("cycle 8 mirrors a rotary axis")
-                placement = mirrored("".join(words))
-            case 10:
-                if words.keys() != {"ROT"}:
-                    raise block.refuse("cycle 10 turns the coordinates by an increment, or by nothing")
-                placement = rotated(words["ROT"])
-            case _:
-                if words.keys() != {"SCL"} or words["SCL"] <= 0.0:
-                    raise block.refuse("cycle 11 without a scale")
-                placement = scaled(words["SCL"])
-        if placement == before:
-            return
-        self.placements[number] = placement
-        active = [n for n, p in self.placements.items() if p != Placement()]
-        if len([n for n in active if n != 7]) > 1 or (number == 7 and active not in ([], [7])):
-            raise block.refuse(
-                f"cycle {number} beside another that changes the coordinates: their order is not followed"
-            )
-        self.pole = None
-        self._change_frame(cartesian(self.machine))
+        if self.places.set(block, number, words, self.unit):
+            self.pole = None
+            self._change_frame(cartesian(self.machine))
 
     def _fn(self, block: Block) -> None:
         match = _FN.match(block.detail)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
 from postproc.circles import centre_from_radius, radius_fault, same
-from postproc.frames import Frame, cartesian
+from postproc.frames import Frame, Placement, cartesian, rotated, shifted
 from postproc.iso_blocks import WORDS
 from postproc.iso_codes import (
     AXES,
@@ -26,6 +26,7 @@ from postproc.iso_codes import (
     INVERSE_TIME,
     LARGEST,
     LENGTH_CODES,
+    LOCAL,
     MEANINGFUL,
     MOTION,
     MOVE_WORDS,
@@ -33,12 +34,15 @@ from postproc.iso_codes import (
     OFFSET_CODES,
     ONE_SHOT,
     PALLET_CHANGE,
+    PLACING,
     PLANES,
     PROGRAM_ENDS,
     REFUSED_G,
     REFUSED_M,
     RETURN_TO_LEVEL,
     RETURN_TO_R,
+    ROTATION,
+    ROTATION_END,
     SKIPPABLE_M,
     STANDING,
     TOOL_CHANGE,
@@ -97,6 +101,10 @@ class IsoInterpreter:
         self.arc_absolute = self.machine.control.arc_centres == "absolute"
         self.unit = 1.0
         self.work_offset = "G54"
+        self.local = [0.0] * len(self.machine.axes)
+        """G52."""
+        self.rotation = Placement()
+        """G68."""
         self.selected_tool = 0
         self.spindle_tool: int | None = None
         self.length_offset: int | None = None
@@ -147,6 +155,8 @@ class IsoInterpreter:
         claimed = self._modes(block, content) if content.g else None
         if claimed in STANDING or (claimed is None and not moves):
             pass
+        elif claimed in PLACING:
+            self._change_place(block, content, claimed == ROTATION)
         elif claimed in (28.0, 30.0):
             self._reference_return(block, content)
         elif claimed == 53.0:
@@ -239,6 +249,8 @@ class IsoInterpreter:
             elif code in LENGTH_CODES:
                 self._select_length_offset(block, content, code)
                 self.length_said = True
+            elif code == ROTATION_END:
+                self._turn_to(Placement())
             elif not self._take_mode(code) and code not in HARMLESS_G:
                 raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
         if not FRAME_CODES.isdisjoint(content.g):
@@ -277,11 +289,38 @@ class IsoInterpreter:
             self.taken.discard(said)
         return True
 
+    def _change_place(self, block: Block, content: _Content, rotation: bool) -> None:
+        """G52: the origin at another place. G68 X Y R: coordinates turned round a point."""
+        words = self._axis_words(block, content)
+        if not self.absolute or content.g.count(ROTATION) + content.g.count(LOCAL) != len(content.g):
+            raise block.refuse("G52 and G68 need G90, and a block of their own")
+        if self.rotation != Placement() or content.m or content.other.keys() - {"N", "R" if rotation else "N"}:
+            raise block.refuse("G52 or G68 while G68 is on, or beside something else")
+        if not rotation:
+            for word, value in words:
+                self.local[word.axis] = value
+            self.recorder.set_frame(self._frame(), {word.axis for word, _ in words})
+            return
+        x, y, _ = cartesian(self.machine)
+        centre = {word.axis: value for word, value in words}
+        if centre.keys() != {x, y} or "R" not in content.other or self.plane != "XYZ":
+            raise block.refuse("G68 needs X, Y and R, in G17")
+        angle = self._value(block, content.other["R"], 1.0)
+        turned = shifted(centre[x], centre[y]).then(rotated(angle)).then(shifted(-centre[x], -centre[y]))
+        self._turn_to(turned)
+
+    def _turn_to(self, rotation: Placement) -> None:
+        if rotation != self.rotation:
+            self.rotation = rotation
+            self.recorder.set_frame(self._frame(), cartesian(self.machine))
+
     def _offsets(self) -> tuple[str | None, int | None]:
         """Work offset and length offset in force, None where the program has said nothing of it yet."""
         return self.work_offset if self.offset_said else None, (self.length_offset or 0) if self.length_said else None
 
     def _select_work_offset(self, block: Block, content: _Content, code: float) -> None:
+        if self.rotation != Placement() or any(self.local):
+            raise block.refuse("a work offset while G52 or G68 is on: what becomes of these depends on the control")
         extended = "P" in content.other and code in (54.0, 54.1)
         if code == 54.1 and not extended:
             raise block.refuse("G54.1 without P")
@@ -325,7 +364,9 @@ class IsoInterpreter:
         self.recorder.set_frame(self._frame(), changed)
 
     def _frame(self) -> Frame:
-        offset = list(self.setup.work_offset(self.work_offset))
+        offset = [a + b for a, b in zip(self.setup.work_offset(self.work_offset), self.local, strict=True)]
+        for axis, shift in zip(cartesian(self.machine), self.rotation.shift, strict=True):
+            offset[axis] += shift
         length = 0.0
         if self.length_offset:
             length = self.setup.tool_length(self.length_offset)
@@ -333,7 +374,7 @@ class IsoInterpreter:
                 offset[cartesian(self.machine)[2]] += length
         elif self.spindle_tool:
             length = self.setup.tool_length(self.spindle_tool)
-        return Frame(tuple(offset), length, self.tcp)
+        return Frame(tuple(offset), length, self.tcp, self.rotation.frame_turn)
 
     def _value(self, block: Block, index: int, unit: float) -> float:
         """The number of a word in mm or degrees."""

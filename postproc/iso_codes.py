@@ -24,7 +24,7 @@ MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 # return levels of cycles.
 HARMLESS_G = frozenset(
     [
-        *(4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0, 69.0),
+        *(4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0),
         *(92.1, 92.2, 96.0, 97.0),
     ]
 )
@@ -42,7 +42,10 @@ FRAME_CODES = LENGTH_CODES | OFFSET_CODES
 NAMING = frozenset((5.1, 50.1, 92.1, 92.2))
 STANDING = NAMING | {4.0}
 """Take the coordinates of their block for something else than a move."""
-ONE_SHOT = STANDING | {28.0, 30.0, 53.0}
+LOCAL, ROTATION, ROTATION_END = 52.0, 68.0, 69.0
+PLACING = frozenset((LOCAL, ROTATION))
+"""Take the coordinates of their block for a shift, or for the centre of a rotation."""
+ONE_SHOT = STANDING | PLACING | {28.0, 30.0, 53.0}
 GROUPS = (
     frozenset(MOTION) | CYCLES | {CYCLE_END},
     frozenset((RETURN_TO_LEVEL, RETURN_TO_R)),
@@ -70,10 +73,10 @@ REFUSED_G = {
     43.1: "a length offset given in the program is not corrected",
     **dict.fromkeys((43.5, 53.1), "tool vectors are not corrected"),
     **dict.fromkeys((51.0, 51.1), "scaling or mirroring changes what coordinates mean"),
-    **dict.fromkeys((50.0, 52.0, 92.0, 92.3), "shifts or scales the coordinates"),
+    **dict.fromkeys((50.0, 92.0, 92.3), "shifts or scales the coordinates"),
     **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
     **dict.fromkeys((65.0, 66.0, 66.1), "calls a macro"),
-    **dict.fromkeys((68.0, 68.2, 68.3, 68.4), "turns the coordinates"),
+    **dict.fromkeys((68.2, 68.3, 68.4), "turns the coordinates"),
     **dict.fromkeys((87.0, 88.0), "a boring cycle that shifts the tool or waits for a hand is not corrected"),
 }
 REFUSED_M = {

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
 from postproc.circles import centre_from_radius, radius_fault, same
-from postproc.frames import Frame, cartesian
+from postproc.frames import Frame, Placement, cartesian, mirrored, rotated, scaled, shifted
 from postproc.iso_codes import HARMLESS_M, LARGEST, PROGRAM_ENDS, SKIPPABLE_M, TOOL_CHANGE
 from postproc.motions import Arc, AxisWord, Kind, Known, Motions, Recorder
 from postproc.notes import Notes
@@ -32,12 +32,15 @@ from postproc.siemens_codes import (
     REFERENCE,
     REFUSED_G,
     REFUSED_NAMES,
+    SPATIAL_NAMES,
     UNITS,
     WORK_OFFSETS,
 )
 from postproc.siemens_variables import SiemensVariables
 
 AXES = "XYZABCUVWEQ"
+NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
+"""The plane that a rotation about an axis turns."""
 END_OF_SUBPROGRAM = 17.0
 _SPINDLE_M = re.compile(r"M\d+")
 _MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
@@ -77,7 +80,8 @@ class SiemensInterpreter:
         self.unit = 1.0
         self.work_offset = "G500"
         self.shift = [0.0] * len(self.machine.axes)
-        """The programmable frame: TRANS and ATRANS."""
+        self.placed = Placement()
+        """The programmable frame: of axes that turn, and of X Y Z."""
         self.selected_tool: int | str = 0
         self.spindle_tool: int | str | None = None
         self.edge = 1
@@ -150,11 +154,10 @@ class SiemensInterpreter:
             raise block.refuse("whether it runs depends on the block-skip switch")
         for name in sorted(content.names):
             self._check_name(block, name)
-        if content.names & FRAME_NAMES and "RPL" in content.other:
-            raise block.refuse("RPL turns the coordinates")
+        frame_words = {"RPL"} if content.names & FRAME_NAMES else set()
         machine_axes = set(filter(_MACHINE_AXIS.fullmatch, content.other)) if REFERENCE & set(content.g) else set()
         for address in sorted(
-            content.other.keys() - machine_axes - HARMLESS_ADDRESSES - {"T", "D", "CR", "TURN", *CENTRES}
+            content.other.keys() - machine_axes - frame_words - HARMLESS_ADDRESSES - {"T", "D", "CR", "TURN", *CENTRES}
         ):
             if not _SPINDLE_S.fullmatch(address):
                 raise block.refuse(_strange(address))
@@ -163,7 +166,7 @@ class SiemensInterpreter:
             if len(clash) > 1:
                 raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
         if len(content.names & FRAME_NAMES) and (
-            content.g or content.m or len(content.names) > 1 or content.other.keys() - {"N"}
+            content.g or content.m or len(content.names) > 1 or content.other.keys() - {"N", "RPL"}
         ):
             raise block.refuse("a frame and something beside it")
 
@@ -255,27 +258,67 @@ class SiemensInterpreter:
             self.recorder.set_frame(self._frame(), cartesian(self.machine))
 
     def _change_programmable(self, block: Block, content: _Content, names: set[str]) -> None:
-        """TRANS sets the programmable frame anew, ATRANS adds to it; others only as far as they take it back."""
+        """TRANS, ROT, SCALE, MIRROR set the programmable frame anew; with an A before them they add to it."""
         (name,) = names
-        resets = name in ("ROT", "SCALE", "MIRROR") and not content.axes and not content.other.keys() - {"N"}
-        if name not in ("TRANS", "ATRANS") and not resets:
-            raise block.refuse(f"{name} turns, scales or mirrors the coordinates")
-        if name != "ATRANS":
+        if name in SPATIAL_NAMES:
+            raise block.refuse(f"{name} turns the coordinates by angles in space")
+        added = name.startswith("A")
+        kind = name.removeprefix("A") if added else name
+        words = {block.words[i].address: self._frame_value(block, block.words[i]) for i in content.axes}
+        inner = self._inner_frame(block, content, kind, {a: v for a, v in words.items() if a in "XYZ"})
+        turned = {axis: value for axis, value in words.items() if axis not in "XYZ"}
+        if turned and kind != "TRANS":
+            raise block.refuse(f"{name} of an axis that turns")
+        before = self.placed
+        self.placed = before.then(inner) if added else inner
+        if not added:
             self.shift = [0.0] * len(self.machine.axes)
-        for i in content.axes:
-            word = block.words[i]
-            if word.mode:
-                raise block.refuse(f"{word.mode} in a frame")
-            axis = self.recorder.axis(block, word.address)
-            self.shift[axis] += self._value(block, word) * (1.0 if self.machine.axes[axis].rotary else self.unit)
-        self.recorder.set_frame(self._frame())
+        for axis, value in turned.items():
+            self.shift[self.recorder.axis(block, axis)] += value
+        self.recorder.set_frame(self._frame(), self._places_changed(before, words))
+
+    def _places_changed(self, before: Placement, words: Mapping[str, float]) -> Iterable[int] | None:
+        """Axes whose coordinates mean something else now; those that differ, and those that the program has named."""
+        if before.turn != self.placed.turn:
+            return range(len(self.machine.axes))
+        named = {self.machine.index(axis) for axis in words if axis in self.machine.names}
+        moved = {
+            i for i, (a, b) in enumerate(zip(self.recorder.frame.offset, self._frame().offset, strict=True)) if a != b
+        }
+        return named | moved
+
+    def _frame_value(self, block: Block, word: Word) -> float:
+        if word.mode:
+            raise block.refuse(f"{word.mode} in a frame")
+        return self._value(block, word)
+
+    def _inner_frame(self, block: Block, content: _Content, kind: str, words: Mapping[str, float]) -> Placement:
+        unit = self.unit
+        if kind == "TRANS":
+            return shifted(*(words.get(axis, 0.0) * unit for axis in "XYZ"))
+        if kind == "MIRROR":
+            return mirrored("".join(words))
+        if kind == "SCALE":
+            if words and (len(words) < 3 or len(set(words.values())) > 1 or min(words.values()) <= 0.0):
+                raise block.refuse("a scale that is not the same along X, Y and Z")
+            return scaled(words["X"]) if words else Placement()
+        angle = content.other.get("RPL")
+        if angle is not None:
+            if words:
+                raise block.refuse("RPL beside an axis")
+            return rotated(self._value(block, block.words[angle]), self.plane)
+        if len(words) > 1:
+            raise block.refuse("a rotation about more than one axis in one block")
+        return next((rotated(value, NORMALS[axis]) for axis, value in words.items()), Placement())
 
     def _frame(self) -> Frame:
         offset = [a + b for a, b in zip(self.setup.work_offset(self.work_offset), self.shift, strict=True)]
-        length = self._tool_length()
+        length, x_y_z = self._tool_length(), cartesian(self.machine)
+        for axis, shift in zip(x_y_z, self.placed.shift, strict=True):
+            offset[axis] += shift
         if not self.tcp:
-            offset[cartesian(self.machine)[2]] += length
-        return Frame(tuple(offset), length, self.tcp)
+            offset[x_y_z[2]] += length
+        return Frame(tuple(offset), length, self.tcp, self.placed.frame_turn)
 
     # ---- moves
 

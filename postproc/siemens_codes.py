@@ -55,6 +55,7 @@ HARMLESS_CALLS = _all(
     "MSG SETAL CYCLE832 GROUP_BEGIN GROUP_END WORKPIECE FGROUP STOPRE SPCON SPCOF WAITM FFWON DELAYFSTON"
 )
 FRAME_NAMES = _all("TRANS ATRANS ROT AROT ROTS AROTS CROTS SCALE ASCALE MIRROR AMIRROR")
+SPATIAL_NAMES = _all("ROTS AROTS CROTS")
 REFUSED_NAMES = {
     **dict.fromkeys(("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "splines are not corrected"),
     **dict.fromkeys(("CIP", "CT", "INVCW", "INVCCW"), "an arc whose circle the control works out is not corrected"),

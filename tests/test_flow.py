@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import correct, load, random_model, read, shifted
+from programs import correct, load, model_of, random_model, read, shifted
 
+from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from postproc.verify import verify
 
@@ -170,3 +171,67 @@ def test_generated_formulas_keep_their_values(parts):
     written = correct(text, machine, model, travel_check=False).text
     before, after = read(text, machine).target, read(written, machine).target
     np.testing.assert_allclose(after - before, np.broadcast_to(SHIFT, before.shape), atol=1e-9)
+
+
+PLACED = {
+    "G52": "G52 X10. Y-5.\nG0 X1. Y1. Z1.\nG1 X3. F100\nG2 X5. I1.\nG52 X0. Y0.\nG0 X7. Y7.\n",
+    "one axis, again": "G52 Z3.\nG0 X1. Y1. Z1.\nG52 X4.\nG0 X1. Y1. Z1.\n",
+    "increments": "G52 X10.\nG91 G0 X1. Y1.\nG90 X5. Y5.\n",
+}
+
+
+@pytest.mark.parametrize("name", PLACED)
+def test_local_coordinates_are_those_of_linuxcnc(linuxcnc, name):
+    machine, text = load("gantry"), HEAD + PLACED[name] + "M2\n"
+    written = correct(text, machine, random_model(machine, 5), travel_check=False).text
+    for program in (text, written):
+        seen = linuxcnc.run(program)
+        assert seen.exit_status == 0, seen
+        np.testing.assert_allclose(
+            [m.machine[:3] for m in seen.moves], read(program, machine).machine_target, atol=1e-6
+        )
+
+
+@pytest.mark.parametrize("angle", [90, 30, -45.5])
+def test_turned_coordinates(angle):
+    machine = load("gantry")
+    text = (
+        HEAD
+        + f"G68 X10. Y20. R{angle}.\n".replace(".5.", ".5")
+        + "G0 X15. Y20. Z5.\nG1 X30. F100\nG2 X40. I5.\nG91 G1 Y5.\nG90\nG69\nG0 X1. Y1.\n"
+    )
+    motions = read(text, machine)
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    assert motions.machine_target[1].tolist() == pytest.approx([10 + 5 * c, 20 + 5 * s, 5], abs=1e-9)
+    assert motions.machine_target[4].tolist() == pytest.approx([10 + 30 * c - 5 * s, 20 + 30 * s + 5 * c, 5], abs=1e-9)
+    assert motions.machine_target[5].tolist() == [1, 1, 5]
+    model = random_model(machine, 5)
+    written = correct(text, machine, model, travel_check=False).text
+    assert text.splitlines()[1] in written
+    verdict = verify(motions, read(written, machine), model)
+    assert verdict.before.largest > 20.0
+    assert verdict.after.largest < 0.2
+
+
+@pytest.mark.parametrize(
+    ("block", "reason"),
+    [
+        ("G91 G52 X1.", "need G90"),
+        ("G52 X1. M8", "beside something else"),
+        ("G68 X1. R5.", "G68 needs X, Y and R"),
+        ("G68 X1. Y1. R5.\nG54", "a work offset while G52 or G68 is on"),
+        ("G68 X1. Y1. R5.\nG52 X1.", "while G68 is on"),
+        ("G68 R5.", "G68 needs X, Y and R"),
+        ("G92 X1.", "shifts or scales the coordinates"),
+    ],
+)
+def test_places_that_controls_read_differently(block, reason):
+    with pytest.raises(UserError) as caught:
+        read(HEAD + block + "\n", load("gantry"))
+    assert reason in str(caught.value)
+
+
+def test_turned_coordinates_with_play_are_refused():
+    machine = load("gantry")
+    with pytest.raises(UserError, match="turned coordinates on a machine with play"):
+        correct(HEAD + "G68 X1. Y1. R5.\nG1 X5. Y5. F100\n", machine, model_of(machine, Backlash("X", 10.0)))

@@ -21,7 +21,7 @@ from postproc.pipeline import Job, Pipeline
 from postproc.program import Refusal
 from postproc.siemens_blocks import _read_plain, parse_block, read_block
 from postproc.source import ENCODING
-from postproc.verify import merged, read_motions
+from postproc.verify import merged, read_motions, verify
 
 SIEMENS = find_dialect("siemens", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
@@ -223,6 +223,34 @@ def test_frames():
     assert places[3:, 2].tolist() == [36, 34, 34] or places[3, 2] == 36
 
 
+PLACED = {
+    "ROT RPL=90": [-20, 10, 5],
+    "ROT Z90": [-20, 10, 5],
+    "ROT X90": [10, -5, 20],
+    "ROT Y90": [5, 20, -10],
+    "MIRROR X0": [-10, 20, 5],
+    "SCALE X2 Y2 Z2": [20, 40, 10],
+    "TRANS X100\nAROT Z90": [80, 10, 5],
+    "ROT Z90\nATRANS X100": [-20, 110, 5],
+    "TRANS X100\nROT Z90": [-20, 10, 5],
+    "TRANS X100\nAMIRROR Y0\nATRANS Y5": [110, -25, 5],
+    "ROT Z90\nROT": [10, 20, 5],
+}
+
+
+@pytest.mark.parametrize("code", PLACED)
+def test_changed_coordinates(code):
+    text = f"G0 X0 Y0 Z0\n{code}\nG1 X10 Y20 Z5 F500\nX15\nG2 X10 Y25 CR=5\nG1 Z=IC(1)\n"
+    motions = read(text)
+    assert motions.machine_target[1].tolist() == pytest.approx(PLACED[code], abs=1e-9)
+    model = random_model(load("gantry"), 8)
+    written = correct(text, model=model)
+    assert f"\n{code}\n" in written
+    verdict = verify(motions, read(written), model)
+    assert verdict.before.largest > 20.0
+    assert verdict.after.largest < 0.2
+
+
 def test_frames_are_no_motion():
     text = "G0 X1 Y1 Z1\nTRANS X100 Y=2*3\nX1 Y1\n"
     written = correct(text, model=shifted(load("gantry"), **OFFSET))
@@ -265,8 +293,11 @@ REFUSED = {
     "X=\"A\"": "X with a number that no control reads",
     "G41 X5": "G41 tool radius compensation",
     "G58 X5": "G58 shifts the coordinates",
-    "ROT RPL=45": "RPL turns the coordinates",
-    "AMIRROR X0": "AMIRROR turns, scales or mirrors",
+    "ROT X10 Y20": "a rotation about more than one axis",
+    "ROTS X10": "ROTS turns the coordinates by angles in space",
+    "SCALE X2": "a scale that is not the same along X, Y and Z",
+    "ROT Z=IC(5)": "IC in a frame",
+    "G1 RPL=30": "RPL: polar coordinates and rotations",
     "TRANS X5 G1": "a frame and something beside it",
     "CYCLE800(1,\"\",0,57,0,0,0,30,0)": "CYCLE800 is not known",
     "CYCLE81(10,0,2,-5)": "CYCLE81 is not known",

@@ -1,0 +1,86 @@
+"""What stands in HEIDENHAIN Klartext blocks, by what it does to the path: followed, harmless or refused."""
+
+from __future__ import annotations
+
+# Neither move the tool nor change where coordinates point: spindle, coolant, stops, feed modes, the way round of rotary
+# axes (M126), path modes, monitoring, and what takes back something that is refused or was never there.
+HARMLESS_M = frozenset(
+    map(
+        float,
+        (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19, 90, 94, 102, 103, *range(105, 112), 113, *range(115, 119)),
+    )
+) | frozenset(map(float, (120, 124, 126, 127, 132, 133, *range(134, 139), 141, 143, 145, 148, 149)))
+PROGRAM_END_M = frozenset((2.0, 30.0))
+MEANT_M = frozenset((6.0, 91.0, 99.0, 128.0, 129.0, 140.0)) | PROGRAM_END_M
+REFUSED_M = {
+    89.0: "calls a cycle after every move",
+    92.0: "refers to a position that only the machine's maker knows",
+    **dict.fromkeys((97.0, 98.0), "changes the path at corners"),
+    101.0: "lets the control change the tool by itself",
+    104.0: "goes back to an earlier datum",
+    112.0: "rounds corners",
+    114.0: "compensates tilted axes in an older way than M128",
+    130.0: "refers to the coordinates before tilting",
+    142.0: "deletes modal states of the control",
+    144.0: "takes the kinematics into the coordinates",
+    150.0: "lets a move end at a limit switch",
+    **dict.fromkeys(map(float, range(200, 205)), "laser cutting is not corrected"),
+}
+AXIS_M = {118.0: "lets the handwheel move axes", 138.0: "changes which axes M128 compensates"}
+"""With axes behind them."""
+
+COMPENSATIONS = frozenset(("RL", "RR", "R+", "R-"))
+DIRECTIONS = {"DR+": 1, "DR-": -1}
+
+# Cycles that only a call runs, and data for them; dwell, oriented spindle stop, tolerance.
+HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *range(27, 30), 32, 39)) | frozenset(
+    (*range(200, 216), 225, *range(230, 234), 240, 241, *range(251, 259), *range(262, 268), *range(270, 277))
+)
+REFUSED_CYCLES = {
+    12: "calls a program",
+    220: "pattern cycles run where they are defined",
+    221: "pattern cycles run where they are defined",
+}
+FRAME_CYCLES = {
+    7: ("I?[XYZABCUVW]", 0.0, "shifts the datum"),
+    8: ("", 0.0, "mirrors the coordinates"),
+    10: ("I?ROT", 0.0, "turns the coordinates"),
+    11: ("SCL", 1.0, "scales the coordinates"),
+    19: ("[ABC]", 0.0, "tilts the working plane"),
+    26: ("[XYZ]", 1.0, "scales the coordinates"),
+}
+"""The words that a cycle may have, the value of each that changes nothing, and what any other does."""
+PRESET_CYCLE = 247
+CALL_M = 99.0
+PLACING = frozenset((7, 8, 10, 11))
+DATA_CYCLES = frozenset((9, 13, 14, 20, 32, 39))
+"""Run where they stand or hold data: a call does not mean them."""
+
+CYCLES_AT_START = frozenset((1, 2, 3, 4, 5, 17, 18))
+"""Begin where the tool stands, which they come back to."""
+CYCLES_AT_PLACE = frozenset((*range(200, 210), 240, 241))
+"""Begin at X Y of the tool, above a surface Q203; they end at Q204 or Q200 above it."""
+CYCLES_ROUND_PLACE = frozenset((*range(251, 259), *range(262, 266), 267))
+"""Begin there too, but may end elsewhere."""
+CONTOUR_CYCLES = frozenset((21, 22, 23, 24, 25))
+"""Run along the contour of labels that cycle 14 names, wherever the tool stands."""
+
+HARMLESS_FN = frozenset((*range(14, 17), 18, 20, 23, 24, 26, 27, 28, 37, 38))
+PLC_FN = frozenset((19, 29))
+REFUSED_FN = {
+    17: "sets data of the control while it runs",
+    25: "sets a preset while it runs",
+}
+
+HARMLESS_KINDS = frozenset(("blank", "blank_form", "definition", "control", "text_assignment"))
+MOVING_KINDS = frozenset(("line", "circle", "circle_radius"))
+REFUSED_KINDS = {
+    "normal_line": "surface normals (LN) are not corrected",
+    "polar": "polar coordinates are not corrected",
+    "tangent": "an arc given by its tangent is not corrected",
+    "approach": "the control works out the way to the contour by itself",
+    "free_contour": "free contours (FK) are not corrected",
+    "program_call": "other programs are not followed",
+    "selection": "what it selects is not known",
+    "probe": "where a probing move ends is not known",
+}

@@ -1,0 +1,74 @@
+"""Datum shift, mirror, rotation and scaling of Klartext: cycles 7, 8, 10 and 11."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from postproc.frames import Placement, mirrored, rotated, scaled, shifted
+from postproc.iso_codes import AXES
+from postproc.program import Block
+
+SHIFT = 7
+
+
+@dataclass
+class Places:
+    """What changes the coordinates now: a shift, and one of the others inside it."""
+
+    active: dict[int, Placement] = field(default_factory=dict)
+    """By the number of its cycle."""
+
+    @property
+    def placement(self) -> Placement:
+        """All of them, the shift outermost."""
+        result = Placement()
+        for number in sorted(self.active):
+            result = result.then(self.active[number])
+        return result
+
+    def set(self, block: Block, number: int, words: Mapping[str, float], unit: float) -> bool:
+        """Take over a block of a cycle with its words; False when that changes nothing.
+
+        Refusal for what it does to other axes, and for an order of cycles that is not followed.
+        """
+        before = self.active.get(number, Placement())
+        made = _shift(block, before, words, unit) if number == SHIFT else _MAKERS[number](block, words)
+        if made == before:
+            return False
+        self.active = {n: p for n, p in {**self.active, number: made}.items() if p != Placement()}
+        others = self.active.keys() - {SHIFT}
+        if len(others) > 1 or (number == SHIFT and others):
+            raise block.refuse(
+                f"cycle {number} beside another that changes the coordinates: their order is not followed"
+            )
+        return True
+
+
+def _shift(block: Block, before: Placement, words: Mapping[str, float], unit: float) -> Placement:
+    others = {name: value for name, value in words.items() if name not in "XYZ"}
+    if any(value or name.removeprefix("I") not in AXES for name, value in others.items()):
+        raise block.refuse(f"cycle 7 shifts the datum by {' '.join(others)}")
+    x, y, z = (words[name] * unit if name in words else old for name, old in zip("XYZ", before.shift, strict=True))
+    return shifted(x, y, z)
+
+
+def _mirror(block: Block, words: Mapping[str, float]) -> Placement:
+    if not words.keys() <= set("XYZ"):
+        raise block.refuse("cycle 8 mirrors a rotary axis")
+    return mirrored("".join(words))
+
+
+def _rotation(block: Block, words: Mapping[str, float]) -> Placement:
+    if words.keys() != {"ROT"}:
+        raise block.refuse("cycle 10 turns the coordinates by an increment, or by nothing")
+    return rotated(words["ROT"])
+
+
+def _scale(block: Block, words: Mapping[str, float]) -> Placement:
+    if words.keys() != {"SCL"} or words["SCL"] <= 0.0:
+        raise block.refuse("cycle 11 without a scale")
+    return scaled(words["SCL"])
+
+
+_MAKERS: dict[int, Callable[[Block, Mapping[str, float]], Placement]] = {8: _mirror, 10: _rotation, 11: _scale}
