@@ -27,9 +27,12 @@ from postproc.statements import (
 
 Node = Tree[Token] | Token
 
-CALLS = re.compile(r"(M[ \t]*0*9[89]|G[ \t]*0*65)(?![\d.])", re.IGNORECASE)
+CALLS = re.compile(r"[MmGg][ \t]*0*(?:9[89]|65)(?![\d.])")
 """What a block may hold that calls a subprogram or ends one."""
-FLOW = re.compile(rf"{CALLS.pattern}|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]", re.IGNORECASE)
+FLOW = re.compile(
+    r"M[ \t]*0*9[89](?![\d.])|G[ \t]*0*65(?![\d.])|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
+    re.IGNORECASE,
+)
 """What a program may hold in which not always the next block runs."""
 ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
 """Local variables that take the words behind G65."""
