@@ -1,58 +1,96 @@
 """Which programs ncomp accepts, and why it refuses the others: `python benchmarks/acceptance.py FOLDER [MACHINE ...]`.
 
-Every file below the folder goes through the main job with `--calibration none`, on the first of the machines that has
-its axes (default: dmu50, trunnion_ac). An accepted program must come out byte for byte. Prints a table per folder, and
-one line per refusal.
+Every file below the folder goes through the main job twice, on the first of the machines that takes it (default:
+dmu50, trunnion_ac; each also as for a control that reads arc centres as absolute): with `--calibration none`, where an
+accepted program must come out byte for byte, and for a machine that is out of square by 20 urad. Prints a table per
+folder, and one line per program that the first, or only the second, refuses.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import datetime
 import io
 import sys
 from collections import defaultdict
 from pathlib import Path
 
 import machines
+from kinematics.effects import LocationError
 from kinematics.errors import UserError
-from kinematics.model import no_errors
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel, Provenance, no_errors, reference
 from postproc.dialects import find_dialect
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup
 from postproc.source import open_source
 
+SQUARENESS_URAD = 20.0
 
-def refusal(path: Path, machine_names: list[str]) -> str | None:
-    """Why a program is refused, None when it comes out as it went in; AssertionError when it comes out otherwise."""
+
+def out_of_square(machine: Machine) -> ErrorModel:
+    """Y to X, Z to X and Z to Y."""
+    effects = tuple(LocationError(turn, axis, SQUARENESS_URAD) for turn, axis in ("CY", "BZ", "AZ"))
+    made = Provenance("benchmark", datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC))
+    return ErrorModel(machine=reference(machine), effects=effects, provenance=made)
+
+
+def variants(names: list[str]) -> list[Machine]:
+    """The machines, each followed by itself with a control that reads arc centres as absolute."""
+    found = []
+    for machine in map(machines.load, names):
+        absolute = dataclasses.replace(machine.control, arc_centres="absolute")
+        found += [machine, dataclasses.replace(machine, control=absolute)]
+    return found
+
+
+def correct(path: Path, machine: Machine, model: ErrorModel) -> bytes:
+    """The program as it comes out; UserError when it is refused."""
+    out = io.BytesIO()
+    source = open_source(str(path))
+    dialect = find_dialect("auto", source.name, source.text_head)
+    Pipeline(Job(source, dialect, machine, model, make_setup(machine), travel_check=False)).run(out, lambda _: None)
+    return out.getvalue()
+
+
+def refusals(path: Path, candidates: list[Machine]) -> tuple[str | None, str | None]:
+    """Why a program is refused without and with errors, None where it is not.
+
+    AssertionError when one that is accepted does not come back as it was.
+    """
     reasons = []
-    for name in machine_names:
-        machine = machines.load(name)
-        out = io.BytesIO()
+    for machine in candidates:
         try:
-            source = open_source(str(path))
-            dialect = find_dialect("auto", source.name, source.text_head)
-            job = Job(source, dialect, machine, no_errors(machine), make_setup(machine), travel_check=False)
-            Pipeline(job).run(out, lambda _: None)
+            assert correct(path, machine, no_errors(machine)) == path.read_bytes(), path
         except UserError as fault:
             reasons.append(str(fault))
             continue
-        assert out.getvalue() == path.read_bytes(), path
-        return None
-    return next((reason for reason in reasons if "has no axis" not in reason), reasons[0])
+        try:
+            correct(path, machine, out_of_square(machine))
+        except UserError as fault:
+            return None, str(fault)
+        return None, None
+    reason = next((reason for reason in reasons if "has no axis" not in reason), reasons[0])
+    return reason, reason
 
 
 def main(folder: Path, machine_names: list[str]) -> None:
     """Print the table and the refusals."""
-    counts: dict[Path, list[int]] = defaultdict(lambda: [0, 0])
-    refusals = []
+    candidates = variants(machine_names)
+    counts: dict[Path, list[int]] = defaultdict(lambda: [0, 0, 0])
+    lines = []
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        reason = refusal(path, machine_names)
-        counts[path.parent.relative_to(folder)][reason is not None] += 1
-        if reason is not None:
-            refusals.append(reason.replace(f"{folder}/", ""))
-    print(f"{'folder':<32}{'accepted':>10}{'refused':>10}")
-    for name, (accepted, refused) in counts.items():
-        print(f"{name!s:<32}{accepted:>10}{refused:>10}")
-    print("\n".join(["", *refusals]))
+        read, corrected = refusals(path, candidates)
+        row = counts[path.parent.relative_to(folder)]
+        row[0] += 1
+        row[1] += read is None
+        row[2] += corrected is None
+        if corrected is not None:
+            lines.append(("" if read else "(read, not corrected) ") + corrected.replace(f"{folder}/", ""))
+    print(f"{'folder':<32}{'programs':>10}{'accepted':>10}{'corrected':>10}")
+    for name, (programs, accepted, done) in counts.items():
+        print(f"{name!s:<32}{programs:>10}{accepted:>10}{done:>10}")
+    print("\n".join(["", *lines]))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,91 @@
+"""Generated ISO programs with variables, loops, subprograms, arcs, offsets and cycles: read as LinuxCNC reads them."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from programs import correct, load, read, shifted
+
+from postproc.motions import Kind
+
+HEAD = "G21 G90 G54 G17 G98 G94 F500\n#1=1 #2=2.5 #<depth>=4\nG0 X0. Y0. Z50.\n"
+SHIFT = [-0.003, 0.0042, -0.0055]
+
+values = st.integers(-30, 30).map(lambda tenths: f"{tenths / 10}")
+names = st.sampled_from(["#1", "#2", "#<depth>"])
+formulas = st.recursive(
+    st.one_of(names, values.map(lambda text: f"[{text}]")),
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from("+-*"), inner).map(lambda t: f"[{t[0]} {t[1]} {t[2]}]"),
+        st.tuples(st.sampled_from(["SIN", "COS", "ABS"]), inner).map(lambda t: f"{t[0]}[{t[1]}]"),
+    ),
+    max_leaves=3,
+)
+words = st.one_of(values, formulas)
+
+
+@st.composite
+def lines(draw, level: int, used: list[int]):
+    """A few statements; `used` holds the numbers of O-words given so far."""
+    kinds = ["line", "line", "rapid", "assign", "arc", "increment", "shift", "cycle"]
+    kinds += ["while", "repeat", "if", "call"] if level else []
+    return "".join([draw(statement(kind, level, used)) for kind in draw(st.lists(st.sampled_from(kinds), max_size=5))])
+
+
+def number(used: list[int]) -> int:
+    used.append(len(used) + 100)
+    return used[-1]
+
+
+@st.composite
+def statement(draw, kind: str, level: int, used: list[int]):
+    inner = lines(level - 1, used)
+    n = number(used)
+    match kind:
+        case "line" | "rapid":
+            axes = draw(st.lists(st.sampled_from("XYZ"), unique=True, min_size=1))
+            return f"G{int(kind == 'line')} " + " ".join(f"{axis}{draw(words)}" for axis in sorted(axes)) + "\n"
+        case "assign":
+            return f"{draw(names)}={draw(formulas)}\n"
+        case "arc":
+            sense, i = draw(st.sampled_from("23")), draw(st.integers(1, 9))
+            return f"G1 X{draw(words)} Y{draw(words)}\nG91 G{sense} X{2 * i}. Y0. I{i}.\nG90\n"
+        case "increment":
+            return f"G91 G1 X{draw(words)} Z{draw(values)}\nG90\n"
+        case "shift":
+            return f"G52 X{draw(values)}\nG1 X{draw(words)} Y1. Z1.\nG52 X0.\nG1 X0. Y0. Z9.\n"
+        case "cycle":
+            return f"G0 Z40.\nG81 X{draw(words)} Y{draw(words)} Z-{draw(st.integers(1, 9))}. R20.\nG80\nG1 Z30.\n"
+        case "while":
+            passes = draw(st.integers(0, 3))
+            return f"#{n}=0\no{n} while [#{n} lt {passes}]\n{draw(inner)}#{n}=[#{n}+1]\no{n} endwhile\n"
+        case "repeat":
+            return f"o{n} repeat [{draw(st.integers(0, 2))}]\n{draw(inner)}o{n} endrepeat\n"
+        case "if":
+            return f"o{n} if [#1 gt {draw(values)}05]\n{draw(inner)}o{n} else\n{draw(inner)}o{n} endif\n"
+        case _:
+            return f"o{n} sub\nG1 X#1 Y[#2*2]\no{n} endsub\no{n} call [{draw(values)}] [{draw(values)}]\n"
+
+
+def places(motions):
+    """Ends of all moves but cycles, in machine coordinates."""
+    return motions.machine_target[motions.kind != Kind.CYCLE]
+
+
+def seen_by(linuxcnc, program, drilling):
+    result = linuxcnc.run(program)
+    assert result.exit_status == 0, f"line {result.line}: {result.message}\n{program}"
+    return np.array([move.machine[:3] for move in result.moves if move.line not in drilling]).reshape(-1, 3)
+
+
+@settings(max_examples=15)
+@given(lines(2, []))
+def test_linuxcnc_runs_the_same_moves(linuxcnc, body):
+    """The program, and its correction for a constant error, which moves every end by just that."""
+    machine, text = load("gantry"), HEAD + body + "M2\n"
+    assert correct(text, machine, travel_check=False).text == text
+    written = correct(text, machine, shifted(machine, X=3.0, Y=-4.2, Z=5.5), travel_check=False).text.partition("\n")[2]
+    before, after = read(text, machine), read(written, machine)
+    np.testing.assert_allclose(after.target - before.target, np.broadcast_to(SHIFT, before.target.shape), atol=1e-9)
+    drilling = {i for i, line in enumerate(text.split("\n"), start=1) if line.startswith("G81")}
+    for program, motions in ((text, before), (written, after)):
+        np.testing.assert_allclose(seen_by(linuxcnc, program, drilling), places(motions), atol=1e-6)
