@@ -74,7 +74,7 @@ class Base:
             prior = np.concatenate(parts)
         added = [(candidate, size) for candidate, size in accepted if candidate.replaces not in finer]
         model = msgspec.structs.replace(self.model, effects=(*effects, *(c.effect for c, _ in added)), covariance=None)
-        own = np.concatenate([_prior(candidate.effect, size) for candidate, size in added] or [np.zeros(0)])
+        own = np.concatenate([_prior(candidate, size) for candidate, size in added] or [np.zeros(0)])
         if prior.ndim == 1:
             return fit(measurement, model, prior=np.concatenate([prior, own]), variance=variance)
         root = np.zeros((len(prior) + len(own),) * 2)
@@ -140,10 +140,12 @@ def _updated(calibration: ErrorModel) -> Base:
     return Base(calibration, root, "updated")
 
 
-def _prior(effect: Effect, size: np.ndarray) -> np.ndarray:
-    """Prior standard deviations `(k,)` of an accepted effect of this size, in terms of the typical."""
-    table = effect.parameter_table
+def _prior(candidate: Candidate, size: np.ndarray) -> np.ndarray:
+    """Prior standard deviations `(k,)` of an accepted candidate of this size, in terms of the typical."""
+    effect, table = candidate.effect, candidate.effect.parameter_table
     typical = np.array([quantity.typical for quantity in table])
+    if candidate.prior:
+        return np.asarray(candidate.prior * typical)
     linear = np.array([quantity.linear for quantity in table])
     largest = max(float(np.abs(size).max(initial=0.0)), 1.0)
     # a jump has no slope that a fit could follow: its place is searched for

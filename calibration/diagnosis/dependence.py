@@ -55,6 +55,8 @@ class Unexplained(NamedTuple):
     """A smooth function that explains residuals."""
 
     variables: tuple[str, ...]
+    lengths: tuple[float, ...]
+    """Of each variable, in parts of its range: how far apart the function still knows of itself."""
     p_value: float
     """Chance that any set of up to three variables explains permuted residuals as well."""
     rms: float
@@ -122,7 +124,8 @@ def explaining_variables(
         return None
     shape = smooth_part(*kernels.modes(lengths), residual)
     rms = float(np.sqrt(np.mean(shape**2)))
-    return Unexplained(tuple(names[i] for i in sorted(lengths)), p_value, rms, shape)
+    chosen = sorted(lengths)
+    return Unexplained(tuple(names[i] for i in chosen), tuple(lengths[i] for i in chosen), p_value, rms, shape)
 
 
 def blocks_in_time(white: Array) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,6 +19,7 @@ from calibration.diagnosis.next_measurement import Move, moves
 from calibration.diagnosis.repeats import Repeats, repeats
 from calibration.diagnosis.sanity import Finding, sanity
 from calibration.diagnosis.selection import Accepted, Judged, Selector, Stage, judge
+from calibration.diagnosis.unnamed import add_unnamed
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
 from calibration.diagnosis.whiteness import Test, combined
 from calibration.diagnosis.written import new_calibration
@@ -34,6 +35,7 @@ LEFT = 0.01
 """Chance that pure noise is said to depend on something."""
 AGAIN = 3
 """Times that the bases are chosen anew with what was found."""
+LeftOver = Literal["report", "add"]
 DOUBT, ENOUGH = 1e-3, 20
 """p-value of the instrument's sheet, from so many degrees of freedom of repeats, below which these say its noise."""
 
@@ -46,8 +48,10 @@ class Diagnosis:
     base: Base
     before: Stage
     """The present model."""
-    after: Stage
+    named: Stage
     """With the causes that were found."""
+    after: Stage
+    """With what has no name as well, where that was asked for and could be added."""
     model: ErrorModel
     """The new calibration: of the machine, without the instrument's effects."""
     findings: tuple[Finding, ...]
@@ -63,6 +67,9 @@ class Diagnosis:
     visibility: Visibility | None
     """Of the error motions; None against a calibration, whose knowledge stands in for what the data do not see."""
     unexplained: Unexplained | None
+    """What no cause explains, also where it was added without a name."""
+    unnamed: str
+    """What came of the request to add that; empty where there was none."""
     judged: tuple[Judged, ...]
     """All candidates, in the frame of the result, the best first."""
     closure: float | None
@@ -72,11 +79,16 @@ class Diagnosis:
     """Measurements that would tell most, per minute, the best first."""
 
     @property
+    def with_unnamed(self) -> bool:
+        """True where what no cause explains is in the new model."""
+        return self.after is not self.named
+
+    @property
     def unexplained_um(self) -> float:
         """RMS per scalar of what depends on variables that no cause explains."""
         if self.unexplained is None:
             return 0.0
-        return self.unexplained.rms * self.noise_um
+        return self.unexplained.rms * _noise_um(self.named.frame)
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
@@ -101,9 +113,7 @@ class Diagnosis:
     @property
     def noise_um(self) -> float:
         """RMS per scalar that the residuals would have were they noise alone; urad on rotary axes."""
-        frame = self.after.frame
-        spread = np.linalg.inv(frame.white)[frame.good] * self.measurement.per_micro[frame.rows][frame.good, None]
-        return float(np.sqrt(np.sum(spread**2) / spread[:, :, 0].size))
+        return _noise_um(self.after.frame)
 
 
 class _Found(NamedTuple):
@@ -124,9 +134,12 @@ def diagnose(
     calibration: ErrorModel | None = None,
     *,
     variance: Variance = "sheet",
+    left_over: LeftOver = "report",
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """What a model of these data lacks: the present calibration, or one of all error motions.
+
+    left_over: what is done with what no cause explains.
 
     UserError when the data can't be what they say they are, or can't be fitted.
     """
@@ -155,11 +168,18 @@ def diagnose(
         found = _causes(selector)
     progress("what is left")
     found, tests_after, left = _left(found)
-    selector, after = found.selector, found.stage
+    complete, unnamed = found, ""
+    if left is not None and left_over == "add":
+        progress("adding what has no name")
+        selector, after, unnamed = add_unnamed(found.selector, found.stage, left)
+        complete = found._replace(selector=selector, stage=after)
+    selector, after = complete.selector, complete.stage
+    if after is not found.stage:
+        tests_after = remainder.tests(after.frame)
     bare = after.frame if not after.accepted else Frame.of(selector.base.fit(measurement, [], variance))
-    causes = named(after, found.numbers, bare)
+    causes = named(after, complete.numbers, bare)
     # what no cause explains makes outliers as well
-    lost = outliers(after.fit, bare) if left is None else None
+    lost = outliers(after.fit, bare) if left is None or after is not found.stage else None
     causes += [] if lost is None else [lost]
     judged = found.judged or tuple(judge(after.frame, candidates))
     told = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
@@ -167,6 +187,7 @@ def diagnose(
         measurement,
         selector.base,
         before,
+        found.stage,
         after,
         new_calibration(selector.base, after.fit, told, calibration),
         tuple(findings),
@@ -179,10 +200,11 @@ def diagnose(
         tuple(untested),
         visibility(after.fit) if after.fit.prior.ndim == 1 else None,
         left,
+        unnamed,
         judged,
         closure(after.frame),
         volume(before, after),
-        tuple(moves(after, found.numbers, causes, judged)),
+        tuple(moves(found.stage, found.numbers, causes, judged)),
     )
 
 
@@ -192,7 +214,7 @@ def _causes(selector: Selector) -> _Found:
     selection = selector.select()
     for _ in range(AGAIN):
         stage = selector.settled(selection.stages[-1])
-        base = _chosen_again(selector, stage)
+        base = selector.chosen_again(stage)
         if base.choice == selector.base.choice:
             break
         selector = replace(selector, base=base)
@@ -200,12 +222,6 @@ def _causes(selector: Selector) -> _Found:
     else:
         stage = selector.settled(selection.stages[-1])
     return _Found(selector, stage, selection.last_round)
-
-
-def _chosen_again(selector: Selector, stage: Stage) -> Base:
-    numbers = selector.base.numbers([(each.candidate, each.size) for each in stage.accepted])
-    besides = [stage.fit.model.effects[i] for i in numbers if i >= len(selector.base.model.effects)]
-    return selector.base.chosen_again(selector.measurement, besides, selector.progress)
 
 
 def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
@@ -220,6 +236,11 @@ def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
             (each.candidate, each.size) for each in found.stage.accepted if not _among(each, blamed)
         ]
         found = found._replace(stage=found.selector.stage(kept), judged=())
+
+
+def _noise_um(frame: Frame) -> float:
+    spread = np.linalg.inv(frame.white)[frame.good] * frame.measurement.per_micro[frame.rows][frame.good, None]
+    return float(np.sqrt(np.sum(spread**2) / spread[:, :, 0].size))
 
 
 def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:

@@ -14,6 +14,7 @@ from typing import Any, get_args
 import numpy as np
 
 from calibration.datum import along_own_line
+from calibration.diagnosis.frame import GENEROUS
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.models import moving_axes
@@ -42,6 +43,7 @@ from kinematics.effects import (
 from kinematics.effects.base import own_component
 from kinematics.model import ErrorModel
 from kinematics.state import State
+from kinematics.transforms import Array
 
 TIME_CONSTANTS = (0.1, 0.2, 0.4, 0.8)
 """Of exponentials, as shares of the time that the data cover; refined in the fit."""
@@ -66,11 +68,18 @@ class Candidate:
     """In how many independent tries."""
     replaces: str = ""
     """Name of the error motion of the model that it refines."""
+    prior: tuple[float, ...] = ()
+    """Standard deviations of its linear parameters, in terms of their typical sizes; empty: the data say its size."""
 
     @property
     def kind(self) -> str:
         """As the contract of the diagnosis has it."""
         return HIGHER_FREQUENCY if self.replaces else contract_kind(self.effect)
+
+    @property
+    def unit(self) -> Array:
+        """What its parameters are judged in, in terms of their typical sizes: the prior is `GENEROUS` of these."""
+        return np.array(self.prior) / GENEROUS if self.prior else np.ones(1)
 
     @property
     def axis(self) -> str | None:

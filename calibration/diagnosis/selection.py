@@ -131,7 +131,7 @@ class Selector:
         """The causes that the data ask for, from those known already."""
         stages = [self.stage(())]
         if known:
-            stages.append(self.pruned(self.stage(_chosen(known))))
+            stages.append(self.pruned(self.stage(chosen_of(known))))
         refused: set[tuple[str, ...]] = set()
         while True:
             now = stages[-1]
@@ -143,7 +143,7 @@ class Selector:
                 return Selection(tuple(stages), tuple(judged))
             refused.add(_key(best.candidate))
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
-            trial = self.stage([*_chosen(now.accepted), (best.candidate, best.score.size)])
+            trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
             if trial.accepted[-1].score.delta_bic < WORTH:
                 stages.append(self.pruned(trial))
 
@@ -156,9 +156,10 @@ class Selector:
             effect = fit.model.effects[number]
             found = replace(candidate, effect=at_zero(effect))
             without = frame.without(number)
-            projected = without.projected(without.columns(found.effect))
+            projected = without.projected(without.columns(found.effect) * found.unit)
             score = without.score(projected, candidate.shapes, candidate.trials)
-            accepted.append(Accepted(found, score.size, score, projected.visible, without.held_gains(projected)))
+            size, gains = score.size * found.unit, without.held_gains(projected)
+            accepted.append(Accepted(found, size, score, projected.visible, gains))
         return Stage(fit, frame, tuple(accepted))
 
     def settled(self, stage: Stage) -> Stage:
@@ -166,7 +167,7 @@ class Selector:
         for swaps_left in reversed(range(PASSES + 1)):
             accepted: list[Accepted] = []
             better: list[tuple[Candidate, Array]] | None = None
-            for i, number in enumerate(self.base.numbers(_chosen(stage.accepted))):
+            for i, number in enumerate(self.base.numbers(chosen_of(stage.accepted))):
                 own = stage.accepted[i]
                 self.progress(f"siblings of {own.candidate.effect.name}")
                 without = stage.frame.without(number)
@@ -174,7 +175,7 @@ class Selector:
                 accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
                 first = next(passing(without, others), None)
                 if better is None and first and first.score.delta_bic < own.score.delta_bic + BETTER:
-                    better = _chosen(stage.accepted)
+                    better = chosen_of(stage.accepted)
                     better[i] = (first.candidate, first.score.size)
             if better is None or not swaps_left:
                 break
@@ -184,6 +185,12 @@ class Selector:
             stage = trial
         kept = self.pruned(stage)
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.settled(kept)
+
+    def chosen_again(self, stage: Stage) -> Base:
+        """The base whose bases are chosen by the evidence once more, with what a stage has found besides."""
+        numbers = self.base.numbers(chosen_of(stage.accepted))
+        besides = [stage.fit.model.effects[i] for i in numbers if i >= len(self.base.model.effects)]
+        return self.base.chosen_again(self.measurement, besides, self.progress)
 
     def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:
         causes = {each.candidate.cause for each in accepted}
@@ -195,7 +202,7 @@ class Selector:
             worst = max(stage.accepted, key=lambda each: each.score.delta_bic)
             if worst.score.delta_bic < DROPPED:
                 break
-            stage = self.stage(_chosen([each for each in stage.accepted if each is not worst]))
+            stage = self.stage(chosen_of([each for each in stage.accepted if each is not worst]))
         return stage
 
 
@@ -223,9 +230,13 @@ def passing(frame: Frame, judged: Sequence[Judged]) -> Iterator[Judged]:
             return
         if each.projected.visible < SEEN or each.score.p_value > limit or np.abs(each.score.size).max() > LARGEST:
             continue
-        gains = frame.held_gains(each.projected)
-        if gains.mean() > SURE * _error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY):
+        if predicts(frame.held_gains(each.projected)):
             yield each
+
+
+def predicts(gains: Array) -> bool:
+    """True where held-out blocks are predicted better: on average, or most of them."""
+    return bool(gains.mean() > SURE * _error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY))
 
 
 def siblings(frame: Frame, accepted: Accepted, judged: Sequence[Judged]) -> list[Sibling]:
@@ -258,7 +269,8 @@ def complexity(candidate: Candidate) -> int:
     return len(candidate.effect.parameters)
 
 
-def _chosen(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
+def chosen_of(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
+    """Causes with their sizes, as a fit takes them."""
     return [(each.candidate, each.size) for each in accepted]
 
 

@@ -14,7 +14,7 @@ from calibration.diagnosis.library import HIGHER_FREQUENCY, contract_kind, where
 from calibration.diagnosis.scans import aliases, saw_uncertainty
 from calibration.diagnosis.selection import SEEN, WORTH, Accepted, Judged, Sibling, Stage
 from calibration.fit import Fit
-from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation
+from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation, Unnamed
 
 Verdict = Literal["strong", "tied", "weak"]
 ALIKE = 0.9
@@ -88,7 +88,20 @@ class Named:
     @property
     def fields(self) -> dict[str, Any]:
         """What else tells it from others: component, other axis, sensor, harmonic, station."""
-        names = ("component", "other", "sensor", "harmonic", "station", "since_s", "target", "fixed_point", "rows")
+        names = (
+            "component",
+            "other",
+            "sensor",
+            "harmonic",
+            "station",
+            "since_s",
+            "target",
+            "fixed_point",
+            "rows",
+            "variables",
+            "ranges",
+            "terms",
+        )
         return {name: getattr(self.effect, name) for name in names if getattr(self.effect, name, None) is not None}
 
 
@@ -103,7 +116,10 @@ class NotVisible:
 
 
 def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
-    """The accepted causes of a stage, whose effects stand in its model at `numbers`; `before` has none of them."""
+    """The accepted causes of a stage, whose effects stand in its model at `numbers`; `before` has none of them.
+
+    The best first, those without a name last.
+    """
     found = []
     whole = in_terms_of(before, stage.frame)
     for each, number in zip(stage.accepted, numbers, strict=True):
@@ -125,7 +141,7 @@ def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
                 tuple(_notes(stage.frame, effect)),
             )
         )
-    return sorted(found, key=lambda cause: cause.delta_bic)
+    return sorted(found, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))
 
 
 def in_terms_of(before: Frame, frame: Frame) -> float:

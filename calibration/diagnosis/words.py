@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from kinematics.effects import Effect, GrowthWithSensor, GrowthWithTime, Parameter, StationShift
+from kinematics.effects import Effect, GrowthWithSensor, GrowthWithTime, Parameter, StationShift, Unnamed
 from kinematics.effects.base import HOUR
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ def title(cause: Named) -> str:
     """Kind and place."""
     if cause.kind == "higher-frequency":
         return f"{cause.effect.name} needs a higher spatial frequency"
+    if isinstance(cause.effect, Unnamed):
+        return f"{cause.effect.name}: no cause"
     change = "change of " if cause.kind == "error-motion" else ""
     name = cause.effect.name if change or cause.kind == "location" else in_full(cause.effect.name)
     return f"{change}{name}" + (" (instrument)" if cause.where == "instrument" else "")
@@ -52,6 +54,8 @@ def sizes(cause: Named) -> list[str]:
     if cause.kind == "higher-frequency":
         basis = getattr(effect, "basis", None)
         return [f"{len(effect.parameters)} parameters" if basis is None else f"written with {basis.size} parameters"]
+    if isinstance(effect, Unnamed):
+        return [f"{effect.rms_um:.2g} um RMS over its ranges", f"{len(effect.terms)} terms"]
     if cause.kind == "outliers":
         return [f"{len(getattr(effect, 'rows', ()))} rows"]
     table = zip(effect.parameter_table, effect.parameters, effect.uncertainties, strict=True)
@@ -122,7 +126,9 @@ def hidden(found: Diagnosis) -> dict[str, list[str]]:
 
 
 def notes(found: Diagnosis) -> Iterator[str]:
-    """What there is to be said besides of each cause."""
+    """What there is to be said besides, of each cause and of what has none."""
+    if found.unnamed:
+        yield found.unnamed
     for cause in found.causes:
         for note in cause.notes:
             yield f"{in_full(cause.effect.name)}: {note}"
@@ -167,5 +173,9 @@ def left_line(found: Diagnosis) -> str:
     rms, left = found.after.fit.rms_um, found.unexplained
     depends = "depends on nothing that is known of the data"
     if left is not None:
-        depends = f"{found.unexplained_um:.2f} um of it depend on {', '.join(left.variables)} (p = {left.p_value:.2g})"
+        share = "more" if found.with_unnamed else "of it"
+        depends = (
+            f"{found.unexplained_um:.2f} um {share} depend on {', '.join(left.variables)} (p = {left.p_value:.2g})"
+        )
+        depends += ", added without a name" if found.with_unnamed else ""
     return f"{rms:.2f} um RMS, {rms / max(found.noise_um, 1e-12):.2f} times the noise; {depends}"

@@ -45,7 +45,9 @@ def _verdict(found: Diagnosis) -> str:
     if found.causes:
         names = "; ".join(map(_named, found.causes))
         said = f"Missing in the present model: {names}. With {'it' if len(found.causes) == 1 else 'them'}: {brought}."
-        if found.unexplained is not None:
+        if found.with_unnamed:
+            said += " What is unnamed is no cause: something is missing that no cause of the library explains."
+        elif found.unexplained is not None:
             said += " Something else is missing that no cause of the library explains."
     elif not words.missing(found):
         said = f"Nothing is missing: the present model explains the data down to their noise; {brought}."
@@ -217,6 +219,8 @@ def _unexplained(found: Diagnosis) -> Section:
         f"{found.unexplained_um:.2f} um RMS depend on {', '.join(left.variables)} (p = {left.p_value:.2g}), and no "
         f"cause of the library explains them. Their smooth shape over these variables, um. {OBSERVED}"
     )
+    if found.unnamed:
+        text += f"\n{found.unnamed[0].upper()}{found.unnamed[1:]}."
     return Section("Unexplained", text, figure=unexplained_shape(found))
 
 

@@ -90,7 +90,7 @@ def against_noise(found: Diagnosis) -> str:
 def unexplained_shape(found: Diagnosis) -> str:
     """What no cause explains: its smooth shape over each variable that it depends on, and over two of them."""
     assert found.unexplained is not None
-    frame = found.after.frame
+    frame = found.named.frame
     measurement = found.measurement
     values = np.zeros_like(frame.fit.residual)
     values[frame.rows] = np.linalg.solve(frame.white, found.unexplained.shape[:, :, None])[:, :, 0]

@@ -86,6 +86,12 @@ class Unnamed(Cause, frozen=True, tag="unnamed"):
         yield Columns(TOOL, COMPONENTS.index(self.component), values)
 
     @property
+    def rms_um(self) -> float:
+        """RMS over its ranges, um."""
+        squares = np.square(self.coefficients) / np.prod(2 * np.array(self.terms) + 1, axis=1)
+        return float(np.sqrt(squares.sum()))
+
+    @property
     def _highest(self) -> int:
         return max(map(max, self.terms))
 

@@ -50,6 +50,14 @@ def diagnose(
             help="Instrument's uncertainty: as stated (from repeats where they contradict it), or from the residuals.",
         ),
     ] = "sheet",
+    unexplained: Annotated[
+        str,
+        typer.Option(
+            "--unexplained",
+            metavar="report|add",
+            help="What no cause explains: only told, or also added to the calibration as a smooth function, unnamed.",
+        ),
+    ] = "report",
     file_format: FormatName = "auto",
     header: HeaderLines = None,
     columns: ColumnMapName = None,
@@ -74,11 +82,19 @@ def diagnose(
     check_places((*data, plan, calibration), (output, json, report))
     if noise not in ("sheet", "estimate"):
         raise UserError(f"--noise {noise}: sheet or estimate")
+    if unexplained not in ("report", "add"):
+        raise UserError(f"--unexplained {unexplained}: report or add")
     found_machine = machine_of(machine)
     present = None if calibration is None else read_model(calibration, found_machine)
     measurement = _read(data, found_machine, file_format, header, columns, plan)
     with console.status("reading") as status:
-        found = run(measurement, present, variance="sheet" if noise == "sheet" else "estimate", progress=status.update)
+        found = run(
+            measurement,
+            present,
+            variance="sheet" if noise == "sheet" else "estimate",
+            left_over="add" if unexplained == "add" else "report",
+            progress=status.update,
+        )
     with result(json) as results, result(report) as shown, result(str(output)) as file:
         file.write(encode_model(found.model))
         write_json(summary(found), results)
