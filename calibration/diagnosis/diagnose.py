@@ -179,7 +179,7 @@ def diagnose(
     bare = after.frame if not after.accepted else Frame.of(selector.base.fit(measurement, [], variance))
     causes = named(after, complete.numbers, bare)
     # what no cause explains makes outliers as well
-    lost = outliers(after.fit, bare) if left is None or after is not found.stage else None
+    lost = outliers(after.fit, bare) if left is None else None
     causes += [] if lost is None else [lost]
     judged = found.judged or tuple(judge(after.frame, candidates))
     told = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
