@@ -37,6 +37,8 @@ GENEROUS = 5.0
 """Multiple of its typical size that a candidate may have without being charged for it;"""
 BEYOND = 3.0
 """or this multiple of what it shows itself to have."""
+LIKELY = 2.0
+"""Multiple of what it shows that a parameter may be in the fit of some rows."""
 
 
 class Score(NamedTuple):
@@ -229,7 +231,9 @@ class Frame:
 
         Outliers count, as far as their weight goes: a cause that the model lacks makes them.
         """
-        columns, softened = candidate.columns, GENEROUS**-2 * np.eye(candidate.columns.shape[1])
+        columns, size = candidate.columns, self.score(candidate).size
+        # where the others say nothing of it, it is no larger than elsewhere
+        softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
         mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
         gains = []
         for block in self.blocks:
@@ -239,8 +243,7 @@ class Frame:
             left = squares - own.T @ own - others.T @ step
             moved = linalg.cho_solve(block.factor, design.T @ self.residual[block.rows])
             slope = right - own.T @ self.residual[block.rows] + others.T @ moved
-            size = np.linalg.solve(left + softened, slope)
-            after = block.missed - (own - design @ step) @ size
+            after = block.missed - (own - design @ step) @ np.linalg.solve(left + softened, slope)
             gains.append(float(np.sum(block.missed[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
         return np.array(gains)
 

@@ -55,7 +55,7 @@ HALVINGS = 9
 MOST_HARMONICS = 8
 SAME = 0.01
 """Relative difference of two periods that are one."""
-FINE = (12, 16, 24, 32, 48)
+FINE = (6, 8, 12, 16, 24, 32, 48)
 """Sizes of finer bases."""
 BREAKS = 60
 """Moments that are tried."""
@@ -144,18 +144,18 @@ def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
 
 
 def finer(frame: Frame) -> Iterator[Candidate]:
-    """Each error motion of the model in the finer basis that pays best, in its place."""
+    """Each error motion of the model in a finer basis, in its place: of those that pay the one that predicts best."""
     for effect in frame.fit.model.effects:
         if not isinstance(effect, ErrorMotion):
             continue
         most = distinct_positions(frame.measurement, effect.axis)
         sizes = [size for size in FINE if effect.basis.size < size <= most]
-        variants = [_finer(effect, size) for size in sizes]
-        scored = [
-            (frame.score(frame.projected(frame.columns(variant))).delta_bic, i) for i, variant in enumerate(variants)
-        ]
-        if scored:
-            yield Candidate(variants[min(scored)[1]], 0, float(len(sizes)), effect.name)
+        variants = [Candidate(_finer(effect, size), 0, float(len(sizes)), effect.name) for size in sizes]
+        paying = [variant for variant in variants if _pays(frame, variant)]
+        if paying:
+            yield max(paying, key=lambda each: frame.held_gains(frame.projected(frame.columns(each.effect))).sum())
+        else:
+            yield from variants[:1]
 
 
 def fixed_points(frame: Frame, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
