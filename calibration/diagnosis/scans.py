@@ -144,18 +144,21 @@ def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
 
 
 def finer(frame: Frame) -> Iterator[Candidate]:
-    """Each error motion of the model in a finer basis, in its place: of those that pay the one that predicts best."""
+    """Each error motion of the model in a finer basis, in its place: the one that pays most and predicts better."""
     for effect in frame.fit.model.effects:
         if not isinstance(effect, ErrorMotion):
             continue
         most = distinct_positions(frame.measurement, effect.axis)
         sizes = [size for size in FINE if effect.basis.size < size <= most]
         variants = [Candidate(_finer(effect, size), 0, float(len(sizes)), effect.name) for size in sizes]
-        paying = [variant for variant in variants if _pays(frame, variant)]
-        if paying:
-            yield max(paying, key=lambda each: frame.held_gains(frame.projected(frame.columns(each.effect))).sum())
-        else:
-            yield from variants[:1]
+        projected = [frame.projected(frame.columns(variant.effect)) for variant in variants]
+        worth = [frame.score(each).delta_bic for each in projected]
+        order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
+        gains = {i: frame.held_gains(projected[i]) for i in order}
+        best = next((i for i in order if gains[i].mean() > 0.0), None)
+        if best is None:
+            best = max(order, key=lambda i: gains[i].sum(), default=0)
+        yield from variants[best : best + 1]
 
 
 def fixed_points(frame: Frame, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
