@@ -12,14 +12,15 @@ Every effect belongs to one elementary class, by the axis it speaks of and the d
 
 L-VOL and R-VOL hold all four, L-VOL+ and R-VOL+ the functional orientation (FOR) as well, which the rotary axes must
 correct. Lines "along which" L-POS, L-STR and L-SQU hold are those through the reference points of the axes. The slope
-of a straightness that is not written as a location error counts as straightness. Source: thesis, section 2.9.1.
+of a straightness that is not written as a location error counts as straightness. A compensation table in the control
+holds something of all classes at once: it can only be chosen with all of them. Source: thesis, section 2.9.1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from kinematics.effects import Effect, LocationError, Racking, Wobble
+from kinematics.effects import ControlTable, Effect, LocationError, Racking, Wobble
 from kinematics.effects.base import own_component
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel
@@ -77,6 +78,20 @@ def parse_classes(text: str) -> frozenset[str]:
 
 
 def select(model: ErrorModel, classes: Iterable[str]) -> ErrorModel:
-    """The model with the effects of these elementary classes only, and their part of the covariance."""
+    """The model with the effects of these elementary classes only, and their part of the covariance.
+
+    UserError for a part of a model that holds tables in the control.
+    """
     chosen = set(classes)
+    tables = [effect for effect in model.effects if isinstance(effect, ControlTable)]
+    if tables:
+        whole = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
+        rotary = any(axis[0] in "ABC" for effect in whole for axis in effect.axes)
+        needed = _LINEAR.union(_ROTARY if rotary else (), map(class_of, whole))
+        if needed - chosen:
+            raise UserError(
+                f"--classes: the calibration holds tables in the control ({tables[0].name}, ...), which hold errors "
+                f"of several classes: leave it out, or choose {', '.join(sorted(needed - chosen))} as well"
+            )
+        return model
     return model.part(lambda effect: class_of(effect) in chosen)

@@ -196,3 +196,41 @@ def test_the_sample_that_linuxcnc_ships(command, tmp_path):
     state = State(np.array([[-10.0, 0, 0], [-10.0, 0, 0]]), np.array([[1.0, 0, 0], [-1.0, 0, 0]]))
     errors = read_model(tmp_path / "out.json", machine).errors(machine, state)[:, 0, 0]
     assert errors == pytest.approx([-0.001, 0.001], abs=1e-12)
+
+
+def test_where_the_rest_cannot_be_written_nothing_is(command, calibration, tmp_path):
+    done = command(
+        "export", "--machine", "cframe", "-c", calibration, "--format", "csv", "-o", "out", "--json", "out.json",
+        "--rest", "/proc/rest.json",
+    )  # fmt: skip
+    assert (done.status, done.err.count("\n")) == (2, 1), done.err
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "out.json").exists()
+
+
+def test_a_file_that_is_no_text_is_refused(command, tmp_path):
+    (tmp_path / "t.ini").write_bytes(bytes(range(256)))
+    done = command("import", "t.ini", "--machine", "cframe", "--format", "siemens-eec", "-o", "in.json")
+    assert (done.status, "no text" in done.err) == (2, True), done.err
+
+
+def test_tables_are_not_corrected_by_a_class(command, calibration, tmp_path):
+    """A table holds errors of several classes: the rest of a calibration is corrected as a whole."""
+    (tmp_path / "part.nc").write_text(NC)
+    made = command(
+        "export", "--machine", "cframe", "-c", calibration, "--format", "siemens-cec", "--sign", "error", "-o", "t",
+        "--rest", "rest.json",
+    )  # fmt: skip
+    assert made.status == 0, made.err
+    options = ("--machine", "cframe", "-c", "rest.json", "--temperature", "spindle=20")
+    refused = command("correct", "part.nc", *options, "--classes", "L-POS", "-o", "part_c.nc")
+    assert (refused.status, "L-ANG, L-SQU, L-STR as well" in refused.err) == (2, True), refused.err
+    assert not (tmp_path / "part_c.nc").exists()
+    for name, classes in (("all.nc", ()), ("chosen.nc", ("--classes", "L-VOL"))):
+        done = command("correct", "part.nc", *options, *classes, "-o", name)
+        assert done.status == 0, done.err
+    moves = [
+        [row for row in (tmp_path / name).read_text().splitlines() if row[:1] == "G"]
+        for name in ("all.nc", "chosen.nc")
+    ]
+    assert moves[0] == moves[1]

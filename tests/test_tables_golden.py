@@ -298,6 +298,44 @@ REFUSED = {
         "a value lies in -128 ... 127",
     ),
     "csv: another unit": ("csv", {"e.csv": "error,axis,position,forward,backward,unit\nE_XX,X,0,1,1,mm\n"}, "E_XX in mm"),
+    "heidenhain: inches": ("heidenhain", {"A.COM": NEW.replace("MM", "INCH"), "c.cma": cma(X="A.COM")}, "inches are not read"),
+    "linuxcnc: no number of a joint": ("linuxcnc", {"a.ini": "[JOINT_X]\nCOMP_FILE = a.txt\n"}, "[JOINT_X] is no joint"),
+    "linuxcnc: another type": (
+        "linuxcnc", {"a.ini": "[JOINT_0]\nCOMP_FILE = a.txt\nCOMP_FILE_TYPE = 2\n", "a.txt": "0 0 0\n"}, "COMP_FILE_TYPE 2: 0 or 1"
+    ),
+    "siemens-cec: no number of a table": ("siemens-cec", {"c.ini": "$AN_CEC[x,0]=1\n"}, "c.ini:1: '$AN_CEC[x,0]=1': an index is"),
+    "siemens-eec: half a point": ("siemens-eec", {"e.ini": "$AA_ENC_COMP[0,1.5,X1]=1\n"}, "an index is a whole number"),
+    "siemens-eec: more points than memory": (
+        "siemens-eec",
+        {"e.ini": "$AA_ENC_COMP[0,0,X1]=1\n$AA_ENC_COMP_STEP[0,X1]=1\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=1e15\n"},
+        "1 are given",
+    ),
+    "fanuc: more points than memory": ("fanuc", {"p.txt": FANUC_TEXT.replace("A1P49", "A1P99999999999")}, "no value of point 50"),
+    "isg: no points": ("isg", {"a.lis": SSFK.partition("kw.ssfk.table")[0].replace("nr_max                    3", "nr_max 0")}, "a table of Y without points"),
+    "isg: no start": ("isg", {"a.lis": SSFK.replace("interval                     0", "interval 10").replace("kw_startpos", "x")}, "no kw.ssfk.kw_startpos"),
+    "isg-cross: more points than memory": (
+        "isg-cross",
+        {"a.lis": "kopf.log_achs_name Z\nkw.crosscomp2.unit 1\nkw.crosscomp2.interval 1\nkw.crosscomp2.master1_ax_nr 1\n"
+         "kw.crosscomp2.start_position_master1 0\nkw.crosscomp2.last_index_master1 999999999999\n"},
+        "no more than 10200",
+    ),
+    "klipper: more points than memory": (
+        "klipper",
+        {"k.cfg": "[bed_mesh a]\nmesh_x_pps = 0\nmesh_y_pps = 0\npoints =\n  0, 1\n  0, 1\nmin_x = 0\nmax_x = 9\nx_count = 999999999999\n"},
+        "x_count 999999999999",
+    ),
+    "reprap: another axis": (
+        "reprap",
+        {"h.csv": "RepRapFirmware height map file v2\naxis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1\n"
+         "X,Q,0,1,0,1,-1,1,1,2,2\n 0.1, 0.3\n 0.1, 0.2\n"},
+        "Q",
+    ),
+    "reprap: a label missing": (
+        "reprap",
+        {"h.csv": "RepRapFirmware height map file v2\naxis0,axis1,min0,spacing0,num0,num1\nX,Y,0,1,2,2\n 0.1, 0.3\n"},
+        "not a value for each label",
+    ),
+    "isg-volumetric: one row": ("isg-volumetric", {"v.csv": "X EXX\n0 1\n"}, "v.csv: E_XX: nodes must be at least two"),
     "nothing": ("siemens-eec", {"e.ini": "M17\n"}, "no table of format siemens-eec"),
 }  # fmt: skip
 

@@ -85,7 +85,7 @@ def export(
     leave least volumetric error. A program corrected with REST.json does the remainder: nothing is done twice.
     """
     from kinematics.files import write_folder
-    from kinematics.model import write_model
+    from kinematics.model import encode_model
     from postproc.tables.export import export as exported_tables
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
@@ -111,11 +111,10 @@ def export(
     if places is not None:
         errors["program"] = exported.errors_at(places)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
-    with result(json) as results:
+    with result(json) as results, result(None if rest is None else str(rest)) as remainder:
         write_json(_json(exported, left, errors, list(files)), results)
+        remainder.write(encode_model(exported.rest))
         write_folder(output, _encoded(files))
-    if rest is not None:
-        write_model(exported.rest, rest)
     _show(exported, left, errors, output, to_screen=json != "-")
 
 

@@ -86,10 +86,9 @@ def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
         data = read_input(file, "tables")
         if file.name in texts:
             raise UserError(f"{file}: a second file of that name")
-        try:
-            texts[file.name] = data.decode("latin-1" if not data.isascii() else "ascii")
-        except UnicodeDecodeError:
-            raise UserError(f"tables {file}: no text") from None
+        if b"\0" in data:
+            raise UserError(f"tables {file}: no text")
+        texts[file.name] = data.decode("latin-1")
         prints[file.name] = fingerprint(data)
     return texts, prints
 

@@ -35,7 +35,6 @@ def read(source: Source) -> list[Effect]:
         if not low <= reference <= high:
             raise UserError(f"{files[0]}: axis {axis}: reference point {reference} is not in {low} ... {high}")
         home = source.machine.axes[source.machine.index(axis)].home
-        positions = [home + (n - reference) * parameters[3624] for n in range(low, high + 1)]
         up = _sums(files[0], points, 10000, low, reference, high)
         down = up
         if 3626 in parameters:
@@ -43,6 +42,7 @@ def read(source: Source) -> list[Effect]:
             amount = parameters.get(3627, 0.0)
             shifted = _sums(files[0], points, 20000, start, start + reference - low, start + high - low)
             down = [value + amount for value in shifted]
+        positions = [home + (n - reference) * parameters[3624] for n in range(low, high + 1)]
         found += source.own(axis, [(x, step * u, step * d) for x, u, d in zip(positions, up, down, strict=True)])
     return found + _straightness(source, sign * unit * _number(source, "magnification", "1"))
 
@@ -78,9 +78,9 @@ def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int,
 
 def _sums(name: str, points: Mapping[int, float], base: int, low: int, reference: int, high: int) -> list[float]:
     """Amounts at the points low ... high: running sums, 0 at the reference."""
-    lacking = [n for n in range(low + 1, high + 1) if base + n not in points]
-    if lacking:
-        raise UserError(f"{name}: no value of point {lacking[0]} (N{base + lacking[0]})")
+    lacking = next((n for n in range(low + 1, high + 1) if base + n not in points), None)
+    if lacking is not None:
+        raise UserError(f"{name}: no value of point {lacking} (N{base + lacking})")
     found = {reference: 0.0}
     for n in range(reference + 1, high + 1):
         found[n] = found[n - 1] + points[base + n]

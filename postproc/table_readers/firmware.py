@@ -56,7 +56,7 @@ def _klipper_mesh(source: Source, name: str, section: dict[str, str]) -> list[Ef
     for axis in "xy":
         low, high = _value(name, section, f"min_{axis}"), _value(name, section, f"max_{axis}")
         count = int(_value(name, section, f"{axis}_count"))
-        if count < 2 or low >= high:
+        if not 2 <= count <= max(len(heights), *map(len, heights), 2) or low >= high:
             raise UserError(f"{name}: {axis}_count {count} from {low:g} to {high:g}")
         nodes.append([low + (high - low) * k / (count - 1) for k in range(count)])
     if [len(row) for row in heights] != [len(nodes[0])] * len(nodes[1]):
@@ -89,7 +89,9 @@ def _height_map(source: Source, name: str, text: str) -> ControlTable:
         raise UserError(f"{name}: no height map")
     labels, values = lines[1].split(","), lines[2].split(",")
     said = dict(zip(labels, values, strict=False))
-    if len(labels) != len(values) or not {"axis0", "axis1", "min0", "spacing1", "num0", "num1"} <= set(said):
+    if len(labels) != len(values) or not {
+        f"{key}{k}" for key in ("axis", "min", "spacing", "num") for k in "01"
+    } <= set(said):
         raise refusal(name, 3, lines[2], "not a value for each label")
     nodes = []
     for k in "01":

@@ -6,8 +6,7 @@ import math
 import re
 from typing import NamedTuple
 
-from kinematics.basis import BSpline
-from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects import Effect
 from kinematics.errors import UserError
 from postproc.table_readers.source import Source, increasing, numbers, refusal
 
@@ -59,7 +58,7 @@ def read_kinematics(source: Source) -> list[Effect]:
             component = _OWN[axis[0]] if column == axis else "XYZABC"[int(column[1]) - 1]
             size = math.radians(1.0) * 1e6 if component in "ABC" else 1e3
             um = tuple(sign * size * v for v in values)
-            found.append(ErrorMotion(component, axis, BSpline(tuple(com.positions), 1), um, u=(0.0,) * len(um)))  # type: ignore[arg-type]
+            found.append(source.motion(component, axis, com.positions, um))
     return found
 
 
@@ -105,6 +104,8 @@ def _com(source: Source, name: str) -> _Com:
     starts = _heading(name, lines)
     if lines[-1].strip() != "[END]":
         raise UserError(f"{name}: it does not end with [END]")
+    if lines[0].split()[-1].upper().startswith("INCH"):
+        raise refusal(name, 1, lines[0], "inches are not read")
     old = _OLD.match(lines[0])
     if old is None and "AXISPOS" not in starts:
         raise UserError(f"{name}: neither a column AXISPOS nor DATUM and DISTANCE")

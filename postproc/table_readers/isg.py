@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from kinematics.basis import BSpline
-from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects import Effect
 from kinematics.errors import UserError
 from postproc.table_readers.source import Source, increasing, numbers, refusal
 
 _UNIT = 1e-4
+MOST = 10_200
+"""Last index of a plane along one of its axes."""
 _ENTRY = re.compile(r"([\w.]+(?:\[\s*\d+\s*\][\w.]*)*)\s+(\S+)$")
 
 List = dict[str, float]
@@ -62,7 +63,7 @@ def read_ssfk(source: Source) -> list[Effect]:
         rows = []
         for k in range(count):
             place = f"kw.ssfk.table[{k}]."
-            x = entries["kw.ssfk.kw_startpos"] + k * interval if interval else _entry(name, entries, place + "setpoint")
+            x = _entry(name, entries, "kw.ssfk.kw_startpos" if interval else place + "setpoint") + k * interval
             up = _entry(name, entries, place + "pos")
             down = _entry(name, entries, place + "neg") if bilateral else up
             rows.append((k + 1, (x * _UNIT, sign * up, sign * down)))
@@ -101,6 +102,8 @@ def read_cross(source: Source) -> list[Effect]:
                 masters.append(named(name, entries, f"kw.crosscomp2.master{k}_ax_nr"))
                 start = _UNIT * _entry(name, entries, f"kw.crosscomp2.start_position_master{k}")
                 last = int(_entry(name, entries, f"kw.crosscomp2.last_index_master{k}"))
+                if last > MOST:
+                    raise UserError(f"{name}: kw.crosscomp2.last_index_master{k} {last}: no more than {MOST} are read")
                 grids.append([start + interval * i for i in range(last + 1)])
             values = [
                 sign * _entry(name, entries, f"kw.crosscomp2.table[{j}][{i}].correction")
@@ -143,7 +146,7 @@ def read_volumetric(source: Source) -> list[Effect]:
                     raise refusal(name, start, block[0], f"{error} over {axis} is not read")
                 size = sign * (turn if component in "ABC" else 1e3)
                 values = tuple(size * row[k] for _, row in rows)
-                found.append(ErrorMotion(component, axis, BSpline(nodes, 1), values, u=(0.0,) * len(values)))  # type: ignore[arg-type]
+                found.append(source.motion(component, axis, nodes, values))
     return found
 
 

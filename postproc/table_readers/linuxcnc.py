@@ -28,18 +28,20 @@ def read(source: Source) -> list[Effect]:
         file = ini.get(section, "COMP_FILE", fallback="")
         if not section.startswith("JOINT_") or not file:
             continue
-        joint = int(section.removeprefix("JOINT_"))
-        if joint >= len(joints):
+        joint = section.removeprefix("JOINT_")
+        if joint not in map(str, range(len(joints))):
             raise UserError(f"{inis[0]}: [{section}] is no joint of {' '.join(joints)}")
         name = file.rsplit("/", 1)[-1]
         if name not in source.files:
             raise UserError(f"{inis[0]}: [{section}] names {file}, which is not among the files")
         kind = ini.get(section, "COMP_FILE_TYPE", fallback="0").strip()
+        if kind not in ("0", "1"):
+            raise UserError(f"{inis[0]}: [{section}] COMP_FILE_TYPE {kind}: 0 or 1")
         rows = _rows(name, source.files[name])
         if kind == "0":
             rows = [[nominal, nominal - up, nominal - down] for nominal, up, down in rows]
-        source.machine.index(joints[joint])
-        found += source.own(joints[joint], rows)
+        source.machine.index(joints[int(joint)])
+        found += source.own(joints[int(joint)], rows)
     return found
 
 

@@ -34,7 +34,7 @@ class _Table:
         last = round((high - low) / step)
         if abs((high - low) / step - last) > 1e-6:
             raise UserError(f"{self.name}: MAX - MIN is {(high - low) / step:.6g} steps, not a whole number")
-        if sorted(self.values) != list(range(last + 1)):
+        if len(self.values) != last + 1 or sorted(self.values) != list(range(last + 1)):
             raise UserError(f"{self.name}: points 0 to {last} are needed, each once; {len(self.values)} are given")
         return [(low + k * (high - low) / last, self.values[k]) for k in range(last + 1)]
 
@@ -116,6 +116,8 @@ def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...],
             key = (index[0], index[-1]) if pattern is _EEC else (index[0],)
             if len(index) != (2 if pattern is _EEC else 1) + (not what):
                 raise refusal(name, line, row, "not as many indices as it should have")
+            if not all(part.isdecimal() for part in (index[:-1] if pattern is _EEC else index)):
+                raise refusal(name, line, row, "an index is a whole number")
             table = found.setdefault(key, _Table(f"{name}, {left.strip().partition('[')[0]} {','.join(key)}"))
             if what in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
                 table.axes[what] = right.strip().strip("()").strip()
@@ -124,16 +126,16 @@ def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...],
             if what:
                 table.said[what] = value
                 continue
-            (point,) = numbers([index[1]], name, line, row)
-            if int(point) in table.values:
+            point = int(index[1])
+            if point in table.values:
                 raise refusal(name, line, row, "a second value of this point")
-            table.values[int(point)] = value
+            table.values[point] = value
     return found
 
 
 def _axis(source: Source, name: str) -> str:
     """The machine's axis that the control calls so: as said with names=X:X1, X1 for X, or AX1 for the first."""
-    said = dict(pair.split(":")[::-1] for pair in source.setting("names", "").split(",") if ":" in pair)
+    said = {own: letter for letter, _, own in (p.partition(":") for p in source.setting("names", "").split(",")) if own}
     if name in said:
         return said[name]
     lettered = sorted((a.name for a in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))

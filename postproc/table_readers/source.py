@@ -10,7 +10,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from kinematics.effects import ControlTable
+from kinematics.basis import BSpline
+from kinematics.effects import Component, ControlTable, ErrorMotion
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 
@@ -29,6 +30,8 @@ class Source:
         self, axis: str, of: Sequence[str], nodes: Sequence[Sequence[float]], corrections: Sequence[float], way: int = 0
     ) -> ControlTable:
         """What a table that adds corrections, mm or degrees, takes away."""
+        for name in (axis, *of):
+            self.machine.index(name)
         size = np.radians(1.0) * 1e6 if axis[0] in "ABC" else 1e3
         values = tuple(-float(c) * size for c in corrections)
         try:
@@ -36,8 +39,19 @@ class Source:
         except ValueError as fault:
             raise UserError(f"{', '.join(self.files)}: {fault}") from None
 
+    def motion(self, component: str, axis: str, nodes: Sequence[float], values: Sequence[float]) -> ErrorMotion:
+        """An error motion, linear between nodes; values in um or urad."""
+        self.machine.index(axis)
+        try:
+            basis = BSpline(tuple(nodes), 1)
+            return ErrorMotion(cast(Component, component), axis, basis, tuple(values), u=(0.0,) * len(values))
+        except ValueError as fault:
+            raise UserError(f"{', '.join(self.files)}: E_{component}{axis}: {fault}") from None
+
     def own(self, axis: str, rows: Sequence[Sequence[float]]) -> list[ControlTable]:
         """A table of an axis over itself, rows of position, forward and backward correction."""
+        if not rows:
+            raise UserError(f"{', '.join(self.files)}: a table of {axis} without points")
         nodes, forward, backward = zip(*rows, strict=True)
         if forward == backward:
             return [self.table(axis, (axis,), (nodes,), forward)]
