@@ -230,6 +230,12 @@ def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved)
 
 def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:
     if kept.sum() * measurement.instrument.components <= point.registered:
+        if kept.all():
+            setups = len(np.unique(measurement.groups))
+            raise UserError(
+                f"{measurement.source}: {len(measurement)} rows of {setups} set-ups are too few for the positions of "
+                "the instrument alone"
+            )
         raise UserError(
             f"{measurement.source}: of {len(measurement)} rows only {kept.sum()} agree with one another, too few for "
             "the position of the instrument alone; are units, axis names and targets right?"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -55,13 +56,13 @@ def summary(found: Diagnosis) -> dict[str, Any]:
     }
 
 
-def figures(stage: Stage) -> dict[str, float]:
-    """How well a model explains the data."""
+def figures(stage: Stage) -> dict[str, float | None]:
+    """How well a model explains the data; no held-out residual where rows are too few to hold any out."""
     return {
         "rms_um": stage.fit.rms_um,
         "max_um": stage.fit.max_um,
         "chi2_reduced": stage.fit.chi2_reduced,
-        "heldout_rms_um": stage.heldout_um,
+        "heldout_rms_um": None if math.isnan(stage.heldout_um) else stage.heldout_um,
     }
 
 
@@ -153,6 +154,6 @@ def _tail(found: Diagnosis) -> Iterator[str]:
     yield f"{'UNEXPLAINED' if found.unexplained else 'LEFT':<13}{words.left_line(found)}"
     for line in words.left_out(found):
         yield f"left out     {line}"
-    for note in words.notes(found):
+    for note in (*words.doubt(found), *words.notes(found)):
         yield f"note         {note}"
     yield f"DO NEXT      {found.next_measurement}"

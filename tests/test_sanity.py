@@ -307,3 +307,16 @@ def test_machine_that_did_not_stand_where_it_was_told():
 def test_read_back_that_agrees():
     m = virtual(GANTRY)
     assert sanity(replace(m, actual=m.state.positions + 1e-4)) == []
+
+
+def test_rows_in_no_order_of_time_and_kelvin_are_refused():
+    measurement = virtual(MACHINES["cframe"], n=60)
+    assert not [finding for finding in sanity(measurement) if finding.fatal]
+    shuffled = measurement.rows(np.random.default_rng(2).permutation(60))
+    assert [finding.what for finding in sanity(shuffled) if finding.fatal] == ["order"]
+    once = np.r_[30:60, 0:30]
+    assert not [finding for finding in sanity(measurement.rows(once)) if finding.fatal]
+    for kelvin, fatal in ((5.0, []), (40.0, []), (274.0, ["units"])):
+        state = replace(measurement.state, temperatures={"spindle": np.full(60, kelvin)})
+        found = sanity(replace(measurement, state=state))
+        assert [finding.what for finding in found if finding.fatal] == fatal

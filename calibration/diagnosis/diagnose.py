@@ -35,6 +35,10 @@ LEFT = 0.01
 """Chance that pure noise is said to depend on something."""
 AGAIN = 3
 """Times that the bases are chosen anew with what was found."""
+QUIET = 1e-2
+"""Share of the sheet's variance below which repeats are not believed: rounded readings repeat themselves."""
+LATE = 3.0
+"""Times that the data take: a clock that begins later counts from midnight, or from another epoch."""
 LeftOver = Literal["report", "add"]
 DOUBT, ENOUGH = 1e-3, 20
 """p-value of the instrument's sheet, from so many degrees of freedom of repeats, below which these say its noise."""
@@ -148,6 +152,10 @@ def diagnose(
     fatal = [finding.says for finding in findings if finding.fatal]
     if fatal:
         raise UserError(f"{measurement.source}: {fatal[0]}")
+    measurement, late = _from_its_start(measurement)
+    if late:
+        says = f"time_s begins at {late:.10g}: it is counted from the first row, as drift is"
+        findings.append(Finding("epoch", says, False))
     base = base_of(measurement, calibration, progress)
     progress("fitting the present model")
     noise = repeats(measurement, base.fit(measurement, [], variance).kept)
@@ -247,14 +255,24 @@ def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:
     return any(accepted is other for other in others)
 
 
+def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
+    """The measurement on a clock of its own where its clock counts from an epoch; when that was, else 0."""
+    time = measurement.state.time
+    if time is None or time.min() <= LATE * np.ptp(time):
+        return measurement, 0.0
+    late = float(time.min())
+    return replace(measurement, state=replace(measurement.state, time=time - late)), late
+
+
 def _in_doubt(noise: Repeats) -> bool:
-    return not noise.apart and noise.freedom >= ENOUGH and noise.p_value < DOUBT
+    """Drifts between repeats make them scatter more, never less."""
+    return (not noise.apart or noise.factor < 1.0) and noise.freedom >= ENOUGH and noise.p_value < DOUBT
 
 
 def _as_noisy_as(measurement: Measurement, noise: Repeats) -> Measurement:
     """The measurement with the uncertainties of its instrument as the repeats show them."""
     instrument = measurement.instrument
     sheet = {field: getattr(instrument, field) for field in instrument.__struct_fields__ if field.startswith("u_")}
-    factor = noise.factor**0.5
+    factor = max(noise.factor, QUIET) ** 0.5
     scaled = {field: value * factor for field, value in sheet.items()}
     return replace(measurement, instrument=msgspec.structs.replace(instrument, **scaled))

@@ -31,6 +31,8 @@ ROWS = 5000
 """At most so many rows, evenly spread, judge candidates; all of them enter the fits."""
 ASTRAY = 300.0
 """um: a station most of whose rows disagree by more has failed; by less, it may be the model that does."""
+LOST = 5000.0
+"""um: an outlier further out is no cause's doing, and where it was seen tells nothing."""
 RIDGE = 1e-9
 """Of columns of the registration, in units of their length."""
 GENEROUS = 5.0
@@ -94,12 +96,15 @@ class Frame:
     """Distances `(q,)` of the parameters from their start, in units of their priors; 0 of the registration."""
     good: np.ndarray
     """True `(n,)` for rows that the fit kept."""
+    weights: Array
+    """Of the rows `(n,)`, by which those that lie far out count less."""
 
     @classmethod
     def of(cls, fit: Fit) -> Frame:
         """The frame of a fit."""
         measurement = fit.measurement
-        rows = np.flatnonzero(~fit.copies & ~np.isin(measurement.groups, _astray(fit)))
+        lost = ~fit.kept & (fit.residual_um > LOST)
+        rows = np.flatnonzero(~fit.copies & ~lost & ~np.isin(measurement.groups, _astray(fit)))
         if len(rows) > ROWS:
             rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
         some = measurement.rows(rows)
@@ -116,7 +121,7 @@ class Frame:
         limited = np.concatenate([np.full(own.shape[1], RIDGE), limits + RIDGE])
         residual = whitened(white, fit.residual[rows]).reshape(-1)
         design, away = np.concatenate([own, parts.by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
-        blank = cls(fit, rows, white, parts.transform, design, limited, residual, away, fit.kept[rows])
+        blank = cls(fit, rows, white, parts.transform, design, limited, residual, away, fit.kept[rows], weights)
         return blank._at_rest()
 
     def without(self, effect: int) -> Frame:
@@ -173,6 +178,16 @@ class Frame:
         """Sum of squares of the residual."""
         return float(self.residual @ self.residual)
 
+    @property
+    def bounded(self) -> Array:
+        """The residual, no row of which stands out further than noise might: what single rows can't spoil."""
+        return np.asarray(self.residual * np.repeat(np.sqrt(self.weights), len(self.residual) // len(self.weights)))
+
+    @cached_property
+    def bounded_squares(self) -> float:
+        """Sum of squares of the bounded residual."""
+        return float(self.bounded @ self.bounded)
+
     @cached_property
     def factor(self) -> tuple[Array, bool]:
         """Cholesky factor of H."""
@@ -187,6 +202,25 @@ class Frame:
     def columns(self, effect: Effect) -> Array:
         """Whitened derivatives `(N, k)` by the linear parameters of an effect, in terms of their typical sizes."""
         return signals(self.measurement, self.rows, (effect,), self.transform)
+
+    def candidate(self, effect: Effect, unit: float | Array = 1.0) -> Projected:
+        """What the model and the registration leave of an effect, its columns in terms of `unit` typical sizes.
+
+        Its signal is what changes: that of the mean time or temperature, counted from wherever, is the model's.
+        """
+        columns = self.columns(effect) * unit
+        if not {"time", "temperatures"} & set(effect.needs):
+            return self.projected(columns)
+        state = self.measurement.state
+        mean = replace(
+            state,
+            time=None if state.time is None else np.full_like(state.time, state.time[self.rows].mean()),
+            temperatures={
+                n: np.full_like(kelvin, kelvin[self.rows].mean()) for n, kelvin in state.temperatures.items()
+            },
+        )
+        steady = signals(replace(self.measurement, state=mean), self.rows, (effect,), self.transform) * unit
+        return self.projected(columns - steady)
 
     def projected(self, columns: Array) -> Projected:
         """What the model and the registration leave of some columns `(N, k)`."""
@@ -203,7 +237,8 @@ class Frame:
         softened = values + max(GENEROUS, BEYOND * largest) ** -2
         raw = float(np.sum(along**2 / softened))
         spent = float(np.sum(values / softened)) + shapes
-        variance = max((self.squares - raw) / max(self.freedom - spent, 1.0), 1.0)
+        squares = min(self.squares - raw, self.bounded_squares)
+        variance = max(squares / max(self.freedom - spent, 1.0), 1.0)
         gain = raw / variance
         p_value = float(stats.chi2.sf(gain, max(spent, 1.0))) * trials
         size = vectors @ (along / softened)

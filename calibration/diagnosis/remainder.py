@@ -45,7 +45,7 @@ def tests(frame: Frame) -> list[Test]:
         {name: kelvin[rows] for name, kelvin in state.temperatures.items()},
     )
     absorbed = linalg.solve_triangular(frame.factor[0], frame.design.T, lower=True).T
-    white = frame.residual.reshape(len(rows), -1)
+    white = frame.bounded.reshape(len(rows), -1)
     return whiteness(white, columns, absorbed=absorbed)
 
 
@@ -107,7 +107,7 @@ def _family(variable: str) -> str:
 def _of_machine(frame: Frame) -> Array:
     """Residuals `(n, d)` in terms of their noise: in the tool's directions where rotary axes turn what is observed."""
     measurement, rows = frame.measurement, frame.rows
-    white = frame.residual.reshape(len(rows), -1)
+    white = frame.bounded.reshape(len(rows), -1)
     turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
     if not turning or not isinstance(measurement.instrument, LaserTracker):
         return white

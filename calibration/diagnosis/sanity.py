@@ -39,6 +39,10 @@ SLOPE = 1e-3
 RELATED = 0.7
 """Correlation from which two columns are called related."""
 SIGNIFICANCE = 1e-3
+BACK = 0.1
+"""Share of rows that are earlier than the one before, from which the rows are in no order of time."""
+HOT = 200.0
+"""degC that no sensor of a machine tool reads: kelvin, or hundredths."""
 NOTICED = 1e-3
 """mm and mrad: a read-back that differs less from the command is not looked at."""
 
@@ -57,7 +61,8 @@ def sanity(measurement: Measurement) -> list[Finding]:
     """What is wrong, or odd, with a measurement; what forbids its use first, and then little else."""
     copies = duplicates(measurement)
     own = measurement.rows(np.flatnonzero(~copies))
-    mistakes = list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
+    mistakes = [*_order(own), *_temperatures(own)]
+    mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
     odd = [*_copies(measurement, copies)]
     if not any(finding.fatal for finding in mistakes):
         odd += [*_clock(own), *_first_cycle(own), *_read_back(own)]
@@ -73,6 +78,28 @@ def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
             "and count once",
             False,
         )
+
+
+def _order(measurement: Measurement) -> Iterator[Finding]:
+    """Rows in no order of time: from which side an axis came is told by the row before."""
+    time = measurement.state.time
+    back = 0 if time is None else int(np.count_nonzero(np.diff(time) < 0.0))
+    if len(measurement) >= LEAST and back > BACK * len(measurement):
+        yield Finding(
+            "order",
+            f"time goes back at {back} of {len(measurement)} rows: they are not in the order of acquisition, which "
+            "tells from which side the axes came; sort them by time",
+            True,
+        )
+
+
+def _temperatures(measurement: Measurement) -> Iterator[Finding]:
+    for name, kelvin in measurement.state.temperatures.items():
+        mean = float(np.mean(kelvin)) + 20.0
+        if mean > HOT:
+            yield Finding(
+                "units", f"temp_{name} reads {mean:.4g} in the mean: temperatures are wanted in degC (kelvin?)", True
+            )
 
 
 def _mistakes(measurement: Measurement) -> Iterator[Finding]:

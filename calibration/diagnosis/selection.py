@@ -156,7 +156,7 @@ class Selector:
             effect = fit.model.effects[number]
             found = replace(candidate, effect=at_zero(effect))
             without = frame.without(number)
-            projected = without.projected(without.columns(found.effect) * found.unit)
+            projected = without.candidate(found.effect, found.unit)
             score = without.score(projected, candidate.shapes, candidate.trials)
             size, gains = score.size * found.unit, without.held_gains(projected)
             accepted.append(Accepted(found, size, score, projected.visible, gains))
@@ -210,7 +210,7 @@ def judge(frame: Frame, candidates: Sequence[Candidate]) -> list[Judged]:
     """Candidates with their scores, the best first."""
     found = []
     for candidate in candidates:
-        projected = frame.projected(frame.columns(candidate.effect))
+        projected = frame.candidate(candidate.effect)
         found.append(Judged(candidate, projected, frame.score(projected, candidate.shapes, candidate.trials)))
     return sorted(found, key=lambda judged: judged.score.delta_bic)
 

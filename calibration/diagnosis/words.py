@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 MANY = 8
 """Names of one sort that are printed; all are in the JSON."""
 SIBLINGS = 3
+FAR = 4.0
+"""Times that the residual's variance may be the sheet's, or the sheet's the residual's."""
+FEW = 20.0
+"""Degrees of freedom below which nothing missing means little."""
 COVERAGE = 2
 ORIGINS: dict[Origin, str] = {
     "automatic": "error motions of all axes, their basis by the evidence",
@@ -166,6 +170,22 @@ def left_out(found: Diagnosis) -> Iterator[str]:
         yield f"{found.measurement.where(int(row))}: outlier, {fit.residual_um[row]:.1f} um from the rest"
     if len(fit.outliers) > MANY:
         yield f"... and {len(fit.outliers) - MANY} more outliers"
+
+
+def doubt(found: Diagnosis) -> Iterator[str]:
+    """What of the noise, or of the number of rows, makes the result less than it looks."""
+    fit = found.after.fit
+    if fit.freedom < FEW:
+        yield f"{fit.observations} observations leave {fit.freedom:.0f} degrees of freedom: too few to say much"
+    elif fit.variance_factor == 1.0:
+        estimate = "--noise estimate takes it from the residuals"
+        if fit.chi2_reduced < 1 / FAR:
+            yield f"chi2/dof {fit.chi2_reduced:.2g}: the sheet says more noise than there is; {estimate}"
+        elif fit.chi2_reduced > FAR and found.unexplained is None:
+            yield (
+                f"chi2/dof {fit.chi2_reduced:.2g} with nothing left that depends on anything: the sheet says less "
+                f"noise than there is; {estimate}"
+            )
 
 
 def left_line(found: Diagnosis) -> str:

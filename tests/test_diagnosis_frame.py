@@ -1,0 +1,204 @@
+"""The frame that candidates are judged in, against full fits of the same data."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from measured import THREE, measured, positions
+
+import machines
+from calibration.diagnosis.frame import GENEROUS, LIKELY, Frame
+from calibration.diagnosis.library import at_zero
+from calibration.diagnosis.scans import waves
+from calibration.fit import fit
+from calibration.heldout import cells
+from calibration.models import BasisChoice, priors, rigid_model
+from calibration.normal import residuals
+from kinematics.effects import (
+    AirScale,
+    Backlash,
+    DriftWithSensor,
+    ErrorMotion,
+    GrowthWithTime,
+    LocationError,
+    RangeOffset,
+    StationShift,
+    TargetOffset,
+    ThermalDrift,
+)
+from kinematics.model import no_errors
+
+CFRAME = machines.load("cframe")
+BACKLASH = Backlash("X", 12.0)
+GROWTH = GrowthWithTime(axis="Y", rate=30.0)
+DRIFT = ThermalDrift(component="Z", rate=20.0)
+CANDIDATES = [
+    at_zero(effect)
+    for effect in (
+        BACKLASH,
+        Backlash("Z", 1.0),
+        DRIFT,
+        GROWTH,
+        ThermalDrift(component="A", amplitudes=(1.0,), time_constants_s=(600.0,)),
+        TargetOffset(target="2", offset_um=(0.0, 0.0, 0.0)),
+    )
+]
+
+
+def data_with(*effects, n=100, seed=3, stations=1):
+    rng = np.random.default_rng(seed)
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=effects)
+    return measured(CFRAME, positions(CFRAME, n, rng), THREE, model, rng, stations=stations)
+
+
+def fitted(data, *effects, prior=None):
+    """Error motions of all axes, and these effects with wide priors of their own."""
+    base = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", 3)))
+    own = [GENEROUS * quantity.typical for effect in effects for quantity in effect.parameter_table]
+    model = msgspec.structs.replace(base, effects=(*base.effects, *effects))
+    return fit(data, model, prior=np.concatenate([priors(base), own]) if prior is None else prior)
+
+
+def objective(found):
+    return found.chi2 + float(found.away @ found.away)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """Data with backlash, growth and drift, fitted by a model without."""
+    return fitted(data_with(BACKLASH, GROWTH, DRIFT))
+
+
+@pytest.mark.parametrize("effect", CANDIDATES[:4], ids=lambda effect: effect.name)
+def test_a_gain_is_the_fall_of_the_objective_in_a_full_fit(effect):
+    """All rows at their whole weight: the noise is stated so large that none is weighted down."""
+    data = data_with(Backlash("X", 4.0), ThermalDrift(component="Z", rate=6.0))
+    data = replace(data, instrument=msgspec.structs.replace(data.instrument, u_range_um_per_m=2.0, u_angle_um=12.0))
+    without, along = fitted(data), fitted(data, effect)
+    assert without.kept.all()
+    assert along.kept.all()
+    frame = Frame.of(without)
+    assert frame.weights.min() == 1.0
+    projected = frame.projected(frame.columns(effect))
+    along_it = projected.columns.T @ frame.residual
+    gain = float(along_it @ np.linalg.solve(projected.left + GENEROUS**-2 * np.eye(len(projected.left)), along_it))
+    assert gain == pytest.approx(objective(without) - objective(along), rel=0.01, abs=1e-3)
+
+
+def test_without_an_effect_is_the_fit_without_it(plain):
+    frame = Frame.of(fitted(plain.measurement, *map(at_zero, (BACKLASH, GROWTH, DRIFT))))
+    assert frame.weights.min() > 0.5
+    count = len(frame.fit.model.effects)
+    for i, effect in enumerate((BACKLASH, GROWTH, DRIFT)):
+        others = [at_zero(other) for other in (BACKLASH, GROWTH, DRIFT) if other is not effect]
+        full = Frame.of(fitted(plain.measurement, *others))
+        first_order = frame.without(count - 3 + i)
+        # the rows that the missing cause makes stand out have less weight in the full fit
+        same = np.repeat(full.weights == 1.0, 3) & np.repeat(frame.weights == 1.0, 3)
+        assert same.mean() > 0.5
+        misses = first_order.residual[same] - full.residual[same]
+        assert np.sqrt(np.mean(misses**2)) < 0.1 * np.sqrt(np.mean(full.residual[same] ** 2))
+
+
+def test_held_out_residuals_are_those_of_fits_by_blocks():
+    found = fitted(data_with())
+    frame = Frame.of(found)
+    assert frame.weights.min() == pytest.approx(1.0, abs=0.6)
+    labels, _ = cells(found.measurement)
+    told = frame.held_out
+    for label in np.unique(labels):
+        inside = labels == label
+        others = found.measurement.rows(np.flatnonzero(~inside))
+        again = fit(others, rigid_model(found.measurement, dict.fromkeys("XYZ", BasisChoice("legendre", 3))))
+        missed = residuals(found.measurement, again.model, again.registration)[inside] * 1e3
+        assert np.sqrt(np.mean((told.residual_um[inside] - missed) ** 2)) < 0.05 * np.sqrt(np.mean(missed**2))
+
+
+def test_held_gains_are_those_of_fits_by_blocks():
+    data = data_with(Backlash("X", 4.0), ThermalDrift(component="Z", rate=6.0))
+    data = replace(data, instrument=msgspec.structs.replace(data.instrument, u_range_um_per_m=2.0, u_angle_um=12.0))
+    frame = Frame.of(fitted(data))
+    labels, _ = cells(data)
+    base = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", 3)))
+
+    def missed(effects, largest=0.0):
+        model = msgspec.structs.replace(base, effects=(*base.effects, *effects))
+        own = [largest * quantity.typical for each in effects for quantity in each.parameter_table]
+        for label in np.unique(labels):
+            inside = labels == label
+            again = fit(data.rows(np.flatnonzero(~inside)), model, prior=np.concatenate([priors(base), own]))
+            left = residuals(data, again.model, again.registration)[inside]
+            yield float(np.sum((frame.white[inside] @ left[:, :, None]) ** 2))
+
+    bare = np.array(list(missed(())))
+    for effect in (CANDIDATES[0], CANDIDATES[2]):
+        size = frame.score(frame.candidate(effect)).size
+        largest = max(LIKELY * np.sqrt(np.mean(size**2)), 1 / GENEROUS)
+        full = bare - np.array(list(missed((effect,), largest)))
+        gains = frame.held_gains(frame.candidate(effect))
+        assert gains == pytest.approx(full, abs=0.05 * np.abs(full).max())
+
+
+def test_what_the_registration_or_the_model_absorbs_is_not_visible(plain):
+    frame = Frame.of(plain)
+    interval = next(e.basis for e in plain.model.effects if isinstance(e, ErrorMotion) and e.axis == "X")
+    line = ErrorMotion("X", "X", interval, (0.0,) * interval.size, u=(0.0,) * interval.size)
+    absorbed = [StationShift(station="s1"), LocationError("C", "Y", 0.0), line]
+    for effect in absorbed:
+        assert frame.candidate(effect).visible < 0.12, effect.name  # what the prior leaves
+    exact = Frame.of(replace(plain, prior=np.full(len(plain.prior), np.inf)))
+    for effect in absorbed:
+        assert exact.candidate(effect).visible < 1e-3, effect.name
+    for effect in (RangeOffset(0.0), AirScale(0.0)):
+        assert frame.candidate(effect).visible < 0.2
+    assert frame.candidate(BACKLASH).visible > 0.6  # half of it is that of the positions, at random ones
+
+
+@pytest.mark.parametrize("late", [3e4, 1e6, 1e9])
+def test_visibility_does_not_depend_on_when_the_clock_began(plain, late):
+    state = plain.measurement.state
+    here = Frame.of(plain)
+    data = replace(plain.measurement, state=replace(state, time=state.time + late))
+    there = replace(here, fit=replace(plain, measurement=data))
+    for effect in (ThermalDrift(component="Z", rate=0.0), GrowthWithTime(axis="X", rate=0.0)):
+        assert there.candidate(effect).visible == pytest.approx(here.candidate(effect).visible, rel=0.02)
+
+
+def test_visibility_does_not_depend_on_how_warm_it_was(plain):
+    seen = []
+    for degrees in (0.0, 40.0, 300.0):
+        kelvin = degrees + np.linspace(0.0, 3.0, len(plain.measurement))
+        state = replace(plain.measurement.state, temperatures={"spindle": kelvin})
+        frame = Frame.of(replace(plain, measurement=replace(plain.measurement, state=state)))
+        seen.append(frame.candidate(DriftWithSensor(component="Z", sensor="spindle", coefficient=0.0)).visible)
+    assert seen[0] > 0.5
+    assert seen == pytest.approx([seen[0]] * 3, rel=0.02)
+
+
+@pytest.mark.parametrize("distance", [4.0, 1e6])
+def test_a_row_that_is_far_out_changes_next_to_nothing(plain, distance):
+    """One point 1 km away, or 4 mm, and what candidates bring stays what it was."""
+    frames = []
+    for away in (0.0, distance):
+        observed = plain.measurement.observed.copy()
+        observed[17] += [away, 0.0, 0.0]
+        state = replace(plain.measurement.state, observed=observed)
+        frames.append(Frame.of(fitted(replace(plain.measurement, observed=observed, state=state))))
+    whole, spoilt = frames
+    assert not spoilt.fit.kept[17]
+    for effect in CANDIDATES[:4]:
+        before, after = (frame.score(frame.candidate(effect)) for frame in frames)
+        assert after.gain == pytest.approx(before.gain, rel=0.15, abs=3.0)
+    assert spoilt.bounded_squares == pytest.approx(whole.bounded_squares, rel=0.1)
+
+
+def test_scores_of_pure_noise_are_worth_nothing():
+    frame = Frame.of(fitted(data_with(seed=8)))
+    for effect in CANDIDATES:
+        score = frame.score(frame.candidate(effect))
+        assert score.delta_bic > -6.0
+        assert 0.0 <= score.p_value <= 1.0
+    for wave in waves(frame, ("X",)):
+        score = frame.score(frame.candidate(wave.effect), wave.shapes, wave.trials)
+        assert score.p_value > 1e-3  # over all frequencies that were tried
