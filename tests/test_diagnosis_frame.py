@@ -202,3 +202,15 @@ def test_scores_of_pure_noise_are_worth_nothing():
     for wave in waves(frame, ("X",)):
         score = frame.score(frame.candidate(wave.effect), wave.shapes, wave.trials)
         assert score.p_value > 1e-3  # over all frequencies that were tried
+
+
+def test_some_rows_judge_as_all_do_but_less_surely():
+    effect = Backlash("X", 12.0)
+    frame = Frame.of(fitted(data_with(effect)))
+    some = frame.thinned(len(frame.rows) // 2)
+    assert len(some.rows) == len(some.weights) == len(frame.rows) // 2
+    candidate = Backlash("X", 0.0)
+    whole, part = (each.score(each.candidate(candidate)) for each in (frame, some))
+    u = float(some.candidate(candidate).left[0, 0]) ** -0.5
+    assert part.size == pytest.approx(whole.size, abs=3 * u)
+    assert part.gain < whole.gain

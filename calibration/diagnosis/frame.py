@@ -160,6 +160,7 @@ class Frame:
             design=self.design[mine],
             residual=self.residual[mine],
             good=self.good[kept],
+            weights=self.weights[kept],
         )
         return fewer._at_rest()
 
