@@ -1,0 +1,68 @@
+"""Diagnoses of real data, and part of the exam: questions whose answers the tests' own virtual machine knows."""
+
+import json
+
+import pytest
+from virtual_machine import draws, exam
+
+ROOT = exam.ROOT
+SLIT = ("command=IOC_TEST:Axis1-PosAct", "observed=IOC_TEST:ec0-s4-EL7211-Enc-PosAct", "axis=X", "u_um=0.3")
+MACHINES = {kind: draws.MACHINES[i % 2] for i, kind in enumerate(draws.KINDS)}
+"""One machine with three axes for each kind."""
+
+
+def diagnosed(command, *arguments):
+    done = command("diagnose", *arguments, "-o", "new.json", "--json", "-")
+    assert done.status == 0, done.err
+    return json.loads(done.out)
+
+
+def test_the_slit_axis_repeats_with_its_gear(command, slit_log):
+    headers = [part for entry in SLIT for part in ("--header", entry)]
+    found = diagnosed(command, slit_log, "--machine", ROOT / "examples" / "single_axis.toml", *headers)
+    first = max(found["effects"], key=lambda effect: effect["share"])
+    assert (first["kind"], first["axis"], first["verdict"]) == ("cyclic", "X", "strong")
+    assert first["parameters"]["period_mm"] == pytest.approx(0.25, abs=5e-4)
+    assert len(first["parameters"]["sine_um"]) >= 3
+    assert first["share"] > 0.99
+    assert found["before"]["rms_um"] > 14.0
+    assert max(found["after"]["rms_um"], found["after"]["heldout_rms_um"]) < 0.5
+
+
+@pytest.mark.parametrize("plate", ["D1396A1", "D1597A_2003", "D8131_1"])
+def test_no_pitch_error_and_no_backlash_is_claimed_of_the_plates(command, plates, plate):
+    found = diagnosed(command, plates / plate, "--machine", "gantry", "--header", "u_um=2.3")
+    kinds = {effect["kind"] for effect in found["effects"]}
+    assert not kinds & {"backlash", "cyclic", "quantised-compensation", "settling"}
+    assert found["after"]["heldout_rms_um"] <= found["before"]["heldout_rms_um"]
+    assert {"E_ZX", "E_ZY"} <= set(found["not_visible"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", draws.KINDS)
+def test_every_kind_is_named(kind):
+    result = exam.ask(draws.draw([kind], MACHINES[kind], 3))
+    assert all(result.score.named), result.found
+    assert not result.score.blamed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5))
+def test_nothing_is_named_where_nothing_is_wrong(seed):
+    assert not exam.ask(draws.nothing(seed)).found
+
+
+@pytest.mark.slow
+def test_ties_are_printed_as_ties():
+    assert exam.tied(draws.tied_growth("gantry", 0), ("thermal-drift", "tracker-drift"))[0]
+    assert exam.tied(draws.tied_backlash("cframe", 0), ("backlash", "settling"))[0]
+
+
+@pytest.mark.slow
+def test_what_one_station_cannot_see_is_not_named():
+    assert exam.not_visible(draws.range_offset("cframe", 0), "tracker-range")[0]
+
+
+@pytest.mark.slow
+def test_what_is_outside_the_table_is_unexplained():
+    assert exam.unexplained(draws.unknown("cframe", 1), {"X", "Z", "time"})[0]
