@@ -60,7 +60,7 @@ def test_ties_are_printed_as_ties():
 
 @pytest.mark.slow
 def test_what_one_station_cannot_see_is_not_named():
-    assert exam.not_visible(draws.range_offset("cframe", 0), "tracker-range")[0]
+    assert exam.not_visible(draws.range_of_one_station("cframe", 0), "tracker-range")[0]
 
 
 @pytest.mark.slow
