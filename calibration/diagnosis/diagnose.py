@@ -148,24 +148,14 @@ def diagnose(
     UserError when the data can't be what they say they are, or can't be fitted.
     """
     progress("looking at the data")
-    findings = sanity(measurement)
-    fatal = [finding.says for finding in findings if finding.fatal]
-    if fatal:
-        raise UserError(f"{measurement.source}: {fatal[0]}")
-    measurement, late = _from_its_start(measurement)
-    if late:
-        says = f"time_s begins at {late:.10g}: it is counted from the first row, as drift is"
-        findings.append(Finding("epoch", says, False))
+    measurement, findings = _looked_at(measurement)
     base = base_of(measurement, calibration, progress)
     progress("fitting the present model")
     noise = repeats(measurement, base.fit(measurement, [], variance).kept)
     if variance == "sheet" and noise is not None and _in_doubt(noise):
         measurement = _as_noisy_as(measurement, noise)
-        findings.append(
-            Finding(
-                "noise", f"the instrument's sheet is in doubt, its noise is taken from repeats: {noise.says}", False
-            )
-        )
+        says = f"the instrument's sheet is in doubt, its noise is taken from repeats: {noise.says}"
+        findings.append(Finding("noise", says, False))
     candidates, untested = library(measurement, base.model)
     candidates += changes(base.model) if base.origin == "updated" else []
     selector = Selector(measurement, base, candidates, variance, progress)
@@ -214,6 +204,19 @@ def diagnose(
         volume(before, after),
         tuple(moves(found.stage, found.numbers, causes, judged)),
     )
+
+
+def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
+    """The measurement on a clock that begins with it, and what is odd about it; UserError where it can't be used."""
+    findings = sanity(measurement)
+    fatal = [finding.says for finding in findings if finding.fatal]
+    if fatal:
+        raise UserError(f"{measurement.source}: {fatal[0]}")
+    measurement, late = _from_its_start(measurement)
+    if late:
+        says = f"time_s begins at {late:.10g}: it is counted from the first row, as drift is"
+        findings.append(Finding("epoch", says, False))
+    return measurement, findings
 
 
 def _causes(selector: Selector) -> _Found:
