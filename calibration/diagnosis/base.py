@@ -16,6 +16,7 @@ import msgspec
 import numpy as np
 
 from calibration.calibrate import AUTOMATIC_KINDS, ROTARY_KIND
+from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import Candidate, at_zero
 from calibration.fit import Fit, Progress, fit
 from calibration.measurement import Measurement
@@ -81,6 +82,16 @@ class Base:
         root[: len(prior), : len(prior)] = prior
         root[len(prior) :, len(prior) :] = np.diag(own)
         return fit(measurement, model, prior=root, variance=variance)
+
+    def lacking(self, frame: Frame, candidate: Candidate, number: int) -> Frame:
+        """The frame in which an accepted candidate, the effect of that number, alone is missing.
+
+        In the place of a finer error motion stands the base's own.
+        """
+        without = frame.without(number)
+        if not (candidate.replaces and self.prior.ndim == 1):
+            return without
+        return without.along(self.model.effects[number], self.prior[self.model.slices[number]])
 
     def numbers(self, accepted: Sequence[tuple[Candidate, np.ndarray]]) -> list[int]:
         """Where accepted candidates stand among the effects of the fitted model."""

@@ -127,11 +127,6 @@ class _Found(NamedTuple):
     stage: Stage
     judged: tuple[Judged, ...]
 
-    @property
-    def numbers(self) -> list[int]:
-        """Where the accepted causes stand among the effects of the fit."""
-        return self.selector.base.numbers([(each.candidate, each.size) for each in self.stage.accepted])
-
 
 def diagnose(
     measurement: Measurement,
@@ -175,7 +170,7 @@ def diagnose(
     if after is not found.stage:
         tests_after = remainder.tests(after.frame)
     bare = after.frame if not after.accepted else Frame.of(selector.base.fit(measurement, [], variance))
-    causes = named(after, complete.numbers, bare)
+    causes = named(after, bare)
     # what no cause explains makes outliers as well
     lost = outliers(after.fit, bare) if left is None else None
     causes += [] if lost is None else [lost]
@@ -202,7 +197,7 @@ def diagnose(
         judged,
         closure(after.frame),
         volume(before, after),
-        tuple(moves(found.stage, found.numbers, causes, judged)),
+        tuple(moves(found.stage, causes, judged)),
     )
 
 
@@ -240,7 +235,7 @@ def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
     while True:
         tests = remainder.tests(found.stage.frame)
         left = remainder.unexplained(found.stage.frame) if combined(tests, LEFT) else None
-        blamed = remainder.impostors(found.stage, found.numbers, left) if left else []
+        blamed = remainder.impostors(found.stage, left) if left else []
         if not blamed:
             return found, tests, left
         kept: Sequence[tuple[Candidate, np.ndarray]] = [

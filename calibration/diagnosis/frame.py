@@ -140,6 +140,19 @@ class Frame:
         )
         return fewer._at_rest()
 
+    def along(self, effect: Effect, prior: Array) -> Frame:
+        """The frame of a model that holds one effect more, linear and at zero, with priors `(k,)`."""
+        typical = np.array([quantity.typical for quantity in effect.parameter_table])
+        finite = np.isfinite(prior)
+        in_priors = np.where(finite, prior, 1.0) / np.where(np.isfinite(typical), typical, 1.0)
+        more = replace(
+            self,
+            design=np.concatenate([self.design, self.columns(effect) * in_priors], axis=1),
+            limited=np.concatenate([self.limited, finite + RIDGE]),
+            away=np.concatenate([self.away, np.zeros(len(prior))]),
+        )
+        return more._at_rest()
+
     def _at_rest(self) -> Frame:
         """The frame where its own design and weights put the fit."""
         step = linalg.cho_solve(self.factor, self.design.T @ self.residual - self.limited * self.away)

@@ -92,12 +92,12 @@ class Question:
         return min(_noncentrality(signal, known), float(threshold**0.5 + MARGIN) ** 2)
 
 
-def moves(stage: Stage, numbers: Sequence[int], causes: Sequence[Named], judged: Sequence[Judged]) -> Iterator[Move]:
+def moves(stage: Stage, causes: Sequence[Named], judged: Sequence[Judged]) -> Iterator[Move]:
     """Moves that tell something, the best first; then the ties that none of them separates.
 
-    numbers: where the accepted causes stand among the effects of the stage's model. judged: all candidates.
+    judged: all candidates.
     """
-    effects, questions = _questions(stage, numbers, causes, judged)
+    effects, questions = _questions(stage, causes, judged)
     if not questions:
         return
     outlook = Outlook(stage.frame, effects)
@@ -120,9 +120,7 @@ def moves(stage: Stage, numbers: Sequence[int], causes: Sequence[Named], judged:
             yield Move("remedy", 0.0, 0.0, says)
 
 
-def _questions(
-    stage: Stage, numbers: Sequence[int], causes: Sequence[Named], judged: Sequence[Judged]
-) -> tuple[list[Effect], list[Question]]:
+def _questions(stage: Stage, causes: Sequence[Named], judged: Sequence[Judged]) -> tuple[list[Effect], list[Question]]:
     """Causes in question, and what is asked of them: ties, weak causes, and causes that the data do not show."""
     effects: list[Effect] = []
     found: list[Question] = []
@@ -132,7 +130,7 @@ def _questions(
         return len(effects) - 1
 
     verdicts = {cause.effect.name: cause.verdict for cause in causes}
-    for accepted, place in zip(stage.accepted, numbers, strict=True):
+    for accepted, place in zip(stage.accepted, stage.numbers, strict=True):
         effect = stage.fit.model.effects[place]
         verdict, own, part = verdicts.get(effect.name), accepted.candidate, stage.fit.model.slices[place]
         if verdict in ("tied", "weak"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from scipy import linalg
@@ -70,18 +70,18 @@ def unexplained(frame: Frame) -> Unexplained | None:
     return explaining_variables(_of_machine(frame), given, np.random.default_rng(SEED))
 
 
-def impostors(stage: Stage, numbers: Sequence[int], left: Unexplained) -> list[Accepted]:
+def impostors(stage: Stage, left: Unexplained) -> list[Accepted]:
     """Accepted smooth causes of variables of what is left, that explain less than that: its form is not theirs."""
     frame = stage.frame
     components = frame.measurement.instrument.components
     energy = left.rms**2 * len(frame.rows) * components
     given = variables(frame.measurement, frame.rows)
     found = []
-    for each, number in zip(stage.accepted, numbers, strict=True):
+    for i, each in enumerate(stage.accepted):
         effect = each.candidate.effect
         if effect.kind not in SMOOTH or each.candidate.replaces:
             continue
-        without = frame.without(number)
+        without = stage.without(i)
         own = without.projected(without.columns(effect))
         explains = float(each.size @ own.left @ each.size)
         shared = {_family(name) for name in depends_on(effect, given)} & {_family(name) for name in left.variables}

@@ -91,9 +91,19 @@ class Accepted:
 class Stage(NamedTuple):
     """The fit with some causes."""
 
+    base: Base
     fit: Fit
     frame: Frame
     accepted: tuple[Accepted, ...]
+
+    @property
+    def numbers(self) -> list[int]:
+        """Where the accepted causes stand among the effects of the fit."""
+        return self.base.numbers(chosen_of(self.accepted))
+
+    def without(self, index: int) -> Frame:
+        """The frame in which one accepted cause alone is missing."""
+        return self.base.lacking(self.frame, self.accepted[index].candidate, self.numbers[index])
 
     @property
     def cost(self) -> float:
@@ -155,22 +165,21 @@ class Selector:
         for (candidate, _), number in zip(chosen, self.base.numbers(chosen), strict=True):
             effect = fit.model.effects[number]
             found = replace(candidate, effect=at_zero(effect))
-            without = frame.without(number)
+            without = self.base.lacking(frame, candidate, number)
             projected = without.candidate(found.effect, found.unit)
             score = without.score(projected, candidate.shapes, candidate.trials)
             size, gains = score.size * found.unit, without.held_gains(projected)
             accepted.append(Accepted(found, size, score, projected.visible, gains))
-        return Stage(fit, frame, tuple(accepted))
+        return Stage(self.base, fit, frame, tuple(accepted))
 
     def settled(self, stage: Stage) -> Stage:
         """Every cause held against others that could stand in its place; the better one stands there."""
         for swaps_left in reversed(range(PASSES + 1)):
             accepted: list[Accepted] = []
             better: list[tuple[Candidate, Array]] | None = None
-            for i, number in enumerate(self.base.numbers(chosen_of(stage.accepted))):
-                own = stage.accepted[i]
+            for i, own in enumerate(stage.accepted):
                 self.progress(f"siblings of {own.candidate.effect.name}")
-                without = stage.frame.without(number)
+                without = stage.without(i)
                 others = judge(without, proposals(without, self._left([*stage.accepted[:i], *stage.accepted[i + 1 :]])))
                 accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
                 first = next(passing(without, others), None)
@@ -188,8 +197,7 @@ class Selector:
 
     def chosen_again(self, stage: Stage) -> Base:
         """The base whose bases are chosen by the evidence once more, with what a stage has found besides."""
-        numbers = self.base.numbers(chosen_of(stage.accepted))
-        besides = [stage.fit.model.effects[i] for i in numbers if i >= len(self.base.model.effects)]
+        besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
         return self.base.chosen_again(self.measurement, besides, self.progress)
 
     def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:

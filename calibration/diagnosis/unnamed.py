@@ -100,7 +100,7 @@ def _tuned(selector: Selector, stage: Stage, index: int, left: Unexplained) -> t
 
     The stage as it was where that predicts no better.
     """
-    frame = stage.frame.without(selector.base.numbers(chosen_of(stage.accepted))[index])
+    frame = stage.without(index)
     own = [component for component in COMPONENTS if component == stage.accepted[index].candidate.axis]
     shown, best = left, _odds_of(frame, own[0], left)
     for _ in range(PASSES):

@@ -115,15 +115,15 @@ class NotVisible:
     remedy: str
 
 
-def named(stage: Stage, numbers: Sequence[int], before: Frame) -> list[Named]:
-    """The accepted causes of a stage, whose effects stand in its model at `numbers`; `before` has none of them.
+def named(stage: Stage, before: Frame) -> list[Named]:
+    """The accepted causes of a stage; `before` is a frame that has none of them.
 
     The best first, those without a name last.
     """
     found = []
     whole = in_terms_of(before, stage.frame)
-    for each, number in zip(stage.accepted, numbers, strict=True):
-        without = stage.frame.without(number)
+    for i, (each, number) in enumerate(zip(stage.accepted, stage.numbers, strict=True)):
+        without = stage.without(i)
         effect = _with_uncertainty(stage.fit.model.effects[number], without)
         own = without.projected(without.columns(each.candidate.effect))
         share = float(each.size @ own.left @ each.size) / whole
