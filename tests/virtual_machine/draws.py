@@ -40,7 +40,8 @@ LEADS = {"gantry": (10.0, 16.0, 20.0, 25.0, 40.0), "cframe": (5.0, 8.0, 10.0, 12
 GEARS = (4.0, 5.0, 7.5, 10.0)
 """degrees."""
 LASER = Laser(0.2, 0.3)
-COARSE = "legendre:3"
+COARSE = {True: "fourier:2", False: "legendre:3"}
+"""Bases of rotary and linear axes that hold the smooth error motions, and no ripple."""
 LEFT = {"tracker-angle": 0.3}
 """Of its displacement that has to be left when the stations are registered: a wave over a short arc is a turn."""
 LOCATIONS = {
@@ -117,10 +118,15 @@ class Draw:
     """Sizes of the causes, in units of the noise of the mean; 0 of outliers."""
     earlier: Setup | None = field(default=None, repr=False)
     """The session of the calibration before."""
-    coarse: str = COARSE
-    """Basis of the coarse calibration."""
+    coarse: str = ""
+    """Basis of the coarse calibration; empty for what holds the smooth error motions alone."""
     laser_along: str = ""
     """The axis that an interferometer measures; empty of a tracker."""
+
+    @property
+    def coarse_basis(self) -> str:
+        """Basis of the coarse calibration, as `ncomp fit` takes it."""
+        return self.coarse or ",".join(f"{axis.name}={COARSE[axis.rotary]}" for axis in self.setup.session.chain.axes)
 
     def sheet(self, *, clean: bool = False) -> str:
         """The measurement file; `clean` is the same, with the same noise, with nothing wrong."""

@@ -148,7 +148,7 @@ def _calibration(draw: Draw, data: Path, *, clean: bool) -> Path | None:
         ncomp("fit", earlier, "--machine", machine, "-o", given)
         return given
     if draw.calibrated == "coarse" and not clean:
-        ncomp("fit", data, "--machine", machine, "--basis", draw.coarse, "-o", given)
+        ncomp("fit", data, "--machine", machine, "--basis", draw.coarse_basis, "-o", given)
         return given
     return None
 
