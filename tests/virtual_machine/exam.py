@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import multiprocessing
 import os
-import subprocess
+import runpy
 import sys
 import tempfile
 import time
@@ -21,8 +22,10 @@ from virtual_machine.draws import Draw
 from virtual_machine.observe import aligned
 from virtual_machine.scoring import Score, findings, score, title
 
-ROOT = Path(__file__).parents[2]
 GRID = 9
+FORKS = multiprocessing.get_context("forkserver")
+FORKS.set_forkserver_preload(["postproc.cli", "calibration.diagnosis.diagnose", "postproc.diagnosis_summary"])
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # processes do not get in each other's way
 FINE_UM = 5.0
 """Amplitude of the finest wave of E_XX from which it has to be named; Table 1 draws up to 14."""
 
@@ -54,14 +57,18 @@ class Result:
 
 
 def ncomp(*arguments: object) -> float:
-    """Run the command in a process of its own; seconds. RuntimeError with its words when it fails."""
-    command = [sys.executable, "-c", "from postproc.cli import run; run()", *map(str, arguments)]
+    """Run the command in a process of its own, forked where its imports are done; seconds.
+
+    RuntimeError with its words when it fails.
+    """
     start = time.perf_counter()
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=_environment(), check=False)
-    if done.returncode:
-        raise RuntimeError(
-            f"ncomp {' '.join(map(str, arguments))}: status {done.returncode}\n{done.stderr or done.stdout}"
-        )
+    with tempfile.NamedTemporaryFile() as said:
+        process = FORKS.Process(target=_command, args=([str(argument) for argument in arguments], said.name))
+        process.start()
+        process.join()
+        words = Path(said.name).read_text(encoding="utf-8")
+    if process.exitcode:
+        raise RuntimeError(f"ncomp {' '.join(map(str, arguments))}: status {process.exitcode}\n{words}")
     return time.perf_counter() - start
 
 
@@ -178,6 +185,11 @@ def _json(file: Path) -> Mapping[str, Any]:
     return result
 
 
-def _environment() -> dict[str, str]:
-    """One thread for each process, so that processes do not get in each other's way."""
-    return {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+def _command(arguments: list[str], output: str) -> None:
+    """What the installed command does, its words going to a file."""
+    with Path(output).open("wb", buffering=0) as words:
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(words.fileno(), stream.fileno())
+    script = Path(sys.executable).with_name("ncomp")
+    sys.argv = [str(script), *arguments]
+    runpy.run_path(str(script), run_name="__main__")
