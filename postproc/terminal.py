@@ -84,9 +84,9 @@ def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> 
         to.print("accepted")
 
 
-def show_verdict(verdict: Verdict, to: Console) -> None:
-    """The result of a verification."""
-    table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points")
+def show_verdict(verdict: Verdict, to: Console, by: str = "") -> None:
+    """The result of a verification, and by which model."""
+    table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points", title=by)
     _row(table, "block ends", verdict.before, verdict.after)
     _row(table, "along feed moves", verdict.path_before, verdict.path_after)
     to.print(table)

@@ -367,6 +367,18 @@ def test_verify(ncomp):
     assert b"block ends" in ncomp("verify", "in.nc", "out.nc", *GANTRY).out
 
 
+def test_verify_by_an_old_model_as_well(ncomp):
+    ncomp("in.nc", *GANTRY, "-o", "out.nc")
+    one = json.loads(ncomp("verify", "in.nc", "out.nc", *GANTRY, "--json", "-").out)
+    both = json.loads(ncomp("verify", "in.nc", "out.nc", *GANTRY, "--old", "none", "--json", "-").out)
+    old = both.pop("by_old_model")
+    assert both == one
+    # a machine without errors goes where it is told to, and so misses by the correction
+    assert old["block_ends_um"]["before"]["max"] == 0.0
+    assert old["block_ends_um"]["after"]["max"] == pytest.approx(one["block_ends_um"]["before"]["max"], rel=1e-2)
+    assert b"--old" in ncomp("verify", "in.nc", "out.nc", *GANTRY, "--old", "none").out
+
+
 def test_verify_programs_that_do_not_match(ncomp):
     Path("other.nc").write_text("G0 X1 Y1 Z1\n")
     result = ncomp("verify", "in.nc", "other.nc", *GANTRY)

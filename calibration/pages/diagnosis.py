@@ -271,6 +271,9 @@ def _commands(machine: str) -> list[Sequence[str]]:
     left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new}"
     return [
         ("correct a program", f"ncomp PART.nc {new} -o PART_NEW.nc"),
-        ("see the part's error before and after", f"ncomp verify PART.nc PART_NEW.nc {new}"),
+        (
+            "see the part's error by this model and by the one so far",
+            f"ncomp verify PART.nc PART_NEW.nc {new} --old OLD.json",
+        ),
         ("see what the calibration so far, OLD.json, leaves of it", left),
     ]

@@ -28,7 +28,10 @@ from postproc.commands.shared import (
     write_json,
 )
 
-EPILOG = "Example:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`"
+EPILOG = (
+    "Examples:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`\n\n"
+    "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --old old.json`"
+)
 
 
 def verify(
@@ -36,6 +39,10 @@ def verify(
     corrected: Annotated[str, typer.Argument(metavar="OUT.nc", help="The corrected program.")],
     machine: MachineName,
     calibration: CalibrationName = None,
+    old: Annotated[
+        str | None,
+        typer.Option("--old", metavar="CAL.json|none", help="An earlier calibration: the errors by its model as well."),
+    ] = None,
     dialect: DialectName = "auto",
     work_offset: WorkOffsets = None,
     tool_length: ToolLengths = None,
@@ -62,11 +69,12 @@ def verify(
     from postproc.verify import merged, read_motions
     from postproc.verify import verify as judged
 
-    check_places((program, corrected, calibration, tool_table, log), (json,))
+    check_places((program, corrected, calibration, old, tool_table, log), (json,))
     found = machine_of(machine)
     model = model_of(calibration, found)
     setup = setup_of(found, work_offset, tool_length, tool_table)
     conditions = make_conditions(temperature or (), elapsed, log)
+    earlier = model_of(old, found) if old else None
     notes = standing_notes(model, conditions)
     motions = []
     for name in (program, corrected):
@@ -74,6 +82,7 @@ def verify(
         language = find_dialect(dialect, source.name, source.text_head)
         motions.append(merged(read_motions(source, language, found, setup)))
     verdict = judged(motions[0], motions[1], model, conditions, tolerance_um)
+    by_old = judged(motions[0], motions[1], earlier, conditions, tolerance_um) if earlier else None
     for note in notes:
         say("note", note)
     marked = calibration_of(source)
@@ -81,8 +90,11 @@ def verify(
         say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
     table = class_table(motions[0], model, conditions) if classes else []
     with result(json) as results:
-        write_json(verdict.json() | {"classes": [left.json() for left in table]}, results)
+        by_model = {"by_old_model": by_old.json()} if by_old else {}
+        write_json(verdict.json() | by_model | {"classes": [left.json() for left in table]}, results)
     to = console if json == "-" else output
-    show_verdict(verdict, to)
+    show_verdict(verdict, to, f"by {model.id}" if by_old else "")
+    if by_old and earlier:
+        show_verdict(by_old, to, f"by {earlier.id}, --old")
     if table:
         show_classes(table, to)
