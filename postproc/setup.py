@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from postproc.numbers import given_number, given_once
-from postproc.tool_table import ToolTable
+from postproc.tool_tables.table import ToolTable, tool_key
 
 
 @dataclass
@@ -19,12 +19,18 @@ class Setup:
     """
 
     machine: Machine
-    work_offsets: dict[str, Mapping[str, float]] = field(default_factory=dict)
+    work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     tools: dict[str, float] = field(default_factory=dict)
     used_offsets: dict[str, str] = field(default_factory=dict)
     used_tools: dict[str, str] = field(default_factory=dict)
     given_tools: frozenset[str] = frozenset()
     """Numbers of tools whose lengths were given one by one, not in a table."""
+    radii: Mapping[str, float] = field(default_factory=dict)
+    """Of tools, mm, by number; from a table."""
+    datums: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Lines of a datum table by number and axis, mm or degrees."""
+    turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Work offsets that turn the coordinates, by name: degrees about X, Y, Z."""
 
     def work_offset(self, name: str) -> tuple[float, ...]:
         """Offset of every machine axis, mm or degrees: what is added to a programmed position."""
@@ -44,10 +50,19 @@ class Setup:
 
     def tool_length(self, tool: int | str) -> float:
         """Length of a tool by number or name, mm, from the tool reference point to the tip."""
-        key = str(tool)
+        key = tool_key(str(tool))
         length = self.tools.get(key, self.machine.tools.get(key))
         self.used_tools[key] = "0 (default)" if length is None else f"{length:g}"
         return length or 0.0
+
+    def knows(self, tool: int | str) -> bool:
+        """True for a tool whose length is given somewhere."""
+        key = tool_key(str(tool))
+        return key in self.tools or key in self.machine.tools
+
+    def tool_radius(self, tool: int | str) -> float | None:
+        """Radius of a tool by number or name, mm; None where no table says it."""
+        return self.radii.get(tool_key(str(tool)))
 
 
 def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float]]:
@@ -92,8 +107,8 @@ def make_setup(
     """The setup from the options of the command line and a tool table."""
     table = table or ToolTable()
     for name, values in table.work_offsets.items():
-        for axis in values:
-            if axis not in machine.names:
+        for axis, value in values.items():
+            if axis not in machine.names and value:
                 raise UserError(f"tool table: work offset {name}: no axis {axis} on machine {machine.name}")
     given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
     lengths = given_once(map(parse_tool_length, tool_lengths), "--tool-length T")
@@ -102,4 +117,7 @@ def make_setup(
         {**table.work_offsets, **given},
         {**table.tools, **lengths},
         given_tools=frozenset(lengths),
+        radii=table.radii,
+        datums=table.datums,
+        turned=table.turned,
     )

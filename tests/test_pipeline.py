@@ -32,7 +32,7 @@ from postproc.motions import Kind
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup
 from postproc.source import ENCODING, chunks, open_source
-from postproc.tool_table import ToolTable, read_tool_table
+from postproc.tool_tables import ToolTable
 from postproc.verify import verify
 
 FREECAD = Path(__file__).parent / "data" / "freecad"
@@ -482,47 +482,6 @@ def test_lines_and_chunks_lose_no_byte(data, size):
     numbered = [line for part in parts for line in part]
     assert (source.mark + "".join(text for _, text in numbered)).encode(ENCODING) == data
     assert [number for number, _ in numbered] == list(range(1, len(numbered) + 1))
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "tools"),
-    [
-        (
-            "tool.tbl",
-            "; table\nT1 P1 D10 Z120.5 ;mill\n\nt02 p2 z+.5\nT3 P3 X0 Y+0.0 Z-5",
-            {"1": 120.5, "2": 0.5, "3": -5},
-        ),
-        ("t.json", '{"1": 120.5, "02": 3}', {"1": 120.5, "2": 3}),
-        ("t.json", '{"tools": {"7": 1}, "work_offsets": {"g54.1 p2": {"X": 1}}}', {"7": 1}),
-    ],
-)
-def test_tool_table(tmp_path, name, text, tools):
-    (tmp_path / name).write_text(text)
-    table = read_tool_table(tmp_path / name)
-    assert table.tools == tools
-    assert set(table.work_offsets) <= {"G54.1P2"}
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("tool.tbl", "T1 P1 D10\n"),
-        ("tool.tbl", "nonsense\n"),
-        ("tool.tbl", "T1 Z120.5\nT2 X5 Z3\n"),
-        ("tool.tbl", f"T1 Z{'9' * 400}\n"),
-        ("t.json", '{"T1": 120.5}'),
-        ("t.json", '{"1": "long"}'),
-        ("t.json", '{"1": null}'),
-        ("t.json", "[1]"),
-        ("t.json", ""),
-        ("t.json", '{"1": 1e999}'),
-        ("t.json", '{"tools": {}, "offsets": {}}'),
-    ],
-)
-def test_bad_tool_table(tmp_path, name, text):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(UserError, match=f"^tool table .*{name}"):
-        read_tool_table(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", ["BOTTLE.NC", "CONTOUR_ABS.NC", "TEST2.NC"])

@@ -28,7 +28,7 @@ def check(
     from postproc.source import open_source
     from postproc.terminal import show_findings
 
-    check_places((program, tool_table), (json,))
+    check_places((program, *(tool_table or ())), (json,))
     found = machine_of(machine)
     source = open_source(program)
     setup = setup_of(found, work_offset, tool_length, tool_table)

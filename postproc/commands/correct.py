@@ -83,8 +83,8 @@ def correct(
     from postproc.terminal import progress_of, show_report
 
     refuse_one_place(json, output, "the program")
-    check_places((program, calibration, tool_table, log), (json,))
-    check_places((calibration, tool_table, log), (output,))  # a program may be replaced by its corrected self
+    check_places((program, calibration, *(tool_table or ()), log), (json,))
+    check_places((calibration, *(tool_table or ()), log), (output,))  # a program may be replaced by its corrected self
     found = machine_of(machine)
     model = model_of(calibration, found)
     chosen = _classes(classes, found)

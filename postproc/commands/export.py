@@ -93,7 +93,7 @@ def export(
     from postproc.tables.probe import probe as probe_files
     from postproc.tables.sheet import sheet
 
-    check_places((calibration, program, tool_table), (rest, json))
+    check_places((calibration, program, *(tool_table or ())), (rest, json))
     _check_folder(output)
     found = machine_of(machine)
     form = find_format(format)
@@ -139,7 +139,10 @@ def _encoded(files: dict[str, str]) -> dict[str, bytes]:
 
 
 def _places(
-    program: str | None, dialect: str, exported: Exported, setup: tuple[list[str] | None, list[str] | None, Path | None]
+    program: str | None,
+    dialect: str,
+    exported: Exported,
+    setup: tuple[list[str] | None, list[str] | None, list[Path] | None],
 ) -> Places | None:
     from postproc.dialects import find_dialect
     from postproc.source import open_source

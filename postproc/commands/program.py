@@ -30,8 +30,8 @@ ToolLengths = Annotated[
     list[str] | None, typer.Option("--tool-length", metavar="T1=mm", help="Length of a tool. Repeatable.")
 ]
 ToolTable = Annotated[
-    Path | None,
-    typer.Option("--tool-table", metavar="FILE", help='Tool lengths: LinuxCNC tool.tbl or JSON {"1": 120.5}.'),
+    list[Path] | None,
+    typer.Option("--tool-table", metavar="FILE", help="Table of tools, presets or datums of a control. Repeatable."),
 ]
 Temperatures = Annotated[
     list[str] | None,
@@ -47,9 +47,11 @@ ConditionsLog = Annotated[
 ]
 
 
-def setup_of(machine: Machine, offsets: list[str] | None, lengths: list[str] | None, table: Path | None) -> Setup:
+def setup_of(
+    machine: Machine, offsets: list[str] | None, lengths: list[str] | None, tables: list[Path] | None
+) -> Setup:
     """What the control knows of a program's work offsets and tools; UserError for what is none."""
     from postproc.setup import make_setup
-    from postproc.tool_table import read_tool_table
+    from postproc.tool_tables import read_tool_tables
 
-    return make_setup(machine, offsets or (), lengths or (), read_tool_table(table) if table else None)
+    return make_setup(machine, offsets or (), lengths or (), read_tool_tables(tables or ()))

@@ -69,7 +69,7 @@ def verify(
     from postproc.verify import merged, read_motions
     from postproc.verify import verify as judged
 
-    check_places((program, corrected, calibration, old, tool_table, log), (json,))
+    check_places((program, corrected, calibration, old, *(tool_table or ()), log), (json,))
     found = machine_of(machine)
     model = model_of(calibration, found)
     setup = setup_of(found, work_offset, tool_length, tool_table)

@@ -1,0 +1,37 @@
+"""Tables of tools, work offsets and datums as controls write them, one module for each control's form.
+
+Every form is a module with `FORM`, its name in messages; `is_it(path, text)`, true for a file of that form; and
+`read(path, text)`, which gives the table, or raises UserError with the line that it does not understand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from kinematics.errors import UserError
+from kinematics.files import read_input
+from postproc.tool_tables import heidenhain, json_form, linuxcnc
+from postproc.tool_tables.table import ToolTable, checked, joined
+
+FORMS = (json_form, heidenhain, linuxcnc)
+"""Asked in this order."""
+
+__all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]
+
+
+def read_tool_table(path: Path) -> ToolTable:
+    """A table of any form; UserError with the line that isn't understood."""
+    text = read_input(path, "tool table").decode("latin-1").removeprefix("\xef\xbb\xbf")
+    form = next(form for form in FORMS if form.is_it(path, text))
+    return checked(form.read(path, text), path)
+
+
+def read_tool_tables(paths: Iterable[Path]) -> ToolTable:
+    """Several tables as one; UserError for what two of them say."""
+    tables: dict[Path, ToolTable] = {}
+    for path in paths:
+        if path in tables:
+            raise UserError(f"--tool-table {path} is given twice")
+        tables[path] = read_tool_table(path)
+    return joined(tables)

@@ -1,0 +1,42 @@
+"""LinuxCNC's `tool.tbl`: `T1 P1 D10 Z120.5 ;mill`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from kinematics.errors import UserError
+from postproc.tool_tables.table import ToolTable
+
+FORM = "LinuxCNC's tool.tbl: T1 P1 D10 Z120.5"
+_ENTRY = re.compile(r"\s*T(?P<number>\d+)\b(?P<rest>[^;]*)", re.I)
+_NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+))"
+_LENGTH = re.compile(rf"\bZ\s*{_NUMBER}", re.I)
+_DIAMETER = re.compile(rf"\bD\s*{_NUMBER}", re.I)
+_SIDEWAYS = re.compile(r"\b([XYABCUVW])\s*[+-]?[\d.]*[1-9]", re.I)
+
+
+def is_it(_: Path, __: str) -> bool:
+    """True: what is no other form is read as this one."""
+    return True
+
+
+def read(path: Path, text: str) -> ToolTable:
+    """Lengths and radii; UserError with the line that isn't understood, or has an offset sideways."""
+    lengths, radii = {}, {}
+    for i, line in enumerate(text.splitlines(), start=1):
+        content = line.split(";")[0].strip()
+        if not content:
+            continue
+        match = _ENTRY.match(content)
+        length = _LENGTH.search(content)
+        if match is None or length is None:
+            raise UserError(f"tool table {path}:{i}: {line.strip()!r} is no LinuxCNC tool entry (T1 P1 Z120.5)")
+        sideways = _SIDEWAYS.search(content)
+        if sideways is not None:
+            raise UserError(f"tool table {path}:{i}: an offset in {sideways[1].upper()} is not corrected for")
+        lengths[match["number"]] = float(length[1])
+        diameter = _DIAMETER.search(content)
+        if diameter is not None:
+            radii[match["number"]] = float(diameter[1]) / 2.0
+    return ToolTable(lengths, radii=radii)

@@ -1,0 +1,162 @@
+"""Tables of tools, presets and datums as controls write them."""
+
+import re
+
+import pytest
+from programs import load
+
+from kinematics.errors import UserError
+from postproc.setup import make_setup
+from postproc.tool_tables import read_tool_table, read_tool_tables
+
+# Layout of a TNC 410's own table (names cut at 16 characters, decimal comma), as kept in the public repository
+# aamorim1913/AptPostProcessor, machine-code/TOOL.T; the values are made up.
+TNC410 = """\
+BEGIN TOOL    .T       MM
+T    NAME             L          R          DL      DR      TL RT  TIME1 TIME2 CUR.TIME DOC
+0                     +0,000     +0,000     +0,000  +0,000         0     0     0
+1    14MM_CRB_4FL_32_ +95,100    +7,000     +0,000  +0,000         0     0     0
+5    14MM_CRB_4FL_BM_ -4,686     +7,000     +0,020  -0,425         0     0     2        X+1 ; Y
+12                    +18,892    +3,000     +0,000  +0,000         0     0     0
+"""
+# That of an iTNC 530: more columns, indexed tools, a name with blanks, an end.
+ITNC530 = """\
+BEGIN TOOL     .T     MM
+T    NAME             L           R           R2          DL      TL RT  TIME1 CUR.TIME DOC
+0    NULLWERKZEUG     +0          +0          +0          +0             0     0        Nullwerkzeug
+5    BOHRER D8,5      +120.25     +4.25       +0          +0.1           60    12       K\xfchlung innen
+5.1  BOHRER SCHWESTER +119        +4.25       +0          +0             60    0
+7    MILL             +50         +3          +0          +0             0     0
+8    MILL             +60         +3          +0          +0             0     0
+[END]
+what stands behind it does not count
+"""
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_tnc410(tmp_path, end):
+    path = tmp_path / "TOOL.T"
+    path.write_bytes(TNC410.replace("\n", end).encode("latin-1"))
+    table = read_tool_table(path)
+    numbered = {name: length for name, length in table.tools.items() if name.isdecimal()}
+    assert numbered == pytest.approx({"0": 0.0, "1": 95.1, "5": -4.666, "12": 18.892})
+    assert table.radii["5"] == pytest.approx(6.575)
+    setup = make_setup(load("gantry"), [], ["T12=3"], table)
+    assert setup.tool_length(12) == 3.0
+    assert setup.tool_length("14mm_crb_4fl_32_") == pytest.approx(95.1)
+    assert setup.tool_radius("12") == 3.0
+    assert setup.tool_radius(99) is None
+
+
+def test_itnc530(tmp_path):
+    path = tmp_path / "tool.t"
+    path.write_bytes(ITNC530.encode("latin-1"))
+    table = read_tool_table(path)
+    assert table.tools["5"] == pytest.approx(120.35)
+    assert table.tools["5.1"] == 119.0
+    assert table.tools["BOHRER D8,5"] == pytest.approx(120.35)
+    assert "MILL" not in table.tools, "two tools of that name, of different lengths"
+
+
+def test_inches(tmp_path):
+    path = tmp_path / "tool.t"
+    path.write_text("BEGIN TOOL .T INCH\nT  NAME  L    R\n1  A     +2   +0.5\n[END]\n")
+    table = read_tool_table(path)
+    assert table.tools == {"1": 50.8, "A": 50.8}
+    assert table.radii["1"] == 12.7
+
+
+PRESETS = """\
+BEGIN PRESET .PR MM
+NO   DOC          SPA      SPB      SPC      X           Y           Z           B        C
+0                 +0       +0       +0       +0          +0          +0          +0       +0
+1    VICE         +0       +0       +2.5     +12.5       -80         +210,25     +0       +30
+2    PLATE        +0       +0       +0       +1          +2          +3
+[END]
+"""
+
+
+def test_presets(tmp_path):
+    path = tmp_path / "PRESET.PR"
+    path.write_text(PRESETS)
+    table = read_tool_table(path)
+    assert table.work_offsets["1"] == {"X": 12.5, "Y": -80.0, "Z": 210.25, "B": 0.0, "C": 30.0}
+    assert table.work_offsets["2"] == {"X": 1.0, "Y": 2.0, "Z": 3.0}
+    assert table.turned == {"1": (0.0, 0.0, 2.5)}
+
+
+def test_datums(tmp_path):
+    path = tmp_path / "ZERO.D"
+    path.write_text(
+        "BEGIN NULLTAB .D MM\nD    X        Y        Z\n0    +0       +0       +0\n3    +5,5     -1       +0\n[END]\n"
+    )
+    assert read_tool_table(path).datums["3"] == {"X": 5.5, "Y": -1.0, "Z": 0.0}
+
+
+def test_several(tmp_path):
+    (tmp_path / "TOOL.T").write_text(TNC410)
+    (tmp_path / "PRESET.PR").write_text(PRESETS)
+    table = read_tool_tables([tmp_path / "TOOL.T", tmp_path / "PRESET.PR"])
+    assert table.tools["12"] == pytest.approx(18.892)
+    assert table.work_offsets["2"]["Z"] == 3.0
+    (tmp_path / "more.json").write_text('{"12": 4}')
+    with pytest.raises(UserError, match=r"tool table .*more.json: tools: 12 is in another table too"):
+        read_tool_tables([tmp_path / "TOOL.T", tmp_path / "more.json"])
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("", "no line that names its columns"),
+        ("T  NAME  L\nX  A     +1\n", "'X' in column T is no number of a line"),
+        ("T  NAME  L\n1  A     +1\n1  A     +1\n", "1 stands there twice"),
+        ("T  NAME  L\n1  A     one\n", "L: 'one' is no number"),
+        ("T  NAME  L\n1  A     nan\n", "nan is not finite"),
+    ],
+)
+def test_bad_tables_of_heidenhain(tmp_path, lines, words):
+    path = tmp_path / "TOOL.T"
+    path.write_text("BEGIN TOOL .T MM\n" + lines)
+    with pytest.raises(UserError, match=re.escape(words)):
+        read_tool_table(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "tools"),
+    [
+        (
+            "tool.tbl",
+            "; table\nT1 P1 D10 Z120.5 ;mill\n\nt02 p2 z+.5\nT3 P3 X0 Y+0.0 Z-5",
+            {"1": 120.5, "2": 0.5, "3": -5},
+        ),
+        ("t.json", '{"1": 120.5, "02": 3}', {"1": 120.5, "2": 3}),
+        ("t.json", '{"tools": {"7": 1}, "work_offsets": {"g54.1 p2": {"X": 1}}}', {"7": 1}),
+    ],
+)
+def test_tool_table(tmp_path, name, text, tools):
+    (tmp_path / name).write_text(text)
+    table = read_tool_table(tmp_path / name)
+    assert table.tools == tools
+    assert set(table.work_offsets) <= {"G54.1P2"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("tool.tbl", "T1 P1 D10\n"),
+        ("tool.tbl", "nonsense\n"),
+        ("tool.tbl", "T1 Z120.5\nT2 X5 Z3\n"),
+        ("tool.tbl", f"T1 Z{'9' * 400}\n"),
+        ("t.json", '{"T1": 120.5}'),
+        ("t.json", '{"1": "long"}'),
+        ("t.json", '{"1": null}'),
+        ("t.json", "[1]"),
+        ("t.json", ""),
+        ("t.json", '{"1": 1e999}'),
+        ("t.json", '{"tools": {}, "offsets": {}}'),
+    ],
+)
+def test_bad_tool_table(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UserError, match=f"^tool table .*{name}"):
+        read_tool_table(tmp_path / name)
