@@ -72,13 +72,14 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
     return centre[0] + mean[0] + across * w[0] - along * n[0], centre[1] + mean[1] + across * w[1] - along * n[1]
 
 
-def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool) -> float:
-    """Angle turned through, rad, positive counter-clockwise; 2 pi for a full circle."""
+def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool, turns: int = 0) -> float:
+    """Angle turned through, rad, positive counter-clockwise; 2 pi for a full circle; with whole turns besides."""
+    besides = sense * turns * 2 * math.pi
     if full:
-        return sense * 2 * math.pi
+        return sense * 2 * math.pi + besides
     first = math.atan2(start[1] - centre[1], start[0] - centre[0])
     last = math.atan2(end[1] - centre[1], end[0] - centre[0])
-    return sense * ((sense * (last - first)) % (2 * math.pi))
+    return sense * ((sense * (last - first)) % (2 * math.pi)) + besides
 
 
 def quadrants(start: Point, centre: Point, turned: float) -> list[tuple[float, int]]:

@@ -69,6 +69,8 @@ class Arc(NamedTuple):
     """Indices of the centre words in the block; of the radius word, and None, for both kinds of `radius`."""
     pole_block: int = -1
     """For `pole`: the block of the chunk that holds the CC, -1 when it came earlier."""
+    turns: int = 0
+    """Whole turns of a helix besides the arc from start to end, or besides the full circle."""
 
 
 class Cycle(NamedTuple):
@@ -202,7 +204,7 @@ class Motions:
             i, j, _ = arc.plane
             start, end = self.start[row].tolist(), self.target[row].tolist()
             first, last = (start[i], start[j]), (end[i], end[j])
-            turned = sweep(first, last, arc.centre, arc.sense, arc.full)
+            turned = sweep(first, last, arc.centre, arc.sense, arc.full, arc.turns)
             program[row, [i, j]] = point_at(first, arc.centre, share * turned)
         return np.asarray(program)
 

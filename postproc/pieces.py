@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -9,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.machine import NDArrayBool
-from postproc.circles import Point, quadrants, sweep
+from postproc.circles import Point, quadrants, same, sweep
 from postproc.motions import Arc, Kind, Known, Motions
 
 
@@ -23,7 +24,7 @@ def arc_ends(motions: Motions, row: int) -> tuple[Point, Point]:
 def arc_turned(motions: Motions, row: int) -> float:
     """Angle that an arc turns through, rad, positive counter-clockwise."""
     arc = motions.arcs[row]
-    return sweep(*arc_ends(motions, row), arc.centre, arc.sense, arc.full)
+    return sweep(*arc_ends(motions, row), arc.centre, arc.sense, arc.full, arc.turns)
 
 
 def turning_points(motions: Motions, row: int) -> Iterator[tuple[float, int, float]]:
@@ -53,18 +54,26 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]]) -> Motions:
     for row, shares in cuts.items():
         at = int(first[row])
         ends = [motions.take(np.array([row])).along(share)[0] for share in shares]
-        for i, end in enumerate(ends):
-            result.target[at + i] = result.start[at + i + 1] = end
+        for i, place in enumerate(ends):
+            result.target[at + i] = result.start[at + i + 1] = place
         later = slice(at + 1, at + len(shares) + 1)
         result.added[later] = result.settled[later] = True
         result.known_start[later] = motions.known[row]
         if result.words:
             result.words[later] = [()] * len(shares)
-        arc = motions.arcs[row]._replace(full=False)
-        result.arcs[at] = arc
-        for i in range(at + 1, at + len(shares) + 1):
-            result.arcs[i] = arc._replace(words=(None, None), pole_block=-1)
+        bounds, turned = (0.0, *shares, 1.0), arc_turned(motions, row)
+        for i, (begin, end) in enumerate(itertools.pairwise(bounds), start=at):
+            result.arcs[i] = _piece(motions.arcs[row], arc_ends(result, i), (end - begin) * turned)
+            if i > at:
+                result.arcs[i] = result.arcs[i]._replace(words=(None, None), pole_block=-1)
     return result
+
+
+def _piece(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
+    """A part of an arc with these ends, that turns through `turned`, rad."""
+    full = same(*ends) and abs(turned) > math.pi
+    once = sweep(*ends, arc.centre, arc.sense, full)
+    return arc._replace(full=full, turns=round((turned - once) * arc.sense / (2 * math.pi)))
 
 
 def like(nominal: Motions, commanded: Motions) -> Motions | None:

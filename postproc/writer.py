@@ -297,7 +297,10 @@ class Writer:
         else:
             base = (0.0, 0.0) if arc.form.endswith("absolute") else start
             centre = self._write_centre(editor, arc, base, centre, unit)
-        if abs(sweep(start, end, centre, arc.sense, arc.full) - turned) > 1.0 and math.dist(start, centre) > DOT:
+        if (
+            abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0
+            and math.dist(start, centre) > DOT
+        ):
             raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
         self._arcs[row] = arc._replace(centre=centre)
 
