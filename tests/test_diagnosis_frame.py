@@ -5,15 +5,14 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from measured import THREE, measured, positions
+from diagnosed import LEGENDRE, data_with, fitted
 
-import machines
 from calibration.diagnosis.frame import GENEROUS, LIKELY, Frame
 from calibration.diagnosis.library import at_zero
 from calibration.diagnosis.scans import waves
 from calibration.fit import fit
 from calibration.heldout import cells
-from calibration.models import BasisChoice, priors, rigid_model
+from calibration.models import priors, rigid_model
 from calibration.normal import residuals
 from kinematics.effects import (
     AirScale,
@@ -27,9 +26,7 @@ from kinematics.effects import (
     TargetOffset,
     ThermalDrift,
 )
-from kinematics.model import no_errors
 
-CFRAME = machines.load("cframe")
 BACKLASH = Backlash("X", 12.0)
 GROWTH = GrowthWithTime(axis="Y", rate=30.0)
 DRIFT = ThermalDrift(component="Z", rate=20.0)
@@ -44,20 +41,6 @@ CANDIDATES = [
         TargetOffset(target="2", offset_um=(0.0, 0.0, 0.0)),
     )
 ]
-
-
-def data_with(*effects, n=100, seed=3, stations=1):
-    rng = np.random.default_rng(seed)
-    model = msgspec.structs.replace(no_errors(CFRAME), effects=effects)
-    return measured(CFRAME, positions(CFRAME, n, rng), THREE, model, rng, stations=stations)
-
-
-def fitted(data, *effects, prior=None):
-    """Error motions of all axes, and these effects with wide priors of their own."""
-    base = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", 3)))
-    own = [GENEROUS * quantity.typical for effect in effects for quantity in effect.parameter_table]
-    model = msgspec.structs.replace(base, effects=(*base.effects, *effects))
-    return fit(data, model, prior=np.concatenate([priors(base), own]) if prior is None else prior)
 
 
 def objective(found):
@@ -110,7 +93,7 @@ def test_held_out_residuals_are_those_of_fits_by_blocks():
     for label in np.unique(labels):
         inside = labels == label
         others = found.measurement.rows(np.flatnonzero(~inside))
-        again = fit(others, rigid_model(found.measurement, dict.fromkeys("XYZ", BasisChoice("legendre", 3))))
+        again = fit(others, rigid_model(found.measurement, LEGENDRE))
         missed = residuals(found.measurement, again.model, again.registration)[inside] * 1e3
         assert np.sqrt(np.mean((told.residual_um[inside] - missed) ** 2)) < 0.05 * np.sqrt(np.mean(missed**2))
 
@@ -120,7 +103,7 @@ def test_held_gains_are_those_of_fits_by_blocks():
     data = replace(data, instrument=msgspec.structs.replace(data.instrument, u_range_um_per_m=2.0, u_angle_um=12.0))
     frame = Frame.of(fitted(data))
     labels, _ = cells(data)
-    base = rigid_model(data, dict.fromkeys("XYZ", BasisChoice("legendre", 3)))
+    base = rigid_model(data, LEGENDRE)
 
     def missed(effects, largest=0.0):
         model = msgspec.structs.replace(base, effects=(*base.effects, *effects))

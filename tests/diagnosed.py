@@ -1,0 +1,44 @@
+"""Virtual measurements with causes in them, and fits that lack these, for the tests of the diagnosis."""
+
+import msgspec
+import numpy as np
+from measured import THREE, measured, positions
+
+import machines
+from calibration.diagnosis.base import Base
+from calibration.diagnosis.frame import GENEROUS, Frame
+from calibration.diagnosis.library import library
+from calibration.diagnosis.selection import Selector
+from calibration.fit import fit
+from calibration.models import BasisChoice, priors, rigid_model
+from kinematics.model import no_errors
+
+CFRAME = machines.load("cframe")
+LEGENDRE = dict.fromkeys("XYZ", BasisChoice("legendre", 3))
+
+
+def data_with(*effects, n=100, seed=3, stations=1):
+    """Random positions of the C-frame, its errors just these effects."""
+    rng = np.random.default_rng(seed)
+    model = msgspec.structs.replace(no_errors(CFRAME), effects=effects)
+    return measured(CFRAME, positions(CFRAME, n, rng), THREE, model, rng, stations=stations)
+
+
+def fitted(data, *effects, prior=None):
+    """Error motions of all axes, and these effects with wide priors of their own."""
+    base = rigid_model(data, LEGENDRE)
+    own = [GENEROUS * quantity.typical for effect in effects for quantity in effect.parameter_table]
+    model = msgspec.structs.replace(base, effects=(*base.effects, *effects))
+    return fit(data, model, prior=np.concatenate([priors(base), own]) if prior is None else prior)
+
+
+def framed(*effects, **how):
+    """The frame of error motions fitted to data with these effects."""
+    return Frame.of(fitted(data_with(*effects, **how)))
+
+
+def selector(data):
+    """One with cubic error motions as its base."""
+    model = rigid_model(data, LEGENDRE)
+    candidates, _ = library(data, model)
+    return Selector(data, Base(model, priors(model), "refitted"), candidates, "sheet", lambda _: None)

@@ -1,0 +1,133 @@
+"""Shapes proposed from residuals: what was put in is found, to what the travel resolves."""
+
+import numpy as np
+import pytest
+from diagnosed import CFRAME, data_with, fitted, framed
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calibration.diagnosis import scans
+from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.library import at_zero, library
+from calibration.diagnosis.selection import judge
+from kinematics.basis import Fourier
+from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation
+
+X, Y = (CFRAME.axes[CFRAME.index(name)].travel for name in "XY")
+TRAVEL = X[1] - X[0]
+
+
+def wave(component, axis, period, sine, cosine=None):
+    return Cyclic(component=component, axis=axis, period=period, sine=sine, cosine=cosine or (0.0,) * len(sine))
+
+
+def best(frame, proposals):
+    return judge(frame, list(proposals))[0]
+
+
+@pytest.mark.parametrize(("component", "axis", "period"), [("X", "X", 8.0), ("Z", "Y", 21.37), ("Y", "X", 11.113)])
+def test_a_period_is_found_to_a_fraction_of_what_the_travel_resolves(component, axis, period):
+    frame = framed(wave(component, axis, period, (9.0,)), n=120)
+    found = best(frame, scans.waves(frame)).candidate
+    assert (found.effect.axis, found.effect.component) == (axis, component)
+    assert len(found.effect.sine) == 1
+    # one wave more over the travel is the next one that can be told apart
+    assert abs(TRAVEL / found.effect.period - TRAVEL / period) < 0.1
+    assert found.trials > 1000
+
+
+def test_harmonics_are_taken_along_where_they_pay():
+    frame = framed(wave("X", "X", 12.5, (9.0, 0.0, 5.0)), n=300)
+    found = best(frame, scans.waves(frame, ("X",))).candidate
+    assert TRAVEL / found.effect.period == pytest.approx(TRAVEL / 12.5, abs=0.2)
+    assert len(found.effect.sine) == 3
+
+
+def test_a_harmonic_that_is_a_cyclic_error_already_is_none():
+    known = wave("X", "X", 6.0, (8.0,))
+    frame = framed(wave("X", "X", 12.0, (9.0,)), known, n=120)
+    along = Frame.of(fitted(frame.measurement, at_zero(known)))
+    found = best(along, scans.waves(along, ("X",))).candidate
+    assert TRAVEL / found.effect.period == pytest.approx(TRAVEL / 12.0, abs=0.2)
+    assert len(found.effect.sine) == 1
+
+
+def test_steps_are_found_with_their_pitch_and_place():
+    frame = framed(QuantisedCompensation(axis="X", step=12.0, pitch=50.0, offset=13.0), n=300)
+    found = best(frame, scans.steps(frame)).candidate.effect
+    assert found.axis == "X"
+    u_pitch, u_offset = scans.saw_uncertainty(frame, found)
+    assert found.pitch == pytest.approx(50.0, abs=max(3 * u_pitch, 0.5))
+    assert (found.offset - 13.0 + 25.0) % 50.0 - 25.0 == pytest.approx(0.0, abs=max(3 * u_offset, 3.0))
+    assert 0.0 < u_pitch < 1.0
+    assert 0.0 < u_offset < 5.0
+
+
+def test_the_moment_of_a_knock_is_found():
+    data = data_with(n=120, stations=2)
+    data.observed[90:] += [0.02, -0.015, 0.01]
+    frame = Frame.of(fitted(data))
+    found = best(frame, scans.breaks(frame)).candidate.effect
+    assert found.station == "s2"
+    assert found.since_s == pytest.approx(data.state.time[90], abs=45.0)
+
+
+def test_a_finer_basis_is_proposed_for_the_motion_that_lacks_it():
+    amplitudes = (0.0, 0.0, 0.0, 0.0, 12.0, 0.0)
+    ripple = ErrorMotion("Y", "Y", Fourier(Y, (0.5, 6.0)), amplitudes, u=(0.0,) * 6)
+    frame = framed(ripple, n=120)
+    found = best(frame, scans.finer(frame))
+    assert found.candidate.replaces == "E_YY"
+    assert found.candidate.effect.basis.size > 6
+    assert found.score.delta_bic < -50.0
+
+
+def test_growth_is_from_the_point_that_the_data_say():
+    frame = framed(GrowthWithTime(axis="X", rate=60.0, fixed_point=400.0), n=200)
+    candidates, _ = library(frame.measurement, frame.fit.model)
+    found = best(frame, scans.fixed_points(frame, candidates)).candidate
+    assert isinstance(found.effect, GrowthWithTime)
+    assert found.effect.axis == "X"
+    assert found.effect.fixed_point == pytest.approx(400.0, abs=25.0)
+    assert found.shapes >= 1
+
+
+def test_noise_pays_for_no_shape():
+    """However many frequencies were tried."""
+    frame = framed(seed=1, n=60)
+    for each in judge(frame, list(scans.proposals(frame, library(frame.measurement, frame.fit.model)[0]))):
+        assert each.score.p_value > 1e-4, each.candidate.effect.name
+
+
+@given(
+    pitch=st.floats(0.5, 50.0),
+    start=st.floats(-500.0, 500.0),
+    steps=st.lists(st.integers(1, 3), min_size=5, max_size=40).filter(lambda steps: 1 in steps),
+)
+def test_positions_on_a_lattice_are_known_as_such(pitch, start, steps):
+    x = start + pitch * np.cumsum([0, *steps])
+    assert scans.lattice(x) == pytest.approx(pitch, abs=2e-3)
+
+
+@given(st.integers(0, 10_000))
+def test_random_positions_are_no_lattice(seed):
+    assert scans.lattice(np.random.default_rng(seed).uniform(0.0, 600.0, 60)) is None
+
+
+def test_aliases_are_the_periods_that_a_lattice_can_not_tell_apart():
+    data = data_with(n=40)
+    data.state.positions[:, CFRAME.index("X")] = 10.0 * np.arange(40)
+    frame = Frame.of(fitted(data))
+    effect = wave("X", "X", 23.0, (5.0,))
+    x = 10.0 * np.arange(40)
+    told = scans.aliases(frame, effect)
+    assert len(told) == 4
+    for period in told:
+        assert period == pytest.approx(1.0 / abs(1.0 / period))
+        alike = [np.cos(2 * np.pi * x / each) for each in (23.0, period)]
+        assert alike[0] == pytest.approx(alike[1], abs=1e-6)
+
+
+def test_irregular_positions_have_no_aliases():
+    frame = framed(n=60)
+    assert scans.aliases(frame, wave("X", "X", 8.0, (5.0,))) == []

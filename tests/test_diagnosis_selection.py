@@ -1,0 +1,144 @@
+"""Selection: what is taken in, what goes again, and what is not blamed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnosed import data_with, framed, selector
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calibration.diagnosis import selection
+from calibration.diagnosis.library import Candidate
+from calibration.diagnosis.scans import finer
+from calibration.diagnosis.selection import Judged, chosen_of, judge, passing, predicts, siblings
+from kinematics.basis import Fourier
+from kinematics.effects import Backlash, ErrorMotion, ThermalDrift
+
+BACKLASH = Backlash("X", 12.0)
+SECOND = Backlash("Z", 16.0)
+SOME = (Candidate(Backlash("X", 0.0)), Candidate(Backlash("Y", 0.0)), Candidate(Backlash("Z", 0.0)))
+
+
+def alone(chosen, data):
+    """A selector whose library is just these."""
+    return replace(selector(data), library=chosen)
+
+
+def names(stage):
+    return [each.candidate.effect.name for each in stage.accepted]
+
+
+@pytest.fixture
+def no_shapes(monkeypatch):
+    """Nothing is proposed from residuals."""
+    monkeypatch.setattr(selection.scans, "proposals", lambda *_: [])
+
+
+@pytest.mark.usefixtures("no_shapes")
+def test_causes_are_found_one_by_one_and_fitted_along():
+    found = alone(SOME, data_with(BACKLASH, SECOND)).select()
+    assert len(found.stages) == 3
+    last = found.stages[-1]
+    assert sorted(names(last)) == sorted([SOME[0].effect.name, SOME[2].effect.name])
+    width = last.fit.model.effects[last.numbers[names(last).index(SOME[0].effect.name)]]
+    assert width.parameters[0] == pytest.approx(12.0, abs=3 * width.uncertainties[0])
+    assert last.cost < found.stages[0].cost
+    assert last.heldout_um < found.stages[0].heldout_um
+
+
+@pytest.mark.usefixtures("no_shapes")
+def test_nothing_is_found_in_noise():
+    found = alone(SOME, data_with(seed=11)).select()
+    assert not found.stages[-1].accepted
+    assert len(found.last_round) == len(SOME)
+
+
+@pytest.mark.usefixtures("no_shapes")
+def test_what_does_not_pay_goes_again():
+    made = alone(SOME, data_with(BACKLASH))
+    both = made.stage([(SOME[0], np.array([0.5])), (SOME[1], np.array([0.5]))])
+    assert names(made.pruned(both)) == [SOME[0].effect.name]
+
+
+def test_a_finer_motion_is_held_against_the_coarse_one_in_its_place():
+    """A motion of 20 um that the coarse basis holds is not to the finer one's credit."""
+    smooth = ErrorMotion("X", "X", Fourier((0.0, 600.0), (0.5,)), (0.0, 0.0, 20.0, 10.0), u=(0.0,) * 4)
+    made = selector(data_with(smooth))
+    base = made.stage([])
+    one = next(each for each in finer(base.frame) if each.replaces == "E_XX")
+    stage = made.stage([(one, np.zeros(len(one.effect.parameters)))])
+    assert stage.accepted[0].score.gain < 40.0
+    assert made.base.lacking(stage.frame, one, stage.numbers[0]).squares == pytest.approx(base.frame.squares, rel=0.05)
+    assert stage.without(0).squares == pytest.approx(base.frame.squares, rel=0.05)
+    assert not made.pruned(stage).accepted
+
+
+def test_a_ripple_is_to_the_finer_motions_credit():
+    ripple = ErrorMotion("X", "X", Fourier((0.0, 600.0), (6.0,)), (0.0, 0.0, 12.0, 0.0), u=(0.0,) * 4)
+    made = selector(data_with(ripple, n=160))
+    base = made.stage([])
+    one = min(judge(base.frame, list(finer(base.frame))), key=lambda each: each.score.delta_bic).candidate
+    assert one.replaces == "E_XX"
+    stage = made.stage([(one, np.zeros(len(one.effect.parameters)))])
+    assert stage.accepted[0].score.delta_bic < -50.0
+    assert made.pruned(stage) is stage
+
+
+def test_what_is_hardly_visible_shields_others_from_blame():
+    frame = framed(BACKLASH)
+    (good,) = judge(frame, SOME[:1])
+    assert [each.candidate for each in passing(frame, [good])] == [SOME[0]]
+    unseen = good.projected._replace(left=good.projected.left * 1e-6)
+    assert unseen.visible < selection.SEEN
+    hidden = Judged(SOME[1], unseen, good.score)
+    assert not list(passing(frame, [hidden]))
+    assert not list(passing(frame, [good, hidden]))
+    # unless it explains much less
+    less = hidden._replace(score=good.score._replace(delta_bic=good.score.delta_bic + 20.0))
+    assert [each.candidate for each in passing(frame, [good, less])] == [SOME[0]]
+
+
+def test_a_size_beyond_what_is_physical_is_not_named():
+    frame = framed(BACKLASH)
+    (good,) = judge(frame, SOME[:1])
+    size = np.array([1.01 * selection.LARGEST])
+    assert not list(passing(frame, [good._replace(score=good.score._replace(size=size))]))
+
+
+def test_siblings_do_much_the_same():
+    frame = framed(BACKLASH)
+    made = alone(SOME, frame.measurement)
+    stage = made.stage([(SOME[0], np.array([0.6]))])
+    (accepted,) = stage.accepted
+    twin = Candidate(ThermalDrift(component="X", rate=0.0))
+    without = stage.without(0)
+    same = Judged(
+        twin, without.projected(without.columns(accepted.candidate.effect)), judge(without, SOME[:1])[0].score
+    )
+    found = siblings(without, accepted, [*judge(without, SOME), same])
+    assert [sibling.judged.candidate for sibling in found] == [twin]
+    assert found[0].cosine == pytest.approx(1.0, abs=1e-6)
+    assert found[0].log_odds == pytest.approx(0.0, abs=0.5)
+    assert chosen_of(stage.accepted)[0][0] is accepted.candidate
+
+
+@given(st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=40), st.integers(-20, 20))
+def test_prediction_does_not_depend_on_units(gains, octaves):
+    gains = np.array(gains)
+    if abs(gains.mean()) > 1e-6 and gains.std() > 1e-6:
+        assert predicts(gains) == predicts(gains * 2.0**octaves)
+
+
+@given(st.lists(st.floats(0.1, 100.0), min_size=2, max_size=40))
+def test_what_gains_in_every_block_predicts_and_what_loses_does_not(gains):
+    assert predicts(np.array(gains))
+    assert not predicts(-np.array(gains))
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=60))
+def test_false_discoveries_are_held_as_benjamini_and_hochberg_say(p_values):
+    limit = selection._discovered(p_values)
+    ordered = sorted(p_values)
+    allowed = [p for k, p in enumerate(ordered, 1) if p <= selection.FALSE * k / len(ordered)]
+    assert limit == (max(allowed) if allowed else 0.0)
