@@ -1,0 +1,78 @@
+"""How Miller et al. 2017 give a continuous run its straight line back: the three methods that theirs is compared with.
+
+Each takes the errors of single samples about their own straight line of least squares (3, 4) and adds a line: through
+the quasi-static errors at the ends of the travel (Fig. 7), through two of them inside the segment (Fig. 8), or the one
+of least squares between the run and all readings inside (5, Fig. 9), found there by a simplex search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.continuous.course import Course
+from calibration.continuous.records import QuasiStatic
+from kinematics.transforms import Array
+
+
+class Line(NamedTuple):
+    """What is added to the errors about their own line: um, and um per mm from position 0."""
+
+    offset: float
+    slope: float
+
+
+class Comparison(NamedTuple):
+    """Errors of the samples of one run, um, by method."""
+
+    x: Array
+    """Commanded positions `(n,)`, mm."""
+    errors: Mapping[str, Array]
+
+
+def compared(course: Course, quasi: QuasiStatic, inside: np.ndarray) -> Comparison:
+    """The three methods on one run; `inside`: the readings `(m,)` within its segment."""
+    own = _about_line(course)
+    rows = quasi.direction == course.record.direction
+    targets, means = _means(quasi.rows(np.flatnonzero(rows)))
+    within, values = _means(quasi.rows(np.flatnonzero(rows & inside)))
+    lines = {
+        "end point": _through(targets, means),
+        "two points": _through(within, values),
+        "least squares": _least_squares(within, values - _at(course.raw_x, own, within)),
+    }
+    return Comparison(
+        course.raw_x, {name: own + line.offset + line.slope * course.raw_x for name, line in lines.items()}
+    )
+
+
+def _about_line(course: Course) -> Array:
+    """Errors of the samples about their straight line of least squares; (3), (4)."""
+    slope, offset = np.polyfit(course.raw_x, course.raw_error, 1).tolist()
+    return np.asarray(course.raw_error - slope * course.raw_x - offset)
+
+
+def _means(quasi: QuasiStatic) -> tuple[Array, Array]:
+    targets, which = np.unique(quasi.target, return_inverse=True)
+    return targets, np.bincount(which, quasi.deviation) / np.bincount(which)
+
+
+def _through(targets: Array, values: Array) -> Line:
+    """The line through the first and the last."""
+    slope = float((values[-1] - values[0]) / (targets[-1] - targets[0]))
+    return Line(float(values[0]) - slope * float(targets[0]), slope)
+
+
+def _least_squares(targets: Array, differences: Array) -> Line:
+    slope, offset = np.polyfit(targets, differences, 1).tolist()
+    return Line(offset, slope)
+
+
+def _at(x: Array, error: Array, targets: Array) -> Array:
+    """Errors of the samples nearest to targets; 4.4."""
+    order = np.argsort(x)
+    after = np.clip(np.searchsorted(x[order], targets), 1, len(x) - 1)
+    nearer = after - (targets - x[order][after - 1] < x[order][after] - targets)
+    return np.asarray(error[order][nearer])

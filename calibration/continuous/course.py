@@ -1,0 +1,170 @@
+"""From displacement against time to error against position, up to a straight line; blocks of samples of even length.
+
+Inside the segment the command is a straight line in time, x = x0 + v t. Where it lies along the axis is known from rest:
+the axis stood at `start`, or `end`, with the error that the quasi-static curve has there (Miller et al. 2017, 4.4). x0
+and v are those of least squares after that curve is taken away, so that positions are right to its own uncertainty.
+What is left, displacement minus x, is the error of the axis up to a straight line, which this run can't show.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.continuous.records import QuasiStatic, Record
+from calibration.continuous.segment import Segment, noise_of
+from kinematics.errors import UserError
+from kinematics.transforms import Array
+
+BLOCKS = 16_384
+"""At most so many blocks of samples; nothing finer than the travel over a quarter of that is looked for."""
+SPIKE = 8.0
+"""Robust standard deviations from the median of neighbours, beyond which a sample is a fault of the beam."""
+NEIGHBOURS = 7
+STILL = 0.01
+"""Share of the feed below which the axis rests."""
+REST_S = 0.1
+"""Least length of a rest."""
+AGREE_MM = 0.2
+"""By which the two rests may disagree about where the run lay."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """One traverse at constant velocity, ready to be fitted."""
+
+    record: Record
+    segment: Segment
+    x: Array
+    """Commanded positions `(n,)` of blocks, mm, ascending or descending with the motion."""
+    error: Array
+    """`(n,)`, um, up to a straight line in x."""
+    slot: np.ndarray
+    """Place `(n,)` of each block in an even raster of time; gaps are places without block."""
+    period_s: float
+    """Time between places of the raster."""
+    samples: np.ndarray
+    """Number of samples `(n,)` in each block."""
+    raw_x: Array
+    """Commanded positions of the samples used, mm, and their errors, um, up to the same line."""
+    raw_error: Array
+    feed: float
+    """Mean feed, mm/min, after the quasi-static scale is taken away."""
+    dropped: int
+    """Samples left out as faults of the beam."""
+    missing: int
+    """Samples that the raster of time expects and the record lacks."""
+    notes: tuple[str, ...]
+
+    @property
+    def speed(self) -> float:
+        """mm/s, positive."""
+        return self.feed / 60.0
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
+    """The course of a record in its segment; UserError where it can't be placed along the axis."""
+    curve = quasi.curve(record.direction)
+    shift, notes = _shift(record, segment, curve)
+    rows = slice(segment.first, segment.stop)
+    time, told = _clock(record.time[rows], record.displacement[rows], segment.sample_s)
+    place = record.displacement[rows] + shift
+    kept = ~_spikes(time, place)
+    time, place = time[kept] - time[0], place[kept]
+    rough = place - np.interp(place, *curve) * 1e-3
+    speed, x0 = np.polyfit(time - time.mean(), rough, 1).tolist()
+    x = x0 + speed * (time - time.mean())
+    error = (place - x) * 1e3
+    factor = math.ceil(len(x) / BLOCKS)
+    slots = _slots(time, segment.sample_s)
+    block = slots // factor
+    firsts = np.flatnonzero(np.diff(block, prepend=-1))
+    count = np.diff(np.append(firsts, len(block)))
+    return Course(
+        record,
+        segment,
+        np.add.reduceat(x, firsts) / count,
+        np.add.reduceat(error, firsts) / count,
+        block[firsts],
+        factor * segment.sample_s,
+        count,
+        x,
+        error,
+        abs(speed) * 60.0,
+        int(np.count_nonzero(~kept)),
+        int(slots[-1] + 1 - len(np.unique(slots))),
+        (*notes, *told),
+    )
+
+
+def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tuple[float, list[str]]:
+    """What is added to the displacement to make it a position, mm: from the rests at both ends, or one."""
+    found = []
+    for rest, place in zip(_rests(record, segment), (record.start, record.end), strict=True):
+        if rest is not None:
+            found.append(place + float(np.interp(place, *curve)) * 1e-3 - rest)
+    if len(found) == 2 and abs(found[0] - found[1]) > AGREE_MM:
+        raise UserError(
+            f"{record.source}: from rest to rest run {record.name} goes "
+            f"{abs(record.end - record.start) + record.direction * (found[0] - found[1]):.4f} mm, its header says "
+            f"{abs(record.end - record.start):g}: mend '# start_mm' and '# end_mm' (where the axis rests), or the unit"
+        )
+    if found:
+        return float(np.mean(found)), []
+    low, high = sorted((record.start, record.end))
+    inside = (record.displacement >= low - AGREE_MM) & (record.displacement <= high + AGREE_MM)
+    if not inside.all():
+        raise UserError(
+            f"{record.source}: run {record.name} rests neither before nor after its motion, and its displacement is "
+            f"not that from {low:g} to {high:g} mm: where along the axis it lay is not known"
+        )
+    return 0.0, [f"run {record.name} rests neither before nor after its motion: its displacement is taken as position"]
+
+
+def _rests(record: Record, segment: Segment) -> tuple[float | None, float | None]:
+    """Mean displacement, mm, where the axis stands before and after its motion; None where it is not seen standing."""
+    least = max(round(REST_S / segment.sample_s), 3)
+    still = STILL * segment.speed * segment.sample_s * least
+    found: list[float | None] = []
+    for way in (record.displacement, record.displacement[::-1]):
+        level = float(np.median(way[:least]))
+        left = np.abs(way - level) > max(still, 4.0 * noise_of(way[:least]) if least > 8 else still)
+        count = int(np.argmax(left)) if left.any() else len(way)
+        rests = count >= least and float(np.ptp(way[: least // 2])) < still + 8.0 * noise_of(way)
+        found.append(float(np.median(way[: max(count // 2, 1)])) if rests else None)
+    return found[0], found[1]
+
+
+def _clock(time: Array, displacement: Array, sample: float) -> tuple[Array, list[str]]:
+    """The times of samples: as stamped, or those of an even clock where that makes the motion smoother."""
+    slots = _slots(time, sample)
+    sample, begin = np.polyfit(slots, time, 1).tolist()
+    even = begin + sample * slots
+    if np.abs(even - time).max() > sample:
+        return time, []
+    speed = (displacement[-1] - displacement[0]) / (time[-1] - time[0])
+    stamped, clocked = (noise_of(displacement - speed * each) for each in (time, even))
+    if clocked < 0.8 * stamped:
+        jitter = float(np.std(even - time)) * 1e6
+        return even, [f"time stamps scatter by {jitter:.3g} us about an even clock, which is used instead"]
+    return time, []
+
+
+def _slots(time: Array, sample: float) -> np.ndarray:
+    """Places `(n,)` of samples in an even raster of time, from 0."""
+    steps = np.maximum(np.round(np.diff(time) / sample), 1.0)
+    return np.concatenate([[0], np.cumsum(steps.astype(int))])
+
+
+def _spikes(time: Array, place: Array) -> np.ndarray:
+    """Samples `(n,)` far off the median of their neighbours."""
+    level = place - np.polyval(np.polyfit(time - time.mean(), place, 1), time - time.mean())
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(level, NEIGHBOURS // 2, mode="edge"), NEIGHBOURS)
+    off = np.abs(level - np.median(around, axis=1))
+    scale = max(1.4826 * float(np.median(off)), 1e-7)
+    return np.asarray(off > SPIKE * scale)

@@ -1,0 +1,330 @@
+"""Continuous runs and a quasi-static measurement of one axis: one error table, and what else they show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from calibration.continuous.comparators import Comparison, compared
+from calibration.continuous.course import Course, course_of
+from calibration.continuous.features import Found, features, pitch_of, without_jumps, without_waves
+from calibration.continuous.fusion import Fused, fused
+from calibration.continuous.noise import Noise, noise_of_course
+from calibration.continuous.records import WAYS, QuasiStatic, Record
+from calibration.continuous.segment import constant_velocity
+from calibration.continuous.shape import Extra, Shape, shape_of
+from kinematics.errors import UserError
+from kinematics.transforms import Array
+
+Direction = Literal["auto", "forward", "backward", "mean"]
+DIRECTIONS: tuple[Direction, ...] = ("auto", "forward", "backward", "mean")
+ROWS = 500
+"""Of a table, about, unless a spacing is given."""
+MOST_ROWS = 4000
+LEAST_TARGETS = 2
+"""Inside the segment: a straight line is to be found."""
+FEED_OFF = 0.05
+"""Share by which the feed may differ from the programmed one without a word."""
+AGREES = 1.5
+"""Times the sheet of the instrument, above which the quasi-static readings scatter for other reasons."""
+
+
+class Wave(NamedTuple):
+    """A cyclic error."""
+
+    period_mm: float
+    u_period_mm: float
+    amplitude_um: float
+    u_amplitude_um: float
+    frequency_hz: float
+    """At the feed of the run."""
+
+
+class Jumps(NamedTuple):
+    """Jumps of the error of one direction."""
+
+    places_mm: tuple[float, ...]
+    sizes_um: tuple[float, ...]
+    """Positive where the error rises in the axis' positive direction."""
+    u_um: tuple[float, ...]
+    pitch: tuple[float, float] | None
+    """Pitch and its standard uncertainty, mm, where they lie on a lattice."""
+
+
+@dataclass(frozen=True)
+class OneWay:
+    """What the continuous runs of one direction show."""
+
+    courses: tuple[Course, ...]
+    noises: tuple[Noise, ...]
+    shape: Shape
+    found: Found
+    waves: tuple[Wave, ...]
+    jumps: Jumps
+
+
+class TableRows(NamedTuple):
+    """The error table: positions, mm; errors and standard uncertainties (k = 1), um."""
+
+    position: Array
+    error: Array
+    u: Array
+    continuous: np.ndarray
+    """False at targets outside the segment, which only the quasi-static readings know."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """All that was found of the axis."""
+
+    ways: Mapping[int, OneWay]
+    """By direction of the continuous runs."""
+    quasi: QuasiStatic
+    fused: Fused
+    direction: str
+    """Of the table: forward, backward or mean."""
+    comparisons: Mapping[str, Comparison]
+    """The paper's methods, by name of the run."""
+    notes: tuple[str, ...]
+
+    @property
+    def segment(self) -> tuple[float, float]:
+        """Positions that all continuous runs cover at constant velocity, mm."""
+        return _common({way: each.shape for way, each in self.ways.items()})
+
+    def curve(self, direction: str) -> tuple[Array, Array]:
+        """Errors `(n,)` at the fused positions and their covariance, um and um2, without the instrument's scale.
+
+        direction: forward, backward, mean, or reversal (forward minus backward).
+        """
+        shares = {"forward": (1.0, 0.0), "backward": (0.0, 1.0), "mean": (0.5, 0.5), "reversal": (1.0, -1.0)}
+        share = dict(zip((1, -1), shares[direction], strict=True))
+        n = len(self.fused.positions)
+        mix = np.concatenate([share[way] * np.eye(n) for way in self.fused.ways], axis=1)
+        return mix @ self.fused.values.ravel(), mix @ self.fused.covariance @ mix.T
+
+    def table(self, direction: str | None = None) -> TableRows:
+        """The error table of a direction, with the targets outside the segment, and the scale's uncertainty in u."""
+        direction = direction or self.direction
+        error, covariance = self.curve(direction)
+        x, u = self.fused.positions, np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        beyond = _outside(self.fused, direction)
+        x, error, u = (np.concatenate(pair) for pair in zip((x, error, u), beyond, strict=True))
+        order = np.argsort(x)
+        scale = self.quasi.u_per_m * 1e-3 * (x - self.quasi.target[0])
+        inner = np.arange(len(x)) < len(self.fused.positions)
+        return TableRows(x[order], error[order], np.hypot(u, scale)[order], inner[order])
+
+    @property
+    def both(self) -> bool:
+        """True where the errors of both directions are known."""
+        return len(self.fused.ways) == 2
+
+
+def estimate(
+    records: Sequence[Record],
+    quasi: QuasiStatic,
+    spacing: float | None = None,
+    direction: Direction = "auto",
+    positions: Array | None = None,
+) -> Estimate:
+    """The joint estimate; UserError for data that can't be used.
+
+    spacing: of the table's rows, mm; or its positions `(n,)`, mm, inside the segment.
+    """
+    notes: list[str] = []
+    used = _with_readings(records, quasi, notes)
+    ways = {way: _one_way([r for r in used if r.direction == way], quasi, notes) for way in WAYS if _has(used, way)}
+    shapes = {way: each.shape for way, each in ways.items()}
+    inside = _inside(shapes, quasi)
+    low, high = _common(shapes)
+    if positions is None:
+        positions = _positions(low, high, spacing)
+    asked = tuple(way for way in WAYS if np.any(inside & (quasi.direction == way)))
+    found = fused(shapes, quasi, inside, positions, asked)
+    chosen = _direction(direction, ways, found)
+    for course in (course for each in ways.values() for course in each.courses):
+        notes += _feed_notes(course)
+    notes += _noise_notes(found)
+    comparisons = {
+        course.record.name: compared(course, quasi, inside & (quasi.direction == way))
+        for way, each in ways.items()
+        for course in each.courses
+    }
+    return Estimate(ways, quasi, found, chosen, comparisons, tuple(notes))
+
+
+def _has(records: Sequence[Record], way: int) -> bool:
+    return any(record.direction == way for record in records)
+
+
+def _with_readings(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) -> list[Record]:
+    """The records whose direction has quasi-static readings; UserError where none has."""
+    used = [record for record in records if np.any(quasi.direction == record.direction)]
+    for record in records:
+        if record not in used:
+            notes.append(
+                f"run {record.name} is not used: no quasi-static reading {WAYS[record.direction]} says where it lies"
+            )
+    if not used:
+        raise UserError(
+            f"{quasi.source}: no quasi-static reading in the direction of the continuous run "
+            f"({', '.join(sorted({WAYS[record.direction] for record in records}))})"
+        )
+    return used
+
+
+def _one_way(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) -> OneWay:
+    """What the runs of one direction show."""
+    courses = []
+    for record in records:
+        segment = constant_velocity(record)
+        course = course_of(record, segment, quasi)
+        notes += [*segment.notes, *course.notes]
+        courses.append(course)
+    low = max(float(course.x.min()) for course in courses)
+    high = min(float(course.x.max()) for course in courses)
+    _check_targets(records[0], quasi, low, high)
+    found = features(courses)
+    bare = [without_waves(course, without_jumps(course, found.jumps), found) for course in courses]
+    noises = tuple(
+        noise_of_course(course, error, _difference(courses, bare, i))
+        for i, (course, error) in enumerate(zip(courses, bare, strict=True))
+    )
+    shape = shape_of(courses, noises, Extra(found.jumps, found.periods))
+    return OneWay(tuple(courses), noises, shape, found, _waves(courses[0], shape), _jumps(shape))
+
+
+def _check_targets(record: Record, quasi: QuasiStatic, low: float, high: float) -> None:
+    """UserError unless enough targets of the direction lie inside the segment."""
+    rows = (quasi.direction == record.direction) & (quasi.target >= low) & (quasi.target <= high)
+    targets = np.unique(quasi.target[rows])
+    if len(targets) < LEAST_TARGETS:
+        raise UserError(
+            f"{quasi.source}: {len(targets)} target{'s' * (len(targets) != 1)} {WAYS[record.direction]} from "
+            f"{low:.3f} to {high:.3f} mm, where {record.source} moves at constant velocity: at least {LEAST_TARGETS} "
+            "are needed to find its scale and datum"
+        )
+    if len(targets) == LEAST_TARGETS and quasi.u is None:
+        raise UserError(
+            f"{quasi.source}: two targets inside the segment say nothing of their own noise: state '# u_um: ...'"
+        )
+
+
+def _difference(courses: Sequence[Course], bare: Sequence[Array], i: int) -> Array | None:
+    """Errors `(n,)` of a course less the mean of the others of its direction, scaled to its own noise."""
+    count = len(courses)
+    if count < 2:
+        return None
+    x, error = courses[i].x, bare[i]
+    others = []
+    for k, (course, values) in enumerate(zip(courses, bare, strict=True)):
+        if k != i:
+            order = np.argsort(course.x)
+            others.append(np.interp(x, course.x[order], values[order]))
+    scaled = (x - x.mean()) / np.ptp(x)
+    off = error - np.mean(others, axis=0)
+    off = off - np.polyval(np.polyfit(scaled, off, 1), scaled)
+    return np.asarray(off * np.sqrt((count - 1.0) / count))
+
+
+def _waves(course: Course, shape: Shape) -> tuple[Wave, ...]:
+    """Amplitudes of the shape's waves; the period's uncertainty is that of a lone sine over the travel."""
+    first, found = len(shape.extra.jumps), []
+    covariance = shape.amount_covariance()
+    length = shape.interval[1] - shape.interval[0]
+    for k, period in enumerate(shape.extra.periods):
+        part = slice(first + 2 * k, first + 2 * k + 2)
+        amounts, own = shape.amounts[part], covariance[part, part]
+        size = float(np.hypot(*amounts))
+        u = float(np.sqrt(amounts @ own @ amounts)) / size
+        u_period = period**2 / length * np.sqrt(6.0) / np.pi * u / size
+        found.append(Wave(period, float(u_period), size, u, course.speed / period))
+    return tuple(sorted(found, key=lambda wave: -wave.amplitude_um))
+
+
+def _jumps(shape: Shape) -> Jumps:
+    count = len(shape.extra.jumps)
+    u = np.sqrt(np.diag(shape.amount_covariance())[:count])
+    return Jumps(
+        shape.extra.jumps, tuple(shape.amounts[:count].tolist()), tuple(u.tolist()), pitch_of(shape.extra.jumps)
+    )
+
+
+def _common(shapes: Mapping[int, Shape]) -> tuple[float, float]:
+    return max(shape.interval[0] for shape in shapes.values()), min(shape.interval[1] for shape in shapes.values())
+
+
+def _inside(shapes: Mapping[int, Shape], quasi: QuasiStatic) -> np.ndarray:
+    """Readings `(m,)` within the segment of their direction, or of the one that stands for it."""
+    inside = np.zeros(len(quasi), bool)
+    for way in WAYS:
+        low, high = shapes[way].interval if way in shapes else next(iter(shapes.values())).interval
+        inside |= (quasi.direction == way) & (quasi.target >= low) & (quasi.target <= high)
+    return inside
+
+
+def _positions(low: float, high: float, spacing: float | None) -> Array:
+    """Multiples of the spacing inside, and both ends, mm."""
+    if spacing is None:
+        wanted = (high - low) / ROWS
+        decade = 10.0 ** np.floor(np.log10(wanted))
+        spacing = float(min((decade * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(each - wanted)))
+    if (high - low) / spacing > MOST_ROWS:
+        raise UserError(
+            f"--spacing-mm {spacing:g}: {(high - low) / spacing:.0f} rows over {high - low:.1f} mm, more than {MOST_ROWS}"
+        )
+    inner = spacing * np.arange(np.ceil(low / spacing), np.floor(high / spacing) + 1.0)
+    ends = [end for end in (low, high) if len(inner) == 0 or np.abs(inner - end).min() > 0.05 * spacing]
+    return np.sort(np.concatenate([np.round(inner, 9), ends]))
+
+
+def _direction(wanted: Direction, ways: Mapping[int, OneWay], found: Fused) -> str:
+    """Direction of the table; UserError where the data don't have it."""
+    if wanted == "auto":
+        return "mean" if len(ways) == 2 else WAYS[next(iter(ways))]
+    needed = {1, -1} if wanted == "mean" else {way for way, name in WAYS.items() if name == wanted}
+    if not needed <= set(found.ways):
+        there = ", ".join(WAYS[way] for way in found.ways)
+        raise UserError(f"--direction {wanted}: the quasi-static readings have only {there}")
+    return wanted
+
+
+def _outside(found: Fused, direction: str) -> tuple[Array, Array, Array]:
+    """Targets, errors and standard uncertainties outside the segment; of the mean and the reversal in both ways."""
+    nothing = (np.zeros(0), np.zeros(0), np.zeros(0))
+    if direction in WAYS.values():
+        way = next(way for way, name in WAYS.items() if name == direction)
+        return found.outside.get(way, nothing)
+    if set(found.outside) != {1, -1}:
+        return nothing
+    (x, up, u_up), (other, down, u_down) = found.outside[1], found.outside[-1]
+    both, i, j = np.intersect1d(x, other, return_indices=True)
+    half = 0.5 if direction == "mean" else 1.0
+    value = half * (up[i] + down[j]) if direction == "mean" else up[i] - down[j]
+    return both, value, half * np.hypot(u_up[i], u_down[j])
+
+
+def _feed_notes(course: Course) -> list[str]:
+    record, name = course.record, course.record.name
+    notes = []
+    if abs(course.feed / record.feed - 1.0) > FEED_OFF:
+        notes.append(f"run {name} moved at {course.feed:.5g} mm/min, its header says {record.feed:g}")
+    if course.dropped:
+        notes.append(f"run {name}: {course.dropped} samples far off their neighbours left out")
+    if course.missing:
+        notes.append(f"run {name}: {course.missing} samples missing in the record")
+    return notes
+
+
+def _noise_notes(found: Fused) -> list[str]:
+    spread = found.spread
+    if spread.sheet and spread.noise > AGREES * spread.sheet:
+        return [
+            f"quasi-static readings scatter by {spread.noise:.2g} um about the continuous curve, the instrument's sheet "
+            f"says {spread.sheet:.2g}: the axis repeats no better, or moves otherwise than it stands; u says so"
+        ]
+    return []

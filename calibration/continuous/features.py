@@ -1,0 +1,219 @@
+"""Jumps and waves in a continuous run: table steps of a control, and cyclic errors.
+
+A jump is where straight lines through the blocks before and behind disagree by far more than they usually do. A wave
+stands out of the spectrum over position as a line no wider than the travel resolves; what is wider is a vibration. A
+wave that keeps its phase over the position in every run of a direction belongs to the axis, one that does not to time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.continuous.course import Course
+from kinematics.transforms import Array
+
+SIDES = (8, 24)
+"""Blocks on either side that a jump is seen against."""
+JUMP = 7.0
+"""Robust standard deviations that make a jump."""
+MOST_JUMPS = 400
+WAVES = 8.0
+"""An error that repeats fewer times over the travel is a matter of the curve, not a cyclic one."""
+MOST_WAVES = 12
+FALSE_ALARM = 1e-4
+"""Probability that noise shows a wave."""
+BESIDE = 12
+"""Bins of the spectrum on either side that a line is seen against."""
+NARROW = (4, 8)
+"""Bins from a line where its power must have fallen."""
+FALLEN = 5.0
+SAME = 0.02
+"""Relative difference of two periods that are one."""
+APART = 25.0
+"""Of the squared difference of a wave in two runs, in its variances, that is none of the axis."""
+REGULAR = 0.1
+"""Share of a pitch by which jumps may miss their lattice."""
+LEAST_REGULAR = 4
+
+
+class Found(NamedTuple):
+    """What was found in the runs of one direction."""
+
+    jumps: tuple[float, ...]
+    """Positions, mm."""
+    periods: tuple[float, ...]
+    """mm, of waves of the axis."""
+    bound_to_time: tuple[tuple[float, float], ...]
+    """Frequency, Hz, and amplitude, um, of waves that do not keep their place."""
+
+
+def features(courses: Sequence[Course]) -> Found:
+    """Jumps and waves of the courses of one direction; those of the longest course, checked in the others."""
+    main = max(courses, key=len)
+    places = jumps(main)
+    left = without_jumps(main, places)
+    periods = waves(main, left)
+    kept, loose = [], []
+    for period in periods:
+        amounts = [_amount(course, without_jumps(course, places), period) for course in courses]
+        mean = np.mean([value for value, _ in amounts])
+        misfit = sum(abs(value - mean) ** 2 / variance for value, variance in amounts)
+        if len(courses) > 1 and misfit > APART * (len(courses) - 1):
+            loose.append((main.speed / period, float(np.mean([abs(value) for value, _ in amounts]))))
+        else:
+            kept.append(period)
+    return Found(places, tuple(kept), tuple(loose))
+
+
+def jumps(course: Course) -> tuple[float, ...]:
+    """Positions, mm, ascending, where the error jumps."""
+    taken = np.zeros(len(course), bool)
+    places: list[float] = []
+    for side in SIDES:
+        if len(course) < 8 * side:
+            continue
+        size = np.abs(_disagreement(course.error, side))
+        scale = 1.4826 * float(np.median(size))
+        beside = np.lib.stride_tricks.sliding_window_view(np.pad(size, side), 2 * side + 1).max(axis=1)
+        peaks = np.flatnonzero((size >= beside) & (size > JUMP * scale))
+        for peak in peaks[np.argsort(-size[peaks])].tolist():
+            near = slice(max(peak - side, 0), peak + side + 1)
+            if not taken[near].any() and 0 < peak < len(course):
+                taken[peak] = True
+                places.append(float(course.x[peak - 1] + course.x[peak]) / 2.0)
+    return tuple(sorted(places)) if len(places) <= MOST_JUMPS else ()
+
+
+def without_jumps(course: Course, places: Sequence[float]) -> Array:
+    """Errors `(n,)`, um, with the jumps at these positions taken out."""
+    if not places:
+        return course.error
+    ascending = course.x[-1] > course.x[0]
+    x, error = (course.x, course.error) if ascending else (course.x[::-1], course.error[::-1])
+    side = SIDES[0]
+    size = _disagreement(error, side)
+    at = np.clip(np.searchsorted(x, np.array(places)), 0, len(x) - 1)
+    level = np.zeros(len(x))
+    np.add.at(level, at, size[at])
+    left = error - np.cumsum(level)
+    return left if ascending else left[::-1]
+
+
+def without_waves(course: Course, error: Array, found: Found) -> Array:
+    """Errors `(n,)`, um, with the waves taken out that were found, whatever they are bound to."""
+    loose = [course.speed / frequency for frequency, _ in found.bound_to_time]
+    for period in (*found.periods, *loose):
+        error = _without(course, error, period)
+    return error
+
+
+def waves(course: Course, error: Array) -> list[float]:
+    """Periods, mm, of waves in errors `(n,)`, um, strongest first."""
+    found: list[float] = []
+    length = float(np.ptp(course.x))
+    left = error
+    for _ in range(MOST_WAVES):
+        number = _line(course, left)
+        if number is None:
+            break
+        period = _refined(course, left, length / number, length)
+        left = _without(course, left, period)
+        if any(abs(period / other - 1.0) < min(SAME, 2.0 * period / length) for other in found):
+            break
+        found.append(period)
+    return found
+
+
+def pitch_of(places: Sequence[float]) -> tuple[float, float] | None:
+    """Pitch and its standard uncertainty, mm, of jumps on a lattice; None where they lie on none."""
+    if len(places) < LEAST_REGULAR:
+        return None
+    at = np.array(places)
+    steps = np.diff(at)
+    pitch = float(np.median(steps))
+    numbers = np.concatenate([[0.0], np.cumsum(np.maximum(np.round(steps / pitch), 1.0))])
+    pitch, begin = np.polyfit(numbers, at, 1).tolist()
+    off = at - begin - pitch * numbers
+    if np.mean(np.abs(off) < REGULAR * pitch) < 0.8:
+        return None
+    spread = float(np.sqrt(np.mean(off**2) / (np.sum((numbers - numbers.mean()) ** 2))))
+    return float(pitch), spread
+
+
+def _disagreement(error: Array, side: int) -> Array:
+    """`(n,)`: value before each block by a straight line through the `side` blocks behind, less that of those ahead."""
+    offsets = np.arange(side) + 0.5
+    design = np.stack([np.ones(side), offsets], axis=1)
+    weights = np.linalg.pinv(design)[0]
+    ahead = np.correlate(error, weights, mode="valid")
+    behind = np.correlate(error, weights[::-1], mode="valid")
+    size = np.zeros(len(error))
+    size[side : len(error) - side + 1] = ahead[side:] - behind[: len(behind) - side]
+    return size
+
+
+def _hann(course: Course) -> Array:
+    """Weights `(n,)` over the travel."""
+    share = (course.x - course.x.min()) / np.ptp(course.x)
+    return np.asarray(np.sin(np.pi * share) ** 2 + 1e-9)
+
+
+def _line(course: Course, error: Array) -> float | None:
+    """Number of waves over the travel of the strongest line; None where there is none."""
+    n = len(course)
+    raster = np.linspace(course.x.min(), course.x.max(), n)
+    order = np.argsort(course.x)
+    values = np.interp(raster, course.x[order], error[order])
+    trend = np.polyval(np.polyfit(np.linspace(-1, 1, n), values, 3), np.linspace(-1, 1, n))
+    power = np.abs(np.fft.rfft((values - trend) * np.hanning(n))) ** 2
+    first, last = math.ceil(WAVES), len(power) - BESIDE - 1
+    if last <= first + 2 * BESIDE:
+        return None
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, BESIDE, mode="edge"), 2 * BESIDE + 1)
+    level = np.median(around, axis=1) / math.log(2.0)
+    threshold = math.log(n / FALSE_ALARM)
+    far = [np.roll(power, shift) for each in range(*NARROW) for shift in (each, -each)]
+    fallen = power > FALLEN * np.max(far, axis=0)
+    strong = np.where(fallen & (power > threshold * level), power / level, 0.0)
+    strong[:first] = strong[last:] = 0.0
+    best = int(np.argmax(strong))
+    return float(best) if strong[best] > 0.0 else None
+
+
+def _refined(course: Course, error: Array, period: float, length: float) -> float:
+    """The period, mm, of most power within what the travel resolves."""
+    step = 1.0
+    number = length / period
+    for _ in range(12):
+        tried = number + step * np.array([-1.0, 0.0, 1.0])
+        power = [abs(_amount(course, error, length / each)[0]) for each in tried.tolist()]
+        number = float(tried[int(np.argmax(power))])
+        step /= 2.0
+    return length / number
+
+
+def _without(course: Course, error: Array, period: float) -> Array:
+    value, _ = _amount(course, error, period)
+    phase = 2.0 * np.pi * course.x / period
+    return np.asarray(error - value.real * np.cos(phase) - value.imag * np.sin(phase))
+
+
+def _amount(course: Course, error: Array, period: float) -> tuple[complex, float]:
+    """Amplitude of a wave, um, cosine and sine part as real and imaginary, and the variance of each part."""
+    weights = _hann(course)
+    weights = weights / weights.sum()
+    length = float(np.ptp(course.x))
+    scaled = (course.x - course.x.mean()) / length
+    level = error - np.polyval(np.polyfit(scaled, error, 3), scaled)
+
+    def part(number: float) -> complex:
+        return 2.0 * complex(np.sum(weights * level * np.exp(2j * np.pi * number * course.x / length)))
+
+    number = length / period
+    value = part(number)
+    beside = [abs(part(number + each)) ** 2 for each in (-6, -5, -4, 4, 5, 6)]
+    return value, max(float(np.median(beside)) / (2.0 * math.log(2.0)), 1e-12)

@@ -1,0 +1,254 @@
+"""The curve that continuous runs of one direction show, up to a straight line: a Gaussian process on a band of nodes.
+
+Between nodes the curve is straight; its prior is an integrated Wiener process (of order 2, a cubic smoothing spline,
+or of order 1, a random walk), whose amplitude and order are those of most evidence. Its precision at the nodes is a
+band, and so is what whitened samples add to it, so a run of any length costs as much as its nodes. Jumps, waves, and
+the straight lines that further runs have of their own are columns beside the band (Schur complement).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize_scalar
+from scipy.sparse import csr_matrix, diags
+
+from calibration.continuous.course import Course
+from calibration.continuous.noise import Noise
+from kinematics.transforms import Array
+
+NODES = 4096
+PER_NODE = 4
+"""Blocks between two nodes, at least."""
+LEAST_NODES = 64
+WIDEST = {1: (-8.0, 16.0), 2: (-8.0, 28.0)}
+"""Of the natural logarithm of the prior's precision, by its order, in units of the noise's."""
+TRIED = 13
+
+
+@dataclass(frozen=True)
+class Extra:
+    """Functions of position that the curve has besides the process: jumps and waves."""
+
+    jumps: tuple[float, ...] = ()
+    """Positions, mm, where the curve jumps."""
+    periods: tuple[float, ...] = ()
+    """Of waves, mm."""
+
+    def columns(self, x: Array) -> Array:
+        """`(n, jumps + 2 waves)`: a step of 1 at each jump, then sine and cosine of each wave."""
+        steps = (x[:, None] >= np.array(self.jumps)).astype(float)
+        phase = 2.0 * np.pi * x[:, None] / np.array(self.periods)
+        return np.concatenate([steps, np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(len(x), -1)], axis=1)
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return len(self.jumps) + 2 * len(self.periods)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The curve of one direction, up to a straight line, with its covariance."""
+
+    nodes: Array
+    """`(m,)`, mm."""
+    extra: Extra
+    factor: Array
+    """Cholesky factor of the band, lower form."""
+    beside: Array
+    """`(m, k)`: the band's solution of the columns beside it."""
+    left: Array
+    """`(k, k)`: inverse of their Schur complement."""
+    values: Array
+    """`(m,)` of the process, um."""
+    amounts: Array
+    """`(k,)` of the columns beside it: jumps, waves, then lines of further runs, um."""
+    order: int
+    finest_mm: float
+    """Wavelength at which the process and the noise weigh the same: finer detail is not told from noise."""
+    noise_scale: float
+    """What the noise turned out to be in terms of what its spectrum says."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Where the curve is known, mm."""
+        return float(self.nodes[0]), float(self.nodes[-1])
+
+    def at(self, x: Array) -> Array:
+        """The curve at positions `(n,)`, um."""
+        own = self.extra.size
+        return np.asarray(_hats(self.nodes, x) @ self.values + self.extra.columns(x) @ self.amounts[:own])
+
+    def covariance(self, x: Array) -> Array:
+        """Of the curve at positions `(n,)`: `(n, n)`, um2."""
+        hats = _hats(self.nodes, x).toarray()
+        inner = hats @ cho_solve_banded((self.factor, True), hats.T)
+        lever = self.extra.columns(x) @ np.eye(self.extra.size, self.left.shape[0]) - hats @ self.beside
+        return np.asarray(inner + lever @ self.left @ lever.T)
+
+    def amount_covariance(self) -> Array:
+        """Of jumps and waves `(k, k)`, um2."""
+        own = self.extra.size
+        return self.left[:own, :own]
+
+
+def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -> Shape:
+    """The curve of the courses of one direction."""
+    equations = _equations(courses, noises, extra)
+    tried = [_most_likely(equations, order) for order in (1, 2)]
+    order = 1 + int(tried[1].evidence > tried[0].evidence)
+    best = tried[order - 1]
+    speed, low = courses[0].speed, noises[0].low
+    # where the spectrum of the process, s2 / (2 pi f)^(2 order), falls below that of the noise
+    strength = best.scale**2 * np.exp(-best.logarithm)
+    finest = 2.0 * np.pi * (0.5 * low * speed / strength) ** (0.5 / order)
+    k = equations.beside.shape[1]
+    return Shape(
+        equations.nodes,
+        extra,
+        best.factor / best.scale,
+        best.columns[:, :k],
+        best.left * best.scale**2,
+        best.values,
+        best.amounts,
+        order,
+        float(finest),
+        best.scale,
+    )
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Normal equations of all courses: the band of the nodes, and columns beside it."""
+
+    nodes: Array
+    band: Array
+    """`(bandwidth, m)`, lower form."""
+    right: Array
+    beside: Array
+    """`(m, k)`."""
+    own: Array
+    """`(k, k)`."""
+    own_right: Array
+    squares: float
+    count: int
+
+
+@dataclass(frozen=True)
+class _Solved:
+    """The curve for one amplitude of the prior, in units of the noise."""
+
+    evidence: float
+    logarithm: float
+    """Of the prior's precision in units of the noise's, ln(1 / (um2 per mm^(2 order - 1)))."""
+    scale: float
+    """What the noise is in terms of what was given."""
+    factor: Array
+    columns: Array
+    left: Array
+    values: Array
+    amounts: Array
+
+
+def _equations(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -> _Equations:
+    low = min(float(course.x.min()) for course in courses)
+    high = max(float(course.x.max()) for course in courses)
+    count = int(min(max(max(map(len, courses)) // PER_NODE, LEAST_NODES), NODES))
+    nodes = np.linspace(low, high, count)
+    k = extra.size + 2 * (len(courses) - 1)
+    sums = csr_matrix((count, count))
+    right, beside, own, own_right = np.zeros(count), np.zeros((count, k)), np.zeros((k, k)), np.zeros(k)
+    squares, rows = 0.0, 0
+    for i, (course, noise) in enumerate(zip(courses, noises, strict=True)):
+        white = _whitener(course, noise)
+        hats = white @ _hats(nodes, course.x)
+        columns = np.zeros((len(course), k))
+        columns[:, : extra.size] = extra.columns(course.x)
+        if i:  # the first course defines the straight line that all others are compared to
+            line = extra.size + 2 * (i - 1)
+            columns[:, line] = 1.0
+            columns[:, line + 1] = (course.x - course.x.mean()) / (high - low)
+        columns, observed = white @ columns, white @ course.error
+        sums = sums + hats.T @ hats
+        right += hats.T @ observed
+        beside += hats.T @ columns
+        own += columns.T @ columns
+        own_right += columns.T @ observed
+        squares += float(observed @ observed)
+        rows += len(course)
+    width = int(np.max(np.abs(np.subtract(*sums.nonzero())), initial=2)) + 1
+    band = np.zeros((max(width, 3), count))
+    for offset in range(width):
+        band[offset, : count - offset] = sums.diagonal(-offset)
+    return _Equations(nodes, band, right, beside, own, own_right, squares, rows)
+
+
+def _most_likely(equations: _Equations, order: int) -> _Solved:
+    """The curve of most evidence for a prior of that order."""
+    prior = _prior(equations, order)
+    grid = np.linspace(*WIDEST[order], TRIED)
+    evidence = [_solved(equations, prior, order, each).evidence for each in grid.tolist()]
+    best, step = float(grid[int(np.argmax(evidence))]), float(grid[1] - grid[0])
+    found = minimize_scalar(
+        lambda each: -_solved(equations, prior, order, float(each)).evidence,
+        bounds=(best - step, best + step),
+        method="bounded",
+        options={"xatol": 0.02},
+    )
+    return _solved(equations, prior, order, float(found.x))
+
+
+def _prior(equations: _Equations, order: int) -> Array:
+    """Precision of the process at the nodes, as a band in lower form, for amplitude 1."""
+    m, apart = len(equations.nodes), float(equations.nodes[1] - equations.nodes[0])
+    kernel = np.array([-1.0, 1.0] if order == 1 else [1.0, -2.0, 1.0])
+    band = np.zeros_like(equations.band)
+    for i, left in enumerate(kernel.tolist()):
+        for j, other in enumerate(kernel.tolist()[: i + 1]):
+            offset = i - j
+            band[offset, j : j + m - order] += left * other
+    return band / apart ** (2 * order - 1)
+
+
+def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -> _Solved:
+    """The curve where the prior's precision is exp(logarithm) times `prior`, and the log evidence of that."""
+    m, k = equations.beside.shape
+    factor = cholesky_banded(equations.band + np.exp(logarithm) * prior, lower=True)
+    columns = cho_solve_banded((factor, True), np.column_stack([equations.beside, equations.right]))
+    schur = equations.own - equations.beside.T @ columns[:, :k]
+    left = np.linalg.pinv(schur, rcond=1e-12, hermitian=True) if k else np.zeros((0, 0))
+    amounts = left @ (equations.own_right - equations.beside.T @ columns[:, k])
+    values = columns[:, k] - columns[:, :k] @ amounts
+    free = equations.count - order - k
+    rest = max(equations.squares - equations.right @ values - equations.own_right @ amounts, 1e-300)
+    determinant = 2.0 * float(np.log(factor[0]).sum()) + (float(np.linalg.slogdet(schur)[1]) if k else 0.0)
+    apart = float(equations.nodes[1] - equations.nodes[0])
+    pseudo = np.log(m) if order == 1 else np.log(m**2 * (m**2 - 1.0) / 12.0)
+    of_prior = (m - order) * (logarithm - (2 * order - 1) * np.log(apart)) + pseudo
+    evidence = 0.5 * (of_prior - determinant - free * np.log(rest))
+    return _Solved(float(evidence), logarithm, float(np.sqrt(rest / free)), factor, columns, left, values, amounts)
+
+
+def _whitener(course: Course, noise: Noise) -> csr_matrix:
+    """The filter that makes the noise of a course white, of variance 1; blocks behind a gap stand for themselves."""
+    n, order = len(course), noise.order
+    follows = np.ones(n, bool)
+    follows[:order] = False
+    follows[order:] &= (course.slot[order:] - course.slot[: n - order]) == order
+    parts = [np.where(follows, noise.filter[0] / noise.innovation, 1.0 / noise.total)]
+    parts += [np.where(follows, a / noise.innovation, 0.0)[j:] for j, a in enumerate(noise.filter[1:], start=1)]
+    return csr_matrix(diags(parts, [-j for j in range(order + 1)]))
+
+
+def _hats(nodes: Array, x: Array) -> csr_matrix:
+    """Interpolation `(n, m)` between nodes; beyond the ends their values."""
+    place = np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0.0, len(nodes) - 1.0)
+    below = np.minimum(place.astype(int), len(nodes) - 2)
+    share = place - below
+    rows = np.repeat(np.arange(len(x)), 2)
+    columns = np.stack([below, below + 1], axis=1).ravel()
+    return csr_matrix((np.stack([1.0 - share, share], axis=1).ravel(), (rows, columns)), (len(x), len(nodes)))
