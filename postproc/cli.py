@@ -11,6 +11,7 @@ from typer.core import TyperGroup
 from kinematics.errors import UserError
 from postproc.commands import (
     check,
+    continuous,
     correct,
     diagnose,
     export,
@@ -62,6 +63,7 @@ app.command("fit", epilog=fit.EPILOG)(fit.fit)
 app.command("diagnose", epilog=diagnose.EPILOG)(diagnose.diagnose)
 app.command("import", epilog=import_tables.EPILOG)(import_tables.import_tables)
 app.command("iso230", epilog=iso230.EPILOG)(iso230.iso230)
+app.command("continuous", epilog=continuous.EPILOG)(continuous.continuous)
 app.command("plan", epilog=plan.EPILOG)(plan.plan)
 app.command("predict", epilog=predict.EPILOG)(predict.predict)
 app.command("simulate", epilog=simulate.EPILOG)(simulate.simulate)

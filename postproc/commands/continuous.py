@@ -1,0 +1,114 @@
+"""`ncomp continuous`: laser runs in motion and a quasi-static measurement of an axis, joined into one error table."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, BinaryIO, cast
+
+import typer
+
+from kinematics.errors import UserError
+from postproc.commands.reading import HeaderLines, header_of
+from postproc.commands.shared import JsonFile, check_places, refuse_one_place, result, write_json
+
+if TYPE_CHECKING:
+    from calibration.continuous.estimate import Direction, TableRows
+    from calibration.continuous.records import QuasiStatic
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp continuous x_run.csv x_targets.csv -o x_table.csv --report x.html`\n\n"
+    "`ncomp continuous forward.csv backward.csv x_axis.rtl --header u_um=0.3 -o x_table.csv --direction backward`\n\n"
+    "`ncomp continuous x_run.csv x_targets.csv --run 1 -o x_table.csv`  only the first cycle, before the axis warmed up"
+)
+
+
+def continuous(
+    data: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CONTINUOUS.csv... QUASISTATIC.csv...",
+            help="Continuous runs and quasi-static data, told apart by their columns.",
+        ),
+    ],
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="TABLE.csv", help="Error table; - for standard output.")
+    ],
+    spacing_mm: Annotated[
+        float | None,
+        typer.Option("--spacing-mm", metavar="mm", help="Between rows of the table; default about 500 rows."),
+    ] = None,
+    direction: Annotated[
+        str,
+        typer.Option(
+            metavar="auto|forward|backward|mean",
+            help="Of the table; auto: mean where both directions have continuous runs, else that of the run.",
+        ),
+    ] = "auto",
+    run: Annotated[
+        list[str] | None,
+        typer.Option("--run", metavar="NAME", help="Quasi-static run to use; default all of them. Repeatable."),
+    ] = None,
+    header: HeaderLines = None,
+    json: JsonFile = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
+    ] = None,
+) -> None:
+    """Join laser runs at constant velocity with a coarse quasi-static measurement of the same axis: one fine table.
+
+    The run shows the shape of the error in full detail, the targets its scale and datum. Errors are measured minus
+    target, positive where the axis goes too far in its positive direction; u_um is their standard uncertainty (k = 1).
+    Cyclic errors, table steps, vibrations, reversal and drift between runs are pointed out.
+    """
+    from calibration.continuous.estimate import DIRECTIONS, estimate
+    from calibration.continuous.reading import read_all
+    from postproc.continuous_summary import show, summary
+    from postproc.terminal import console, say
+    from postproc.terminal import output as screen
+
+    refuse_one_place(json, output, "the table")
+    refuse_one_place(report, output, "the table")
+    check_places(data, (output, json, report))
+    if direction not in DIRECTIONS:
+        raise UserError(f"--direction {direction}: expected one of {', '.join(DIRECTIONS)}")
+    if spacing_mm is not None and not 0.0 < spacing_mm < float("inf"):
+        raise UserError(f"--spacing-mm {spacing_mm:g}: expected a length above zero")
+    with console.status("reading") as status:
+        read = read_all(data, header_of(header or []))
+        quasi = _runs(read.quasi, run or [])
+        status.update("joining")
+        found = estimate(read.records, quasi, spacing_mm, cast("Direction", direction))
+    with result(json) as results, result(report) as shown, result(output) as file:
+        _write_table(found.table(), file)
+        write_json(summary(found, read), results)
+        if report is not None:
+            from calibration.pages.continuous import continuous_page
+
+            shown.write(continuous_page(found, read, f"ncomp continuous {' '.join(map(str, data))}"))
+    show(found, read, console if "-" in (json, report, output) else screen)
+    for note in (*read.notes, *found.notes):
+        say("note", note)
+
+
+def _runs(quasi: QuasiStatic, wanted: Sequence[str]) -> QuasiStatic:
+    """The readings of the runs that were asked for."""
+    import numpy as np
+
+    unknown = [name for name in wanted if name not in quasi.runs]
+    if unknown:
+        raise UserError(f"--run {unknown[0]}: {quasi.source} has runs {', '.join(quasi.runs)}")
+    return quasi.rows(np.flatnonzero(np.isin(quasi.run, list(wanted)))) if wanted else quasi
+
+
+def _write_table(rows: TableRows, file: BinaryIO) -> None:
+    """position_mm, error_um, u_um (k = 1)."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["position_mm", "error_um", "u_um"])
+    for x, error, u in zip(rows.position.tolist(), rows.error.tolist(), rows.u.tolist(), strict=True):
+        writer.writerow([f"{x:.6f}".rstrip("0").rstrip("."), f"{error:z.4f}", f"{u:.4f}"])
+    file.write(text.getvalue().encode())
