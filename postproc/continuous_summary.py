@@ -65,8 +65,7 @@ def summary(found: Estimate, data: Data) -> dict[str, Any]:
             if each.jumps.places_mm
         ],
         "methods_minus_ours_rms_um": {
-            name: {method: _rms(off) for method, off in _differences(found, name).items()}
-            for name in found.comparisons
+            name: {method: _rms(off) for method, off in _differences(found, name).items()} for name in found.comparisons
         },
         "table": {
             "position_mm": rows.position.tolist(),

@@ -1,9 +1,10 @@
 """From displacement against time to error against position, up to a straight line; blocks of samples of even length.
 
-Inside the segment the command is a straight line in time, x = x0 + v t. Where it lies along the axis is known from rest:
-the axis stood at `start`, or `end`, with the error that the quasi-static curve has there (Miller et al. 2017, 4.4). x0
-and v are those of least squares after that curve is taken away, so that positions are right to its own uncertainty.
-What is left, displacement minus x, is the error of the axis up to a straight line, which this run can't show.
+Inside the segment the command is a straight line in time, x = x0 + v t. Where it lies along the axis is known from
+rest: the axis stood at `start`, or `end`, with the error that the quasi-static curve has there (Miller et al. 2017,
+4.4). x0 and v are those of least squares after that curve is taken away, so that positions are right to its own
+uncertainty. What is left, displacement minus x, is the error of the axis up to a straight line, which this run can't
+show.
 """
 
 from __future__ import annotations

@@ -275,7 +275,8 @@ def _positions(low: float, high: float, spacing: float | None) -> Array:
         spacing = float(min((decade * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(each - wanted)))
     if (high - low) / spacing > MOST_ROWS:
         raise UserError(
-            f"--spacing-mm {spacing:g}: {(high - low) / spacing:.0f} rows over {high - low:.1f} mm, more than {MOST_ROWS}"
+            f"--spacing-mm {spacing:g}: {(high - low) / spacing:.0f} rows over {high - low:.1f} mm, "
+            f"more than {MOST_ROWS}"
         )
     inner = spacing * np.arange(np.ceil(low / spacing), np.floor(high / spacing) + 1.0)
     ends = [end for end in (low, high) if len(inner) == 0 or np.abs(inner - end).min() > 0.05 * spacing]
@@ -324,7 +325,7 @@ def _noise_notes(found: Fused) -> list[str]:
     spread = found.spread
     if spread.sheet and spread.noise > AGREES * spread.sheet:
         return [
-            f"quasi-static readings scatter by {spread.noise:.2g} um about the continuous curve, the instrument's sheet "
-            f"says {spread.sheet:.2g}: the axis repeats no better, or moves otherwise than it stands; u says so"
+            f"quasi-static readings scatter by {spread.noise:.2g} um about the continuous curve, the instrument's "
+            f"sheet says {spread.sheet:.2g}: the axis repeats no better, or moves otherwise than it stands; u says so"
         ]
     return []

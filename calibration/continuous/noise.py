@@ -1,10 +1,10 @@
 """Noise of a continuous run: its spectrum from the run itself, as an autoregressive process that whitens it.
 
-The error of an axis has little at high frequencies, the laser and a vibrating machine have. From the frequency on where
-the spectrum (Welch, Hann) has fallen to the level of its flat part, all is noise; below, noise is taken to go on at the
-level just above, which one run can't contradict. Two runs of one direction can: half the spectrum of their difference is
-noise at every frequency, and the larger of both counts. The process is that of the spectrum's autocovariance
-(Yule-Walker), its order by BIC.
+The error of an axis has little at high frequencies, the laser and a vibrating machine have. From the frequency on
+where the spectrum (Welch, Hann) has fallen to the level of its flat part, all is noise; below, noise is taken to go on
+at the level just above, which one run can't contradict. Two runs of one direction can: half the spectrum of their
+difference is noise at every frequency, and the larger of both counts. The process is that of the spectrum's
+autocovariance (Yule-Walker), its order by BIC.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import welch
+from scipy.signal import detrend, welch
 
 from calibration.continuous.course import Course
 from kinematics.transforms import Array
@@ -93,7 +93,7 @@ def _even(course: Course, values: Array) -> Array:
 def _spectrum(values: Array, period: float) -> tuple[Array, Array]:
     """Frequencies, Hz, and one-sided density `(m,)`, um2/Hz."""
     part = min(len(values) // PARTS * 2, LONGEST_PART)
-    frequency, density = welch(values, 1.0 / period, "hann", part, detrend="linear")
+    frequency, density = welch(values, 1.0 / period, "hann", part, detrend=detrend)
     density[0] = density[1]
     return np.asarray(frequency), np.maximum(density, 1e-15)
 

@@ -76,7 +76,7 @@ def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
     stills = [_still(file, axis, header, notes) for file in files if not file.continuous]
     _refuse_copies([*runs, *stills])
     _refuse_other_machines([*runs, *stills])
-    records = tuple(record for table in runs for record in _records(table, axis, len(runs) > 1, notes))
+    records = tuple(record for table in runs for record in _records(table, len(runs) > 1, notes))
     parts = [_quasi(table, axis, f"{Path(table.source).name}:" if len(stills) > 1 else "", notes) for table in stills]
     prints = {table.source: table.fingerprint for table in (*runs, *stills)}
     return Data(axis, records, _together(parts), prints, tuple(notes))
@@ -146,7 +146,7 @@ def _axis(runs: Sequence[Table]) -> str:
 # ---- continuous runs
 
 
-def _records(table: Table, axis: str, several: bool, notes: list[str]) -> Iterator[Record]:
+def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
     """The traverses in a file, one for each run and direction."""
     table.allow_columns(lambda name: name in RUN_COLUMNS, RUN_COLUMNS)
     table.need_columns(RUN_COLUMNS[:2], "a continuous run")

@@ -73,7 +73,7 @@ def constant_velocity(record: Record) -> Segment:
     if elsewhere > 0.05 * (stop - first):
         notes.append(f"run {record.name}: the feed changes on the way; only its longest constant stretch is used")
     first, stop = _without_ramps(time, off, first, stop, (tolerance, usual), span, sample)
-    first, stop, settling = _settled(time, way, first, stop, sample)
+    first, stop, settling = _settled(way, first, stop, sample)
     if settling:
         notes.append(f"run {record.name}: {settling}")
     if stop - first < LEAST_SAMPLES:
@@ -154,7 +154,7 @@ def _without_ramps(
     return first, max(stop, first)
 
 
-def _settled(time: Array, way: Array, first: int, stop: int, sample: float) -> tuple[int, int, str]:
+def _settled(way: Array, first: int, stop: int, sample: float) -> tuple[int, int, str]:
     """The stretch without ends that vibrate more than its middle, and what was left out, in words."""
     n = stop - first
     half, window = max(round(CALM_S / sample), 1), max(50, n // 100)

@@ -8,8 +8,10 @@ the straight lines that further runs have of their own are columns beside the ba
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
@@ -220,16 +222,16 @@ def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -
     factor = cholesky_banded(equations.band + np.exp(logarithm) * prior, lower=True)
     columns = cho_solve_banded((factor, True), np.column_stack([equations.beside, equations.right]))
     schur = equations.own - equations.beside.T @ columns[:, :k]
-    left = np.linalg.pinv(schur, rcond=1e-12, hermitian=True) if k else np.zeros((0, 0))
+    left = np.asarray(np.linalg.pinv(schur, rcond=1e-12, hermitian=True), float) if k else np.zeros((0, 0))
     amounts = left @ (equations.own_right - equations.beside.T @ columns[:, k])
     values = columns[:, k] - columns[:, :k] @ amounts
     free = equations.count - order - k
     rest = max(equations.squares - equations.right @ values - equations.own_right @ amounts, 1e-300)
     determinant = 2.0 * float(np.log(factor[0]).sum()) + (float(np.linalg.slogdet(schur)[1]) if k else 0.0)
     apart = float(equations.nodes[1] - equations.nodes[0])
-    pseudo = np.log(m) if order == 1 else np.log(m**2 * (m**2 - 1.0) / 12.0)
-    of_prior = (m - order) * (logarithm - (2 * order - 1) * np.log(apart)) + pseudo
-    evidence = 0.5 * (of_prior - determinant - free * np.log(rest))
+    pseudo = math.log(m) if order == 1 else math.log(m**2 * (m**2 - 1.0) / 12.0)
+    of_prior = (m - order) * (logarithm - (2 * order - 1) * math.log(apart)) + pseudo
+    evidence = 0.5 * (of_prior - determinant - free * math.log(rest))
     return _Solved(float(evidence), logarithm, float(np.sqrt(rest / free)), factor, columns, left, values, amounts)
 
 
@@ -239,7 +241,7 @@ def _whitener(course: Course, noise: Noise) -> csr_matrix:
     follows = np.ones(n, bool)
     follows[:order] = False
     follows[order:] &= (course.slot[order:] - course.slot[: n - order]) == order
-    parts = [np.where(follows, noise.filter[0] / noise.innovation, 1.0 / noise.total)]
+    parts: list[Any] = [np.where(follows, noise.filter[0] / noise.innovation, 1.0 / noise.total)]
     parts += [np.where(follows, a / noise.innovation, 0.0)[j:] for j, a in enumerate(noise.filter[1:], start=1)]
     return csr_matrix(diags(parts, [-j for j in range(order + 1)]))
 

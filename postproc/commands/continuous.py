@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO, cast
+from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
@@ -15,7 +15,7 @@ from postproc.commands.reading import HeaderLines, header_of
 from postproc.commands.shared import JsonFile, check_places, refuse_one_place, result, write_json
 
 if TYPE_CHECKING:
-    from calibration.continuous.estimate import Direction, TableRows
+    from calibration.continuous.estimate import TableRows
     from calibration.continuous.records import QuasiStatic
 
 EPILOG = (
@@ -81,7 +81,7 @@ def continuous(
         read = read_all(data, header_of(header or []))
         quasi = _runs(read.quasi, run or [])
         status.update("joining")
-        found = estimate(read.records, quasi, spacing_mm, cast("Direction", direction))
+        found = estimate(read.records, quasi, spacing_mm, direction)
     with result(json) as results, result(report) as shown, result(output) as file:
         _write_table(found.table(), file)
         write_json(summary(found, read), results)

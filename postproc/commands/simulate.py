@@ -10,6 +10,7 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands import strategy as options
+from postproc.commands import virtual_machine as virtual
 from postproc.commands.shared import MachineName, check_places, machine_of, result
 from postproc.numbers import given_once
 
@@ -21,11 +22,10 @@ if TYPE_CHECKING:
     from calibration.plan import Plan
     from kinematics.effects import Effect
     from kinematics.machine import Machine
-    from kinematics.model import ErrorModel
     from kinematics.state import State
     from kinematics.transforms import Pose
 
-TRUTH, INSTRUMENT, FAULTS = "The machine's errors", "The instrument", "What goes wrong"
+INSTRUMENT, FAULTS = "The instrument", "What goes wrong"
 SHEETS: Mapping[str, Mapping[str, float]] = {
     "laser-tracker": {"u_range_um_per_m": 0.25, "u_angle_um": 10.0, "u_angle_um_per_m": 2.5},
     "interferometer": {"u_um": 0.2, "u_um_per_m": 0.5},
@@ -60,9 +60,7 @@ def simulate(
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="DATA.csv", help="Measurement; - for standard output.")
     ],
-    truth: Annotated[
-        str | None, typer.Option(metavar="TRUTH.json", help="Write the errors as a calibration, to compare with.")
-    ] = None,
+    truth: virtual.TruthFile = None,
     points: options.Points = None,
     spacing: options.Spacing = None,
     ranges: options.Ranges = None,
@@ -72,39 +70,11 @@ def simulate(
     runs: options.Runs = 1,
     target: options.TargetVectors = None,
     target_order: options.TargetOrderName = "in-turn",
-    errors: Annotated[
-        str | None,
-        typer.Option(
-            metavar="table-1|none|WIDTHS.toml",
-            rich_help_panel=TRUTH,
-            help="Error motions at random: half-widths as in the virtual calibration paper, or a table of "
-            "E_XX = [a0, a1, n, b, c, ...]. Default: table-1, or none with --calibration.",
-        ),
-    ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option("--calibration", "-c", metavar="CAL.json", rich_help_panel=TRUTH, help="These errors too."),
-    ] = None,
-    location: Annotated[
-        float,
-        typer.Option(
-            metavar="um", min=0.0, rich_help_panel=TRUTH, help="Location errors at random, up to so many um, urad."
-        ),
-    ] = 0.0,
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="kind:field=value,...",
-            rich_help_panel=TRUTH,
-            help="An effect of docs/effects.md, or a JSON file of effects. Repeatable.",
-        ),
-    ] = None,
-    temperature: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="name=start:end", rich_help_panel=TRUTH, help="Course of a temperature, degC. Repeatable."
-        ),
-    ] = None,
+    errors: virtual.Errors = None,
+    calibration: virtual.TruthCalibration = None,
+    location: virtual.Location = 0.0,
+    effect: virtual.EffectTexts = None,
+    temperature: virtual.Temperatures = None,
     instrument: Annotated[
         str, typer.Option(metavar="KIND", rich_help_panel=INSTRUMENT, help="laser-tracker, interferometer or part.")
     ] = "laser-tracker",
@@ -181,12 +151,12 @@ def simulate(
     # one stream each, so that another instrument measures the same machine
     draws = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
     told = read_effects(effect or [], found)
-    model = _model(found, errors, calibration, location, told, draws[0])
+    model = virtual.virtual_model(found, errors, calibration, location, told, draws[0])
     sensor = _instrument(instrument, uncertainty or [], planar)
     plan = _plan(found, strategy, points, spacing, ranges, margin, rotary, order, runs, target, target_order, seed)
     state, poses = _placed(plan, instrument, tracker or [], draws[1])
     _check_names(told, plan, state)
-    state = with_temperatures(state, _courses(temperature or [])) if temperature else state
+    state = with_temperatures(state, virtual.courses_of(temperature or [])) if temperature else state
     standing = _standing(stands_on)
     rows = _reached(plan, state, sensor, poses, standing, elevation, incidence)
     repeat = len(state) // len(plan)
@@ -208,28 +178,6 @@ def simulate(
     for note in spoiled:
         say("simulated", note)
     console.print(f"{len(measured)} observations by {instrument} of {len(model.effects)} effects, seed {seed}")
-
-
-def _model(
-    machine: Machine,
-    errors: str | None,
-    calibration: Path | None,
-    location: float,
-    effects: list[Effect],
-    rng: np.random.Generator,
-) -> ErrorModel:
-    """The virtual machine."""
-    from calibration.truth import DEFAULT, model_of, random_location_errors, random_truth, read_half_widths
-    from kinematics.model import read_model
-
-    found = [] if calibration is None else list(read_model(calibration, machine).effects)
-    errors = errors or ("table-1" if calibration is None else "none")
-    if errors != "none":
-        widths = DEFAULT if errors == "table-1" else read_half_widths(Path(errors))
-        found += random_truth(machine, rng, widths).effects
-    if location:
-        found += random_location_errors(machine, rng, location)
-    return model_of(machine, [*found, *effects])
 
 
 def _instrument(kind: str, uncertainties: list[str], planar: bool) -> Instrument:
@@ -328,24 +276,6 @@ def _standing(text: str) -> Literal["workpiece", "bed"]:
     if text not in STANDS_ON:
         raise UserError(f"--stands-on {text}: expected workpiece or bed")
     return STANDS_ON[text]
-
-
-def _courses(texts: list[str]) -> dict[str, tuple[float, float]]:
-    """Start and end of temperatures, K from 20 degC."""
-    from calibration.places import PLAIN_NAME
-    from kinematics.state import REFERENCE
-    from postproc.conditions import degrees
-
-    found = []
-    for text in texts:
-        where = f"--temperature {text}"
-        name, _, course = text.partition("=")
-        ends = course.split(":")
-        if not PLAIN_NAME.fullmatch(name) or len(ends) != 2:
-            raise UserError(f"{where}: expected NAME=start:end, e.g. spindle=20:28.5")
-        start, end = (degrees(each, where) for each in ends)
-        found.append((name, (start - REFERENCE, end - REFERENCE)))
-    return given_once(found, "--temperature ")
 
 
 def _check_names(effects: list[Effect], plan: Plan, state: State) -> None:
