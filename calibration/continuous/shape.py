@@ -226,7 +226,7 @@ def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -
     amounts = left @ (equations.own_right - equations.beside.T @ columns[:, k])
     values = columns[:, k] - columns[:, :k] @ amounts
     free = equations.count - order - k
-    rest = max(equations.squares - equations.right @ values - equations.own_right @ amounts, 1e-300)
+    rest = max(float(equations.squares - equations.right @ values - equations.own_right @ amounts), 1e-300)
     determinant = 2.0 * float(np.log(factor[0]).sum()) + (float(np.linalg.slogdet(schur)[1]) if k else 0.0)
     apart = float(equations.nodes[1] - equations.nodes[0])
     pseudo = math.log(m) if order == 1 else math.log(m**2 * (m**2 - 1.0) / 12.0)
