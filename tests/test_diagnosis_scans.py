@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from calibration.diagnosis import scans
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import at_zero, library
+from calibration.diagnosis.saw_teeth import saw_uncertainty
 from calibration.diagnosis.selection import judge
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation
@@ -56,7 +57,7 @@ def test_steps_are_found_with_their_pitch_and_place():
     frame = framed(QuantisedCompensation(axis="X", step=12.0, pitch=50.0, offset=13.0), n=300)
     found = best(frame, scans.steps(frame)).candidate.effect
     assert found.axis == "X"
-    u_pitch, u_offset = scans.saw_uncertainty(frame, found)
+    u_pitch, u_offset = saw_uncertainty(frame, found)
     assert found.pitch == pytest.approx(50.0, abs=max(3 * u_pitch, 0.5))
     assert (found.offset - 13.0 + 25.0) % 50.0 - 25.0 == pytest.approx(0.0, abs=max(3 * u_offset, 3.0))
     assert 0.0 < u_pitch < 1.0

@@ -213,6 +213,10 @@ class Frame:
         inverse = linalg.cho_solve(self.factor, np.diag(self.limited))
         return max(self.scalars - (len(self.limited) - float(np.trace(inverse))), 1.0)
 
+    def positions(self, axis: str) -> Array:
+        """Positions `(n,)` of an axis, mm or degrees."""
+        return np.asarray(self.measurement.state.position(self.measurement.machine, axis)[self.rows])
+
     def columns(self, effect: Effect) -> Array:
         """Whitened derivatives `(N, k)` by the linear parameters of an effect, in terms of their typical sizes."""
         return signals(self.measurement, self.rows, (effect,), self.transform)
@@ -274,6 +278,13 @@ class Frame:
             counted = np.repeat(placed(some, ~inside)[inside], some.instrument.components)
             found.append(HeldBlock(mine, factor, missed, counted))
         return found
+
+    def gains(self, columns: Array) -> Array:
+        """By how much each of some columns `(N, k)`, alone and as large as it likes, lowers the sum of squares."""
+        through = linalg.solve_triangular(self.factor[0], self.design.T @ columns, lower=True)
+        whole = np.sum(columns**2, axis=0)
+        left = whole - np.sum(through**2, axis=0)
+        return np.where(left > RIDGE * whole, (columns.T @ self.residual) ** 2 / np.maximum(left, 1e-300), 0.0)
 
     def held_gains(self, candidate: Projected) -> Array:
         """By which the squares of each block's counted residuals fall with the candidate in the fit of the others.

@@ -16,6 +16,7 @@ import numpy as np
 
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import Candidate
+from calibration.diagnosis.saw_teeth import arm_of, likeliest, refined, teeth
 from calibration.instruments import LaserTracker
 from calibration.models import distinct_positions, moving_axes
 from kinematics.basis import BSpline
@@ -26,7 +27,6 @@ from kinematics.effects import (
     ErrorMotion,
     GrowthWithSensor,
     GrowthWithTime,
-    QuantisedCompensation,
     StationShift,
 )
 from kinematics.effects.base import own_component, own_motion, unit_of
@@ -50,8 +50,6 @@ TEETH = 5.5
 """Least number of steps over the travel."""
 OFFSETS = 12
 """Positions of the steps within a pitch that are tried."""
-HALVINGS = 9
-"""Of the steps in which the place of a saw tooth is closed in on."""
 MOST_HARMONICS = 8
 SAME = 0.01
 """Relative difference of two periods that are one."""
@@ -86,7 +84,7 @@ def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component))
     """
     measurement = frame.measurement
     for axis, (low, high) in moving_axes(measurement).items():
-        x = _positions(frame, axis)
+        x = frame.positions(axis)
         most = min(_resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
         frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
         if len(frequencies) < OVERSAMPLING:
@@ -117,29 +115,29 @@ def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
 
     Pitches by the power of their wave, places within them by the tooth itself.
     """
-    measurement, machine = frame.measurement, frame.measurement.machine
+    measurement = frame.measurement
     for axis, (low, high) in moving_axes(measurement).items():
         if axis[0] in "ABC":
             continue
-        x = _positions(frame, axis)
+        x = frame.positions(axis)
         count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
         frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
         if len(frequencies) < OVERSAMPLING:
             continue
-        i, component, _ = own_motion(machine, axis)
+        _, component, _ = own_motion(frame.measurement.machine, axis)
         strength = _strengths(frame, axis, [get_args(Component)[component]], x, frequencies)[0]
-        arm = frame.transform[:, :, 6 * i + component]
+        arm = arm_of(frame, axis)
         along, squares = np.sum(arm * frame.residual.reshape(arm.shape), axis=1), np.sum(arm**2, axis=1)
         shares, shapes = np.arange(OFFSETS) / OFFSETS, []
         for frequency in frequencies[_peaks(strength, 2 * BEST)].tolist():
-            teeth = 0.5 - (x[:, None] * frequency - shares) % 1.0
-            power = (along @ teeth) ** 2 / np.maximum(squares @ teeth**2, 1e-300)
+            tried = teeth(x, 1.0 / frequency, shares / frequency)
+            power = (along @ tried) ** 2 / np.maximum(squares @ tried**2, 1e-300)
             shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
-        best = sorted(shapes, reverse=True)[:BEST]
-        _, pitch, offset = max(best, key=lambda shape: _gain(frame, _saw(axis, shape[1], shape[2])))
-        found = Candidate(_saw(axis, pitch, offset), 2, float(len(frequencies) * OFFSETS))
+        _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T
+        best = likeliest(frame, axis, pitches, offsets)
+        found = Candidate(best, 2, float(len(frequencies) * OFFSETS))
         if _pays(frame, found):
-            found = replace(found, effect=_saw(axis, *_refined_saw(whole or frame, axis, pitch, offset, high - low)))
+            found = replace(found, effect=refined(whole or frame, best))
         yield found
 
 
@@ -201,7 +199,7 @@ def breaks(frame: Frame) -> Iterator[Candidate]:
 
 def aliases(frame: Frame, effect: Cyclic) -> list[float]:
     """Other periods, mm or degrees, that positions on a lattice can't tell from this one."""
-    pitch = lattice(_positions(frame, effect.axis))
+    pitch = lattice(frame.positions(effect.axis))
     if pitch is None:
         return []
     return [float(1.0 / abs(m / pitch + sign / effect.period)) for m in (1, 2) for sign in (-1, 1)]
@@ -219,10 +217,6 @@ def _resolved(x: Array, travel: float) -> float:
     """Waves over the travel that positions can tell apart."""
     pitch = lattice(x)
     return BEYOND * len(np.unique(np.round(x, 3))) if pitch is None else 0.5 * travel / pitch
-
-
-def _positions(frame: Frame, axis: str) -> Array:
-    return np.asarray(frame.measurement.state.position(frame.measurement.machine, axis)[frame.rows])
 
 
 def _strengths(frame: Frame, axis: str, components: list[Component], x: Array, frequencies: Array) -> Array:
@@ -252,7 +246,7 @@ def _finest(frame: Frame, axis: str, component: Component, frequencies: Array, s
     """The frequency that explains most once the model has taken its part, between the neighbours of the best."""
     machine = frame.measurement.machine
     arm = frame.transform[:, :, 6 * machine.index(axis) + COMPONENTS.index(component)] * unit_of(component)[1]
-    x = _positions(frame, axis)
+    x = frame.positions(axis)
 
     def best_of(tried: Array) -> float:
         phase = 2 * np.pi * x[:, None] * tried
@@ -278,47 +272,13 @@ def _pays(frame: Frame, candidate: Candidate) -> bool:
     return frame.score(frame.projected(frame.columns(candidate.effect)), candidate.shapes).delta_bic < 0.0
 
 
-def _gain(frame: Frame, effect: QuantisedCompensation | StationShift) -> float:
+def _gain(frame: Frame, effect: StationShift) -> float:
     return frame.score(frame.projected(frame.columns(effect))).gain
 
 
 def _wave(component: Component, axis: str, period: float, harmonics: int) -> Cyclic:
     zero = (0.0,) * harmonics
     return Cyclic(component=component, axis=axis, period=period, sine=zero, cosine=zero)
-
-
-def _saw(axis: str, pitch: float, offset: float) -> QuantisedCompensation:
-    return QuantisedCompensation(axis=axis, step=0.0, pitch=float(pitch), offset=float(offset))
-
-
-def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float, float]:
-    """Standard uncertainties of pitch and offset: how far each has to move for the sum of squares to rise by one.
-
-    In the frame of a fit without the effect.
-    """
-    best, found = _gain(frame, _saw(effect.axis, effect.pitch, effect.offset)), []
-    for field in ("pitch", "offset"):
-        step = 1e-5 * effect.pitch
-        while step < effect.pitch / 4:
-            sides = [
-                msgspec.structs.replace(effect, **{field: getattr(effect, field) + sign * step}) for sign in (-1, 1)
-            ]
-            if all(_gain(frame, each) < best - 1.0 for each in sides):
-                break
-            step *= 1.25
-        found.append(step)
-    return found[0], found[1]
-
-
-def _refined_saw(frame: Frame, axis: str, pitch: float, offset: float, travel: float) -> tuple[float, float]:
-    """Pitch and offset between the neighbours of the best; a jump has no slope, so it is closed in on by halves."""
-    step_pitch, step_offset = pitch**2 / travel / OVERSAMPLING / 2, pitch / OFFSETS / 2
-    near = (-2, -1, 0, 1, 2)
-    for _ in range(HALVINGS):
-        tried = [(pitch + i * step_pitch, offset + j * step_offset) for i in near for j in near]
-        pitch, offset = max(tried, key=lambda shape: _gain(frame, _saw(axis, *shape)))
-        step_pitch, step_offset = step_pitch / 2, step_offset / 2
-    return pitch, offset % pitch
 
 
 def _finer(effect: ErrorMotion, size: int) -> ErrorMotion:

@@ -11,7 +11,8 @@ import numpy as np
 
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import HIGHER_FREQUENCY, contract_kind, where
-from calibration.diagnosis.scans import aliases, saw_uncertainty
+from calibration.diagnosis.saw_teeth import saw_uncertainty
+from calibration.diagnosis.scans import aliases
 from calibration.diagnosis.selection import SEEN, WORTH, Accepted, Judged, Sibling, Stage
 from calibration.fit import Fit
 from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation, Unnamed

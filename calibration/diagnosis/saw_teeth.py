@@ -1,0 +1,95 @@
+"""Saw teeth that a table's steps leave: their pitch and place, found by trying, and how well data know these.
+
+A jump has no slope that a fit could follow, and lies anywhere between two positions: the odds have many tops.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.diagnosis.frame import Frame
+from calibration.models import moving_axes
+from kinematics.effects import QuantisedCompensation
+from kinematics.effects.base import own_motion
+from kinematics.transforms import Array
+
+PITCHES, PLACES = 61, 41
+"""That are tried about a saw tooth."""
+CLOSER = 8
+"""Times that they lie closer in the next round."""
+ROUNDS = 3
+FEW = 3.0
+"""Distances of what is tried, below which a standard uncertainty asks for closer ones."""
+OVER = 3_000_000
+"""Rows times saw teeth that are worked out together."""
+
+
+def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
+    """Saw teeth `(n, k)` of height 1 at positions `(n,)`."""
+    return np.asarray(0.5 - ((x[:, None] - offsets) / pitches) % 1.0)
+
+
+def arm_of(frame: Frame, axis: str) -> Array:
+    """Whitened derivatives `(n, d)` by the error motion of an axis in its own direction."""
+    i, component, _ = own_motion(frame.measurement.machine, axis)
+    return frame.transform[:, :, 6 * i + component]
+
+
+def likeliest(frame: Frame, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
+    """The saw tooth of these pitches and offsets `(k,)` that explains most, its step at zero."""
+    best = int(np.argmax(_gains(frame, axis, pitches, offsets)))
+    pitch = float(pitches[best])
+    return QuantisedCompensation(axis=axis, step=0.0, pitch=pitch, offset=float(offsets[best]) % pitch)
+
+
+def refined(frame: Frame, effect: QuantisedCompensation) -> QuantisedCompensation:
+    """The likeliest saw tooth about this one."""
+    for k in range(ROUNDS):
+        effect = likeliest(frame, effect.axis, *_about(frame, effect, CLOSER**-k))
+    return effect
+
+
+def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float, float]:
+    """Standard uncertainties of pitch and offset: RMS distances from those of the effect, by the odds of all others.
+
+    In the frame of a fit without the effect.
+    """
+    for k in range(ROUNDS):
+        pitches, offsets = _about(frame, effect, CLOSER**-k)
+        apart = pitches[1] - pitches[0], offsets[PITCHES] - offsets[0]
+        gains = _gains(frame, effect.axis, pitches, offsets)
+        variance = max((frame.bounded_squares - float(gains.max())) / frame.freedom, 1.0)
+        odds = np.exp((gains - gains.max()) / (2.0 * variance))
+        odds /= odds.sum()
+        away = pitches - effect.pitch, offsets - effect.offset
+        u_pitch, u_offset = (float(np.sqrt(odds @ distance**2)) for distance in away)
+        if u_pitch > FEW * apart[0] and u_offset > FEW * apart[1]:
+            break
+    # what lies between two that were tried is not known any better
+    return float(np.hypot(u_pitch, apart[0] / 12**0.5)), float(np.hypot(u_offset, apart[1] / 12**0.5))
+
+
+def _about(frame: Frame, effect: QuantisedCompensation, reach: float) -> tuple[Array, Array]:
+    """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect, turned about the jump in mid-travel.
+
+    reach: 1 for one step more or less over the travel, and half a pitch to either side.
+    """
+    low, high = moving_axes(frame.measurement)[effect.axis]
+    jumps = round(((low + high) / 2 - effect.offset) / effect.pitch)
+    alias = effect.pitch**2 / (high - low)
+    pitch = effect.pitch + reach * alias * np.linspace(-1.0, 1.0, PITCHES)
+    middle = effect.offset + jumps * effect.pitch + reach * effect.pitch * np.linspace(-0.5, 0.5, PLACES)
+    middles, pitches = (part.reshape(-1) for part in np.meshgrid(middle, pitch, indexing="ij"))
+    return pitches, middles - jumps * pitches
+
+
+def _gains(frame: Frame, axis: str, pitches: Array, offsets: Array) -> Array:
+    """By which saw teeth `(k,)` lower the sum of squares, as `Frame.gains` has it."""
+    x, arm = frame.positions(axis), arm_of(frame, axis)
+    size = max(1, OVER // frame.scalars)
+    found = []
+    for start in range(0, len(pitches), size):
+        part = slice(start, start + size)
+        columns = arm[:, :, None] * teeth(x, pitches[part], offsets[part])[:, None, :]
+        found.append(frame.gains(columns.reshape(frame.scalars, -1)))
+    return np.concatenate(found)
