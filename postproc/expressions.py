@@ -53,6 +53,8 @@ class Formula(NamedTuple):
     after: str = ""
     carrier: bool = False
     """A word that can't hold a sum: a variable of ncomp's own takes it, in a block before."""
+    instead: bool = False
+    """A word that says the coordinate in another way, as an angle does: the coordinate itself takes its place."""
 
     def plus(self, text: str, shift: str) -> str:
         """The text of a word with a signed number added."""

@@ -102,6 +102,7 @@ def check_order(block: Block) -> Block:
     if not steps:
         return block
     read = [(-1, v) for word in block.words if word.formula for v in variables(word.formula.expression)]
+    read += [(-1, v) for word in block.words for e in word.arguments or () for v in variables(e)]
     for i, step in enumerate(steps):
         read += [(i, v) for e in (step.value, *step.target.indices) for v in variables(e)]
     for i, step in enumerate(steps):

@@ -33,6 +33,10 @@ class Frame:
         """True where a programmed coordinate moves more than the axis of its name."""
         return self.turn is not None and any(self.turn[i] != 0.0 for i in (1, 2, 3, 5, 6, 7))
 
+    def turned(self, vector: Array) -> Array:
+        """A direction `(3,)` in programmed coordinates as one in those that the offset leads to."""
+        return vector if self.turn is None else np.asarray(_matrix(self.turn) @ vector)
+
     @property
     def tool(self) -> tuple[float, float, float]:
         """Tool tip seen from the tool reference point, mm."""
@@ -44,12 +48,22 @@ def cartesian(machine: Machine) -> tuple[int, int, int]:
     return machine.index("X"), machine.index("Y"), machine.index("Z")
 
 
-def to_machine(machine: Machine, frame: Frame, program: Array) -> Array:
-    """Axis positions `(n, axes)`, mm and rad, of programmed positions `(n, axes)`, mm and degrees."""
+def in_workpiece(machine: Machine, frame: Frame, program: Array) -> Array:
+    """Tool points `(n, 3)`, mm, in the workpiece frame, of programmed positions `(n, axes)` under TCP."""
+    return np.asarray(_placed(machine, frame, program)[:, cartesian(machine)])
+
+
+def _placed(machine: Machine, frame: Frame, program: Array) -> Array:
     shifted = program + np.asarray(frame.offset)
     if frame.turn is not None:
         x_y_z = list(cartesian(machine))
         shifted[:, x_y_z] += program[:, x_y_z] @ (_matrix(frame.turn) - np.eye(3)).T
+    return shifted
+
+
+def to_machine(machine: Machine, frame: Frame, program: Array) -> Array:
+    """Axis positions `(n, axes)`, mm and rad, of programmed positions `(n, axes)`, mm and degrees."""
+    shifted = _placed(machine, frame, program)
     q = np.asarray(shifted * machine.scale)
     if frame.tcp:
         q = linear_positions(machine, q, shifted[:, cartesian(machine)], frame.tool)

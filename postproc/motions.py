@@ -322,6 +322,13 @@ class Recorder:
         elif not cycle.to_retract:
             self.known[z] = before
 
+    def leave_at(self, block: int, axis: int, place: float) -> None:
+        """A cycle of the control leaves an axis at a programmed place, mm, which stays as it is written."""
+        target, before = list(self.position), tuple(self.known)
+        target[axis] = place
+        self.known[axis] = Known.PROGRAM
+        self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), (AxisWord(axis, 0, False),), before)
+
     def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
         """A move of some axes to machine positions, mm and degrees."""
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from kinematics.errors import UserError
-from postproc.expressions import Formula
+from postproc.expressions import Expression, Formula
 from postproc.statements import Code
 
 
@@ -42,6 +42,8 @@ class Word(NamedTuple):
     """AC, IC, DC, ... of a Siemens word that says itself how its value counts."""
     tail: int = 0
     """Characters behind the number that belong to the word."""
+    arguments: tuple[Expression, ...] | None = None
+    """Of a call."""
 
 
 class Block(NamedTuple):

@@ -18,7 +18,7 @@ from grammars import block_parser
 from postproc.flow import check_order
 from postproc.program import Block, Refusal, Word
 from postproc.siemens_statements import Ambiguous, arguments, number_of, statement, structure, valued
-from postproc.statements import Code, Label, Step
+from postproc.statements import Code, Label, Return, Step
 
 _WORD = r"[A-Za-z][ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)"
 _PLAIN = re.compile(rf"([ \t]*(?:[Nn]\d+)?(?:[ \t]*{_WORD})*)[ \t]*(?:;[^\r\n]*)?[\r\n]*")
@@ -57,6 +57,8 @@ def parse_block(line: int, text: str) -> Block:
         raise Refusal(line, text, str(reason)) from None
     words, steps = tuple(parts.words), tuple(parts.steps)
     code = Code(steps) if steps or any(word.formula for word in words) else None
+    if parts.kind == "header" and line > 1:
+        code = Code((Return(),))
     kind = parts.kind or ("words" if words else "control" if steps else "blank")
     return _checked(Block(line, text, kind, words, "", parts.skippable, code))
 
@@ -123,17 +125,31 @@ def _name(address: str, at: int, end: int) -> Word:
 
 
 def _call(item: Any) -> Word:
-    """A call: its name with parentheses as the address, its arguments checked and left to the control."""
-    said = arguments(item.children[1])
-    empty = "()" if len(said) == 1 and not item.children[1].children[0].children else "(...)"
-    return _name(item.children[0].upper() + empty, item.meta.start_pos, item.meta.end_pos)
+    """A call with its arguments; one of none has an empty one."""
+    word = _name(item.children[0].upper(), item.meta.start_pos, item.meta.end_pos)
+    return word._replace(arguments=arguments(item.children[1]))
+
+
+def _called(item: Any) -> Word:
+    """CALL "PART": what is called, by its name in quotes."""
+    name = item.children[1].strip('"').upper()
+    return _name("CALL", item.meta.start_pos, item.meta.end_pos)._replace(mode=name)
+
+
+def _bare(token: Token) -> Word:
+    """The first word of a token."""
+    name = re.split(r"[\s=(]", token.upper(), maxsplit=1)[0]
+    return _name(name, token.start_pos or 0, (token.start_pos or 0) + len(token))
 
 
 _WORDS: dict[str, Callable[[Any], Word]] = {
     "BLOCK_NUMBER": _number,
     "WORD": _word,
-    "BARE": lambda item: _name(item.upper(), item.start_pos, item.end_pos),
+    "BARE": _bare,
+    "EXTERN": _bare,
+    "SYNCHRONOUS": _bare,
     "call": _call,
+    "called": _called,
 }
 
 

@@ -3,51 +3,38 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from lark import Token, Tree
 
 from postproc.expressions import Constant, Expression, Formula, Operation, Variable
 from postproc.program import Block, Word
-from postproc.siemens_variables import EMPTY, Declare
+from postproc.siemens_variables import EITHER_WAY, EMPTY, Declare, Receive
 from postproc.statements import Assign, Begin, Else, End, Jump, Label, Rerun, Select, Step, When
 
 Node = Tree[Token] | Token
 
 FLOW = re.compile(
-    r"\b(?:IF|GOTO[FBCS]?|CASE|FOR|WHILE|UNTIL|REPEATB?|LOOP|ELSE|END(?:IF|FOR|WHILE|LOOP))\b|N\d+REPEAT", re.I
+    r"\b(?:IF|GOTO[FBCS]?|CASE|FOR|WHILE|UNTIL|REPEATB?|LOOP|ELSE|END(?:IF|FOR|WHILE|LOOP))\b|N\d+REPEAT|^\s*%", re.I
 )
 """What a program may hold in which not always the next block runs."""
 LEVELS = {
+    ":": 10,
     **dict.fromkeys(("*", "/", "DIV", "MOD"), 9),
     **dict.fromkeys(("+", "-"), 8),
     **{"B_AND": 7, "B_XOR": 6, "B_OR": 5, "AND": 4, "XOR": 3, "OR": 2, "<<": 1},
     **dict.fromkeys(("==", "<>", "<", ">", "<=", ">="), 0),
 }
 """Of the operators, those first that bind most: a comparison binds least of all."""
+COMPARING = frozenset(("==", "<>", "<", ">", "<=", ">="))
 LOGIC = frozenset(("AND", "OR", "XOR"))
+USUAL_LEVELS: dict[str, float] = {**LEVELS, **dict.fromkeys(COMPARING, 4.5)}
+"""As other languages, and most who write programs, have it."""
 MODES = frozenset(("AC", "IC", "DC", "ACP", "ACN"))
 ADDRESSES = frozenset(
-    (
-        "CR",
-        "AR",
-        "AP",
-        "RP",
-        "RPL",
-        "TURN",
-        "SPOS",
-        "SPOSA",
-        "FA",
-        "FP",
-        "FB",
-        "OVR",
-        "PW",
-        "PL",
-        "SD",
-        "ADIS",
-        "ADISPOS",
-    )
+    "CR AR AP RP RPL TURN RND RNDM CHF CHR FRC FRCM FZ FD FA FP FB SPOS SPOSA OVR OVRRAP PW PL SD ADIS ADISPOS SCC "
+    "LEAD TILT THETA PHI PSI OFFN".split()
 )
 """Of more than one letter, that take a value and are no variables."""
 
@@ -81,18 +68,19 @@ def number_of(text: str) -> float:
 
 def _expression(parts: list[Any]) -> Expression:
     operators = {str(part).upper() for part in parts[1::2]}
-    compared = sum(LEVELS[str(part).upper()] == 0 for part in parts[1::2])
-    if compared > 1 or (compared and operators & LOGIC):
-        raise Ambiguous("a comparison binds least of all: parentheses round the comparisons are missing")
-    return _climb([part if i % 2 else formula(part) for i, part in enumerate(parts)], 0)
+    said = [str(part).upper() if i % 2 else formula(part) for i, part in enumerate(parts)]
+    result = _climb([*said], 0, LEVELS)
+    if COMPARING.isdisjoint(operators) or LOGIC.isdisjoint(operators):
+        return result
+    return Operation(EITHER_WAY, (result, _climb([*said], 0, USUAL_LEVELS)))
 
 
-def _climb(parts: list[Any], level: int) -> Expression:
+def _climb(parts: list[Any], level: float, levels: Mapping[str, float]) -> Expression:
     """Operands with operators between them, by their levels and from left to right; takes what it reads."""
     result: Expression = parts.pop(0)
-    while parts and LEVELS[str(parts[0]).upper()] >= level:
-        operator = str(parts.pop(0)).upper()
-        result = Operation(operator, (result, _climb(parts, LEVELS[operator] + 1)))
+    while parts and levels[parts[0]] >= level:
+        operator = parts.pop(0)
+        result = Operation(operator, (result, _climb(parts, levels[operator] + 0.1, levels)))
     return result
 
 
@@ -191,6 +179,8 @@ def statement(node: Tree[Token]) -> list[Step]:
     """The statements that a part of a block makes."""
     if node.data == "def":
         return _declare(node.children)
+    if node.data == "proc":
+        return [_receive(node.children)]
     return [_STATEMENTS[node.data](node.children)]
 
 
@@ -212,6 +202,22 @@ def _declare(parts: list[Any]) -> list[Step]:
         else:
             steps.append(Declare(kind, variable_.name, sizes, formula(values[0]) if values else None))
     return steps
+
+
+def _receive(parts: list[Any]) -> Receive:
+    """PROC: the parameters of a subprogram."""
+    if any(str(part).upper() == "SAVE" for part in parts[2:]):
+        raise Ambiguous("SAVE brings back the modes of the caller behind the subprogram: not followed")
+    found = []
+    for part in parts[2:]:
+        if isinstance(part, Token):
+            continue
+        said = {child.type: str(child).upper() for child in part.children if isinstance(child, Token)}
+        trees = [child for child in part.children if isinstance(child, Tree)]
+        if "VAR" in said or any(tree.data == "indices" for tree in trees):
+            raise Ambiguous("VAR, or a field: a parameter that changes variables of the caller is not followed")
+        found.append((said["TYPE"], said["IDENTIFIER"], formula(trees[0]) if trees else None))
+    return Receive(tuple(found))
 
 
 WAYS = {"GOTO": "FB", "GOTOC": "FB", "GOTOF": "F", "GOTOB": "B"}
@@ -277,6 +283,12 @@ _STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
 }
 
 
+def program_name(block: Block) -> str:
+    """What the first line of an archived program says: PART for `%_N_PART_SPF`."""
+    match = re.match(r"%_N_(\w+)_(?:MPF|SPF)\b", block.text.strip(), re.I)
+    return match[1].upper() if match else ""
+
+
 def structure(token: Token) -> Step:
     """ELSE, ENDIF, ENDFOR, ENDWHILE, ENDLOOP."""
     word = token.upper()
@@ -284,8 +296,8 @@ def structure(token: Token) -> Step:
 
 
 def labels(block: Block) -> list[str]:
-    """The names under which jumps find a block."""
-    found = []
+    """The names under which jumps and calls find a block."""
+    found = [f"%{program_name(block)}"] if block.kind == "header" else []
     for word in block.words:
         if word.address == "N" and word.value is not None:
             found += [f"N{word.value:.0f}", f"{word.value:.0f}"]

@@ -21,12 +21,18 @@ from postproc.expressions import (
     truth,
     whole,
 )
+from postproc.siemens_data import PARTS, ControlData, chained, translation, unturned
 
-AXES = frozenset("XYZABCUVWE")
-"""Names of axes that may be the index of a variable."""
-TRUTHS = {"TRUE": 1.0, "FALSE": 0.0}
-SETTINGS = frozenset(("ACC", "ACCLIMA", "JERKLIM", "JERKLIMA", "VELOLIM", "VELOLIMA", "OVRA"))
-"""Of axes: speeds, which move nothing elsewhere."""
+NAMES = frozenset("XYZABCUVWE") | PARTS
+"""Of axes, and of what a frame consists of: they may be the index of a variable."""
+CONSTANTS = {"TRUE": 1.0, "FALSE": 0.0, "$PI": math.pi}
+DATA = ("$P_UIFR", "$TC_")
+"""Tables of the control that a program may fill."""
+EITHER_WAY = "read with comparisons last, and with comparisons first"
+SETTINGS = frozenset(
+    "ACC ACCLIMA JERKLIM JERKLIMA VELOLIM VELOLIMA OVRA FL FGREF FA $A_OUT $A_OUTA $A_DBB $A_DBW $A_DBD $A_DBR".split()
+)
+"""Speeds of axes, and outputs: they move nothing elsewhere."""
 MOST = 100_000
 """Elements of a field."""
 
@@ -52,6 +58,12 @@ def _joined(a: Value, b: Value) -> str:
     return "".join(parts)
 
 
+def _agreed(as_documented: Value, as_usual: Value) -> Value:
+    if as_documented != as_usual:
+        raise NotKnown("a comparison binds least of all: parentheses round the comparisons are missing")
+    return as_documented
+
+
 OPERATIONS: Operations = {
     **ARITHMETIC,
     **COMPARISONS,
@@ -72,6 +84,13 @@ OPERATIONS: Operations = {
     "MINVAL": min,
     "MAXVAL": max,
     "BOUND": lambda low, high, value: min(max(low, value), high),
+    EITHER_WAY: _agreed,
+    "CTRANS": translation,
+    "CFINE": translation,
+    "CROT": unturned,
+    "CSCALE": unturned,
+    "CMIRROR": unturned,
+    ":": chained,
 }
 
 
@@ -82,26 +101,49 @@ def _bits(a: float) -> int:
 
 
 @dataclass
-class SiemensVariables:
-    """R parameters and declared variables; nothing is known of others."""
+class _Level:
+    """The variables of a program, or of a subprogram while it runs."""
 
-    operations: Operations = field(default_factory=lambda: OPERATIONS)
     values: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
     kinds: dict[str, str] = field(default_factory=dict)
     """Of declared variables."""
+    arguments: dict[int, Value | NotKnown] = field(default_factory=dict)
+    """By their place in the call, from 1."""
+
+
+@dataclass
+class SiemensVariables:
+    """R parameters, which all programs share, and declared variables; nothing is known of others."""
+
+    operations: Operations = field(default_factory=lambda: OPERATIONS)
+    shared: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
+    levels: list[_Level] = field(default_factory=lambda: [_Level()])
+    data: ControlData = field(default_factory=ControlData)
+    passive: frozenset[str] = frozenset()
+    """Names of axes outside the chain."""
+
+    @property
+    def depth(self) -> int:
+        """Subprograms in one another."""
+        return len(self.levels) - 1
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
         """The value of a variable; the name of an axis that stands alone is its own value."""
         shown = name + (f"[{', '.join(map(_shown, indices))}]" if indices and name != "R" else "")
         if name == "R" and indices:
             shown = f"R{_shown(indices[0])}"
-        if name in TRUTHS and not indices:
-            return TRUTHS[name]
+        here = self.levels[-1]
+        if name in CONSTANTS and not indices:
+            return CONSTANTS[name]
         if name.startswith("$"):
             raise NotKnown(f"{shown} belongs to the control")
-        if name in AXES and not indices and name not in self.kinds:
+        if name in SETTINGS:
+            raise NotKnown(f"{shown} is a setting of an axis and no coordinate")
+        if name in NAMES and not indices and name not in here.kinds:
             return name
-        value = self.values.get((name, _places(indices)))
+        value = (self.shared if name == "R" else here.values).get((name, _places(indices)))
+        if value is None and any(name in level.kinds for level in self.levels[:-1]):
+            raise NotKnown(f"{shown} belongs to the calling program: whether it is seen here depends on the control")
         if value is None:
             raise NotKnown(f"{shown} is not set by the program")
         if isinstance(value, NotKnown):
@@ -110,18 +152,27 @@ class SiemensVariables:
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it; NotKnown for one that is not declared: it could be an axis."""
-        if name in SETTINGS:
+        if name in SETTINGS or name in self.passive:
             return
-        if name != "R" and name not in self.kinds:
+        if name.startswith(DATA):
+            if isinstance(value, NotKnown):
+                raise value
+            self.data.set(name, indices, value)
+            return
+        if name.startswith("$"):
+            raise NotKnown(f"{name} belongs to the control: what it changes is not known")
+        here = self.levels[-1]
+        if name != "R" and name not in here.kinds:
             raise NotKnown(f"{name} is declared nowhere: an axis, a variable of the control or of another program")
-        if self.kinds.get(name) == "INT" and isinstance(value, float):
+        if here.kinds.get(name) == "INT" and isinstance(value, float):
             value = _rounded(value)
-        self.values[name, _places(indices)] = value
+        (self.shared if name == "R" else here.values)[name, _places(indices)] = value
 
     def declare(self, kind: str, name: str, sizes: Sequence[int], values: Sequence[Value | NotKnown | None]) -> None:
         """A new variable, with first values in the order of its elements, last index first."""
-        self.kinds[name] = kind
-        empty: Value = "" if kind in ("STRING", "CHAR", "AXIS") else 0.0
+        here = self.levels[-1]
+        here.kinds[name] = kind
+        empty: Value = "" if kind in ("STRING", "CHAR", "AXIS", "FRAME") else 0.0
         elements = math.prod(sizes)
         if elements > MOST:
             raise NotKnown(f"a field of {elements} elements")
@@ -131,15 +182,35 @@ class SiemensVariables:
                 left, index = divmod(left, size)
                 place.append(index)
             given = values[i] if i < len(values) else None
-            self.values[name, tuple(reversed(place))] = empty
+            here.values[name, tuple(reversed(place))] = empty
             if given is not None:
                 self.set(name, tuple(float(index) for index in reversed(place)), given)
 
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
-        """Subprograms in the same file have no variables of their own."""
+        """A subprogram has variables of its own."""
+        self.levels.append(_Level(arguments=arguments or {}))
 
     def leave(self) -> None:
-        """Nothing ends."""
+        """They end with it."""
+        self.levels.pop()
+
+
+class Receive(NamedTuple):
+    """PROC: the parameters of a subprogram take the arguments of its call."""
+
+    parameters: tuple[tuple[str, str, Expression | None], ...]
+    """Kind, name, and the value that holds where the call gives none."""
+
+    def run(self, scope: Scope) -> None:
+        """Declare them with what is given; a program that nothing has called gets nothing that is known."""
+        assert isinstance(scope, SiemensVariables)
+        arguments = scope.levels[-1].arguments
+        if len(arguments) and max(arguments) > len(self.parameters):
+            raise NotKnown("a call with more arguments than parameters")
+        for i, (kind, name, default) in enumerate(self.parameters, start=1):
+            unsaid = NotKnown(f"{name} is a parameter that the call leaves out")
+            given = arguments.get(i, unsaid if default is None else _known(default, scope))
+            scope.declare(kind, name, (), [given])
 
 
 class Declare(NamedTuple):

@@ -50,7 +50,9 @@ class WordEditor:
         """Make a word say `value`, with no fewer decimals than it has or than given; returns what it says then."""
         word = self.block.words[index]
         number = self.rounded(index, value, decimals)
-        if number != word.value and word.formula is not None and word.formula.carrier:
+        if word.formula is not None and word.formula.instead:
+            self._say_instead(word, number, decimals)
+        elif number != word.value and word.formula is not None and word.formula.carrier:
             self._carry(word, number - (word.value or 0.0), max(decimals_of(self._number(word)), decimals))
         elif number != word.value and word.formula is not None:
             shift = f"{number - (word.value or 0.0):+.{max(decimals_of(self._number(word)), decimals)}f}"
@@ -64,6 +66,8 @@ class WordEditor:
     def rounded(self, index: int, value: float, decimals: int) -> float:
         """What a word would say that `set` makes say `value`: just what it says, when that is the same rounded."""
         word = self.block.words[index]
+        if word.formula is not None and word.formula.instead:
+            return round(value, decimals)
         decimals = max(decimals_of(self._number(word)), decimals)
         number, original = round(value, decimals), word.value or 0.0
         if word.formula is not None:
@@ -110,6 +114,12 @@ class WordEditor:
         first = next(word for word in self.block.words if word.address != "N")
         lower = self.block.text[first.at].islower()
         self.edits.append(Edit(first.at, first.at, (code.lower() if lower else code) + " " * self.layout.blank))
+
+    def _say_instead(self, word: Word, number: float, decimals: int) -> None:
+        """Siemens: put a coordinate, or a radius, in the place of the word that stands for it."""
+        equals = "=" if len(word.address) > 1 else ""
+        said = f"{word.address}{equals}{self.layout.numbers.write(number, decimals)}"
+        self.edits.append(Edit(word.at, word.end + word.tail, said))
 
     def _carry(self, word: Word, shift: float, decimals: int) -> None:
         """Klartext: give a parameter of ncomp's own the sum, and the word that parameter."""

@@ -1,0 +1,147 @@
+"""Arcs of Siemens programs: G2 and G3 with a centre, a radius, an angle, or round a pole."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from postproc.circles import Point, centre_from_radius, point_at, radius_fault, same
+from postproc.motions import Arc, AxisWord, Known, Recorder
+from postproc.program import Block
+from postproc.siemens_codes import CENTRES
+from postproc.siemens_content import Content, given_as, plain_of, value_in, value_of, with_word
+
+ARC_WORDS = frozenset((*CENTRES, "CR", "AR", "TURN"))
+
+
+class Turn(NamedTuple):
+    """How an arc is run."""
+
+    plane: str
+    """Its first, second and normal axis."""
+    sense: int
+    """+1 counter-clockwise seen from the end of the normal."""
+    unit: float
+    """mm per unit of its words."""
+
+    def columns(self, recorder: Recorder) -> tuple[int, int, int]:
+        """Of the axes of the plane."""
+        first, second, normal = (recorder.machine.index(axis) for axis in self.plane)
+        return first, second, normal
+
+    def ends(self, recorder: Recorder, target: list[float]) -> tuple[Point, Point]:
+        """Start and end in the plane."""
+        first, second, _ = self.columns(recorder)
+        position = recorder.position
+        return (position[first], position[second]), (target[first], target[second])
+
+    @property
+    def letters(self) -> list[str]:
+        """Of the words of a centre."""
+        return [CENTRES["XYZ".index(axis)] for axis in self.plane[:2]]
+
+
+def check_start(block: Block, recorder: Recorder, turn: Turn) -> None:
+    """Refuse an arc from where the program has not put the tool."""
+    first, second, _ = turn.columns(recorder)
+    if not (recorder.known[first] and recorder.known[second]):
+        raise block.refuse("an arc from a position that the program has not said")
+
+
+def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float]) -> Arc:
+    """The circle of an arc to `target`, programmed coordinates, mm; Refusal where the words give none."""
+    plane, (start, end) = turn.columns(recorder), turn.ends(recorder, target)
+    if value_in(block, content, "TURN"):
+        raise block.refuse("an arc of several turns is not corrected")
+    if "CR" not in content.other:
+        return _by_centre(block, content, turn, plane, (start, end))
+    if content.other.keys() & set(CENTRES):
+        raise block.refuse("an arc by its radius and its centre at once")
+    index = content.other["CR"]
+    centre = centre_from_radius(start, end, value_of(block, block.words[index]) * turn.unit, turn.sense)
+    if centre is None:
+        raise block.refuse("no circle of this radius joins start and end")
+    return Arc(plane, turn.sense, centre, False, "radius", (index, None))
+
+
+def _by_centre(
+    block: Block, content: Content, turn: Turn, plane: tuple[int, int, int], ends: tuple[Point, Point]
+) -> Arc:
+    letters = turn.letters
+    stray = [a for a in CENTRES if a in content.other and a not in letters]
+    if any(value_of(block, block.words[content.other[a]]) for a in stray):
+        raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(turn.plane[:2])}")
+    indices = [content.other.get(letter) for letter in letters]
+    if indices == [None, None]:
+        raise block.refuse(f"an arc without {' or '.join(letters)} or CR")
+    start, end = ends
+    centre, absolute = _centre(block, content, turn, start)
+    fault = radius_fault(start, end, centre)
+    if fault is not None:
+        raise block.refuse(fault)
+    form = "absolute" if absolute else "incremental"
+    return Arc(plane, turn.sense, centre, same(start, end), form, (indices[0], indices[1]))
+
+
+def _centre(block: Block, content: Content, turn: Turn, start: Point) -> tuple[Point, bool]:
+    """The centre, and whether its words say where it is and not how far from the start."""
+    indices = [content.other.get(letter) for letter in turn.letters]
+    words = [None if i is None else block.words[i] for i in indices]
+    modes = {word.mode for word in words if word is not None}
+    if len(modes) > 1 or not modes <= {"", "AC"}:
+        raise block.refuse("one coordinate of a centre absolute and the other not")
+    absolute = modes == {"AC"}
+    if absolute and None in indices:
+        raise block.refuse(f"an absolute centre takes both {' and '.join(turn.letters)}")
+    values = [0.0 if word is None else value_of(block, word) * turn.unit for word in words]
+    base = (0.0, 0.0) if absolute else start
+    return (base[0] + values[0], base[1] + values[1]), absolute
+
+
+# ---- AR: the angle of an arc, with its end or with its centre
+
+
+class Said(NamedTuple):
+    """A block with words for what it says in other words, and where it goes."""
+
+    block: Block
+    words: list[tuple[AxisWord, float]]
+    """Axis words with their values, mm or degrees."""
+    others: dict[int, float]
+    """Targets, mm, of axes that have no word."""
+
+    def target(self, recorder: Recorder) -> list[float]:
+        """Where the move ends, programmed coordinates."""
+        target = recorder.target(self.block, self.words)
+        for axis, value in self.others.items():
+            target[axis] = value
+        return target
+
+
+def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, said: Said) -> Said:
+    """An arc by its angle AR, with the radius or the end that a correction has to write in its place.
+
+    Beside an end in the plane AR gives the radius, beside a centre the end.
+    """
+    index = content.other.pop("AR")
+    angle = plain_of(block, block.words[index])
+    if not 0.0 < angle < 360.0:
+        raise block.refuse(f"an arc of {angle:g} degrees")
+    first, second, _ = turn.columns(recorder)
+    start, end = turn.ends(recorder, said.target(recorder))
+    if not any(word.axis in (first, second) for word, _ in said.words):
+        if recorder.known[first] != Known.PROGRAM or recorder.known[second] != Known.PROGRAM:
+            raise block.refuse("an arc from a position that the program has not said in this frame")
+        centre, _ = _centre(block, content, turn, start)
+        end = point_at(start, centre, turn.sense * math.radians(angle))
+        coordinate = given_as(block.words[index], turn.plane[0], end[0] / turn.unit)
+        words = [*said.words, (AxisWord(first, index, False), end[0])]
+        return Said(with_word(block, index, coordinate), words, {second: end[1]})
+    if content.other.keys() & set(CENTRES):
+        raise block.refuse("AR beside an end and a centre")
+    radius = math.dist(start, end) / 2.0 / math.sin(math.radians(angle) / 2.0)
+    if radius == 0.0:
+        raise block.refuse("AR of an arc that ends where it starts")
+    content.other["CR"] = index
+    by_radius = given_as(block.words[index], "CR", math.copysign(radius, 180.0 - angle) / turn.unit)
+    return said._replace(block=with_word(block, index, by_radius))
