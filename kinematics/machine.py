@@ -93,6 +93,8 @@ class Control:
     """Axes that a tool change leaves somewhere else."""
     tcp_at_start: bool = False
     """True for a control whose kinematics place the tool point in the workpiece frame from the start (LinuxCNC)."""
+    passive_axes: tuple[str, ...] = ()
+    """Names of axes outside the chain, as of an extruder: their words pass as they are (Siemens programs)."""
 
 
 @dataclass(frozen=True)

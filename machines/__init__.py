@@ -30,6 +30,7 @@ class _ControlEntry(msgspec.Struct, forbid_unknown_fields=True):
     arc_centres: Literal["incremental", "absolute"] = "incremental"
     tool_change_moves: tuple[str, ...] = ("X", "Y", "Z")
     tcp_at_start: bool = False
+    passive_axes: tuple[str, ...] = ()
 
 
 class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
@@ -98,6 +99,9 @@ def _build(entries: _MachineFile) -> Machine:
     unknown = set(control.tool_change_moves) - chained - set(Control().tool_change_moves)
     if unknown:
         raise UserError(f"control.tool_change_moves: no axis {', '.join(sorted(unknown))} in the chain")
+    both = chained & set(control.passive_axes)
+    if both:
+        raise UserError(f"control.passive_axes: {', '.join(sorted(both))} is in the chain")
     for offset, values in entries.work_offsets.items():
         unknown = set(values) - chained
         if unknown:

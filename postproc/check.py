@@ -124,14 +124,17 @@ def _walk(source: Source, dialect: Dialect, interpreter: Interpreter, findings: 
         return
     done: list[Block] = []
     try:
-        flow = Flow(blocks, interpreter.scope, dialect.labels)
+        blocks = dialect.link(blocks)
+        flow = Flow(blocks, interpreter.scope, dialect.labels, dialect.begins)
         running = (block for _, block in flow.run(lambda: interpreter.ended))
         findings.take(interpreter.read(_noted(running, done)))
     except Refusal as refusal:
         findings.refuse(refusal)
         findings.take(interpreter.recorder.finish(done))
         return
-    findings.not_run = [block.line for i, block in enumerate(blocks) if i not in flow.ran and block.kind != "blank"]
+    findings.not_run = [
+        block.line for i, block in enumerate(blocks) if i not in flow.ran and block.kind not in ("blank", "header")
+    ]
 
 
 def ranges(lines: Iterable[int]) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Protocol
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
-from postproc.flow import Variables
+from postproc.flow import Variables, never
 from postproc.motions import Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block
@@ -54,6 +54,10 @@ class Dialect:
     """True for blocks that must stay in front of everything else."""
     own: re.Pattern[str] | None = None
     """Variables that corrections are put into: a program that has them already can't be corrected."""
+    link: Callable[[Sequence[Block]], list[Block]] = list
+    """The blocks of a program that is held as a whole, with what only the whole tells of them."""
+    begins: Callable[[Block], bool] = never
+    """True for the first block of a program that jumps and labels of another don't reach."""
 
 
 def _iso() -> Dialect:
@@ -88,7 +92,7 @@ def _heidenhain() -> Dialect:
 
 
 def _siemens() -> Dialect:
-    from postproc import siemens, siemens_blocks, siemens_statements
+    from postproc import siemens, siemens_blocks, siemens_calls, siemens_statements
 
     return Dialect(
         "siemens",
@@ -99,6 +103,8 @@ def _siemens() -> Dialect:
         siemens.SiemensInterpreter,
         "; {}",
         lambda block: block.kind == "header" or "$PATH" in block.text,
+        link=siemens_calls.link,
+        begins=lambda block: block.kind == "header",
     )
 
 

@@ -104,8 +104,8 @@ class Walk:
         """Chunks of blocks as they run."""
         try:
             lines = self.dialect.join_lines(self.source.lines())
-            self.blocks = [self.dialect.read_block(line, text) for line, text in lines]
-            flow = Flow(self.blocks, self.interpreter.scope, self.dialect.labels)
+            self.blocks = self.dialect.link([self.dialect.read_block(line, text) for line, text in lines])
+            flow = Flow(self.blocks, self.interpreter.scope, self.dialect.labels, self.dialect.begins)
             steps = flow.run(lambda: self.interpreter.ended)
             size = sum(len(block.text) for block in self.blocks)
             more = True

@@ -6,6 +6,7 @@ a whole and walked through; every block comes as often as it runs, with the valu
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar, cast
@@ -132,11 +133,24 @@ def _given(part: Part | None) -> Part:
     return part
 
 
+def never(_: Block) -> bool:
+    """False, whatever the block: where one file holds one program."""
+    return False
+
+
 class Flow:
     """Walks through a program that is held as a whole."""
 
-    def __init__(self, blocks: Sequence[Block], scope: Variables, labels: Callable[[Block], Iterable[str]]) -> None:
+    def __init__(
+        self,
+        blocks: Sequence[Block],
+        scope: Variables,
+        labels: Callable[[Block], Iterable[str]],
+        begins: Callable[[Block], bool] = never,
+    ) -> None:
         self.blocks, self.scope = blocks, scope
+        self.programs = list(itertools.accumulate(map(begins, blocks)))
+        """Of every block: which program of the file it belongs to."""
         self.structures = find_structures(blocks)
         self.labels: dict[str, list[int]] = {}
         for i, block in enumerate(blocks):
@@ -296,7 +310,7 @@ class Flow:
 
     def _jump(self, at: int, block: Block, step: Jump) -> int | None:
         name = self._name(step.label)
-        places = self.labels.get(name, [])
+        places = self._labelled(name, at)
         if len(step.ways) > 1 and len(places) > 1:
             raise block.refuse(f"{name} is the label of {len(places)} blocks")
         later, earlier = [place for place in places if place > at], [place for place in places if place <= at]
@@ -311,6 +325,10 @@ class Flow:
             raise block.refuse("a jump out of a part of the program that is repeated")
         self._jumped = True
         return target
+
+    def _labelled(self, name: str, at: int) -> list[int]:
+        """The blocks of a label in the program that a block belongs to."""
+        return [place for place in self.labels.get(name, []) if self.programs[place] == self.programs[at]]
 
     def _name(self, label: str | Expression) -> str:
         value = label if isinstance(label, str) else evaluate(label, self.scope)
@@ -363,12 +381,12 @@ class Flow:
         times = 1 if step.times is None else whole(step.times, self.scope)
         if times < 1:
             return None
-        firsts = self.labels.get(step.first, [])
+        firsts = self._labelled(step.first, at)
         if len(firsts) != 1 or (firsts[0] >= at and not step.last) or "ENDLABEL" in self.labels:
             raise block.refuse(f"no block {step.first} before it, or more than one")
         last = at - 1
         if step.last:
-            places = self.labels.get(step.last, [])
+            places = self._labelled(step.last, at)
             if len(places) != 1 or places[0] < firsts[0]:
                 raise block.refuse(f"no block {step.last} behind {step.first}, or more than one")
             last = places[0]

@@ -58,7 +58,7 @@ def _placed(machine: Machine, frame: Frame, program: Array) -> Array:
     if frame.turn is not None:
         x_y_z = list(cartesian(machine))
         shifted[:, x_y_z] += program[:, x_y_z] @ (_matrix(frame.turn) - np.eye(3)).T
-    return shifted
+    return np.asarray(shifted)
 
 
 def to_machine(machine: Machine, frame: Frame, program: Array) -> Array:

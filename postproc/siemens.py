@@ -36,7 +36,7 @@ from postproc.siemens_codes import (
 )
 from postproc.siemens_content import Content, check, sort, value_of, whole_of
 from postproc.siemens_cycles import Cycles
-from postproc.siemens_data import tool_key
+from postproc.siemens_data import edge_key
 from postproc.siemens_places import Places
 from postproc.siemens_polar import POLAR, Polar
 from postproc.siemens_swivel import read_swivel, rotary_positions
@@ -72,7 +72,7 @@ class SiemensInterpreter:
         self.machine_vectors = False
         """ORIMKS: vectors are those of the machine."""
         self.compensated = self.rounded = self.cornered = False
-        """The control shifts the path by the radius of the tool; it rounds every corner; or that behind the last block."""
+        """The control shifts the path by the radius of the tool; rounds every corner; or the one behind the last block."""
         self.recorder = Recorder(self.machine, self._frame())
 
     def read(self, blocks: Iterable[Block]) -> Motions:
@@ -150,8 +150,14 @@ class SiemensInterpreter:
         if "D" in content.other:
             self.edge = whole_of(block, block.words[content.other["D"]])
         if self._tool_key() != before:
+            self._note_edge(block)
             x_y_z = cartesian(self.machine)
             self.recorder.set_frame(self._frame(), x_y_z if self.recorder.frame.tcp else x_y_z[2:])
+
+    def _note_edge(self, block: Block) -> None:
+        tool, edge = self._tool_key()
+        if tool and edge > 1 and not self.setup.knows(edge_key(tool, edge)):
+            self.notes.add(f"D{edge} of tool {tool} taken to be as long as D1", block.line)
 
     def _change_tool(self, block: Block) -> None:
         self.spindle_tool = self.selected_tool
@@ -167,7 +173,8 @@ class SiemensInterpreter:
         if not self.edge or not self.spindle_tool:
             return 0.0
         self.setup.tools.update(self.scope.data.tools())
-        return self.setup.tool_length(tool_key(self.spindle_tool, self.edge))
+        key = edge_key(self.spindle_tool, self.edge)
+        return self.setup.tool_length(key if self.setup.knows(key) else self.spindle_tool)
 
     # ---- modes and frames
 
@@ -213,7 +220,7 @@ class SiemensInterpreter:
         data = self.scope.data
         if name in data.offsets:
             before = dict(self.setup.work_offsets.get(name, self.machine.work_offsets.get(name, {})))
-            self.setup.work_offsets[name] = data.offset(name, before)
+            self.setup.work_offsets = {**self.setup.work_offsets, name: data.offset(name, before)}
         self.work_offset = name
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
 
@@ -294,7 +301,9 @@ class SiemensInterpreter:
             if word.mode in ("DC", "ACP", "ACN") and not rotary:
                 raise block.refuse(f"{word.mode} for an axis that does not turn")
             if rotary and self.places.swivelled is not None and not self.tcp:
-                raise block.refuse("a rotary axis in a plane of CYCLE800: the control leaves the coordinates as they are")
+                raise block.refuse(
+                    "a rotary axis in a plane of CYCLE800: the control leaves the coordinates as they are"
+                )
             incremental = word.mode == "IC" or (not word.mode and not self.absolute)
             result.append((AxisWord(axis, i, incremental), value_of(block, word) * (1.0 if rotary else self.unit)))
         return result
@@ -332,7 +341,7 @@ class SiemensInterpreter:
         if kind is Kind.ARC:
             check_start(block, self.recorder, turn)
             if "AR" in content.other:
-                said = with_angle(block, content, self.recorder, turn, said)
+                said = with_angle(block, content, self.recorder, turn, said, self.absolute)
         target = said.target(self.recorder)
         if not content.other.keys().isdisjoint(VECTOR):
             self._point(block, content, target)

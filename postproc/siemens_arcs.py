@@ -51,17 +51,18 @@ def check_start(block: Block, recorder: Recorder, turn: Turn) -> None:
 def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float]) -> Arc:
     """The circle of an arc to `target`, programmed coordinates, mm; Refusal where the words give none."""
     plane, (start, end) = turn.columns(recorder), turn.ends(recorder, target)
-    if value_in(block, content, "TURN"):
-        raise block.refuse("an arc of several turns is not corrected")
+    turns = value_in(block, content, "TURN") or 0.0
+    if turns != int(turns) or turns < 0.0:
+        raise block.refuse(f"TURN={turns:g} is no number of turns")
     if "CR" not in content.other:
-        return _by_centre(block, content, turn, plane, (start, end))
+        return _by_centre(block, content, turn, plane, (start, end))._replace(turns=int(turns))
     if content.other.keys() & set(CENTRES):
         raise block.refuse("an arc by its radius and its centre at once")
     index = content.other["CR"]
     centre = centre_from_radius(start, end, value_of(block, block.words[index]) * turn.unit, turn.sense)
     if centre is None:
         raise block.refuse("no circle of this radius joins start and end")
-    return Arc(plane, turn.sense, centre, False, "radius", (index, None))
+    return Arc(plane, turn.sense, centre, False, "radius", (index, None), turns=int(turns))
 
 
 def _by_centre(
@@ -118,10 +119,10 @@ class Said(NamedTuple):
         return target
 
 
-def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, said: Said) -> Said:
+def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, said: Said, absolute: bool) -> Said:
     """An arc by its angle AR, with the radius or the end that a correction has to write in its place.
 
-    Beside an end in the plane AR gives the radius, beside a centre the end.
+    Beside an end in the plane AR gives the radius, beside a centre the end; without `absolute`, G91, by an increment.
     """
     index = content.other.pop("AR")
     angle = plain_of(block, block.words[index])
@@ -134,8 +135,9 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
             raise block.refuse("an arc from a position that the program has not said in this frame")
         centre, _ = _centre(block, content, turn, start)
         end = point_at(start, centre, turn.sense * math.radians(angle))
-        coordinate = given_as(block.words[index], turn.plane[0], end[0] / turn.unit)
-        words = [*said.words, (AxisWord(first, index, False), end[0])]
+        value = end[0] - (0.0 if absolute else start[0])
+        coordinate = given_as(block.words[index], turn.plane[0], value / turn.unit)
+        words = [*said.words, (AxisWord(first, index, not absolute), value)]
         return Said(with_word(block, index, coordinate), words, {second: end[1]})
     if content.other.keys() & set(CENTRES):
         raise block.refuse("AR beside an end and a centre")

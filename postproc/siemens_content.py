@@ -60,7 +60,7 @@ def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
         address = word.address
         if address in passive:
             continue
-        if word.arguments is not None or (word.start == word.end and not word.mode):
+        if word.arguments is not None or word.start == word.end:
             content.names[address] = i
         elif address == "G":
             content.g.append(word.value or 0.0)

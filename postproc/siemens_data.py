@@ -9,8 +9,9 @@ from postproc.expressions import NotKnown, Value
 
 FRAMES, NAMES = "$P_UIFR", "$TC_TP2"
 LENGTHS = {"$TC_DP3": "length", "$TC_DP12": "wear", "$TC_DP21": "base"}
+RADII = {"$TC_DP6": "radius", "$TC_DP15": "wear"}
 SIDEWAYS = frozenset(f"$TC_DP{n}" for n in (4, 5, 13, 14, 22, 23))
-"""Lengths across the tool axis of a milling tool."""
+"""Lengths across the axis of a milling tool."""
 PARTS = frozenset(("TR", "RT", "FI", "SC", "MI"))
 """Of a frame: translation, rotation, fine shift, scale, mirror."""
 NEUTRAL = {"RT": 0.0, "SC": 1.0, "MI": 0.0}
@@ -30,20 +31,23 @@ class ControlData:
     """Fine shifts, which come on top."""
     lengths: dict[tuple[int, int], dict[str, float]] = field(default_factory=dict)
     """Length 1, its wear and its base, mm, by tool and cutting edge."""
+    rounds: dict[tuple[int, int], dict[str, float]] = field(default_factory=dict)
+    """Radius and its wear, mm."""
     names: dict[int, str] = field(default_factory=dict)
     """Of tools."""
 
-    def set(self, name: str, indices: tuple[Value, ...], value: Value) -> bool:
-        """Take over a value; False for one that says nothing of where the tool is, NotKnown for what is not followed."""
+    def set(self, name: str, indices: tuple[Value, ...], value: Value) -> None:
+        """Take over a value, if it says where the tool is; NotKnown for what is not followed."""
         if name == FRAMES:
             self._set_frame(indices, value)
         elif name in LENGTHS and isinstance(value, float):
             self.lengths.setdefault((_index(indices, 0), _index(indices, 1)), {})[LENGTHS[name]] = value
+        elif name in RADII and isinstance(value, float):
+            self.rounds.setdefault((_index(indices, 0), _index(indices, 1)), {})[RADII[name]] = value
         elif name in SIDEWAYS and value != 0.0:
             raise NotKnown(f"{name}: a length of the tool across its axis is not corrected for")
         elif name == NAMES and isinstance(value, str):
             self.names[_index(indices, 0)] = value
-        return name == FRAMES or name in LENGTHS
 
     def _set_frame(self, indices: tuple[Value, ...], value: Value) -> None:
         number = _index(indices, 0)
@@ -74,21 +78,28 @@ class ControlData:
         return {axis: coarse.get(axis, 0.0) + fine.get(axis, 0.0) for axis in {**coarse, **fine}}
 
     @property
-    def offsets(self) -> set[str]:
+    def offsets(self) -> frozenset[str]:
         """Names of all work offsets that were set."""
-        return {*self.whole, *self.single, *self.fine}
+        return frozenset((*self.whole, *self.single, *self.fine))
 
     def tools(self) -> dict[str, float]:
-        """Lengths, mm, by tool and edge as `tool_key` says, and by name."""
+        """Lengths, mm, by number and by name of the tool, and edge, as `edge_key` says."""
+        return self._by_key(self.lengths)
+
+    def radii(self) -> dict[str, float]:
+        """Radii likewise."""
+        return self._by_key(self.rounds)
+
+    def _by_key(self, values: dict[tuple[int, int], dict[str, float]]) -> dict[str, float]:
         found: dict[str, float] = {}
-        for (tool, edge), parts in self.lengths.items():
+        for (tool, edge), parts in values.items():
             for key in (str(tool), self.names.get(tool)):
                 if key is not None:
-                    found[tool_key(key, edge)] = sum(parts.values())
+                    found[edge_key(key, edge)] = sum(parts.values())
         return found
 
 
-def tool_key(tool: int | str, edge: int) -> str:
+def edge_key(tool: int | str, edge: int) -> str:
     """What a set-up knows the length of an edge by: `5` for D1 of T5, `5 D2` for D2."""
     return str(tool) if edge == 1 else f"{tool} D{edge}"
 
@@ -112,9 +123,16 @@ def translation(*parts: Value) -> str:
 
 
 def unturned(*parts: Value) -> str:
-    """CROT, CSCALE, CMIRROR that change nothing."""
+    """CROT and CMIRROR that change nothing."""
     if any(isinstance(value, float) and value != 0.0 for value in parts[1::2]):
-        raise NotKnown("a frame that turns, scales or mirrors: not followed")
+        raise NotKnown("a frame that turns or mirrors: not followed")
+    return ""
+
+
+def unscaled(*parts: Value) -> str:
+    """CSCALE that changes nothing."""
+    if any(isinstance(value, float) and value != 1.0 for value in parts[1::2]):
+        raise NotKnown("a frame that scales: not followed")
     return ""
 
 

@@ -40,7 +40,7 @@ class Polar:
             raise block.refuse("a pole from a position that the program has not said")
         position = recorder.position
         base = {FROM_POSITION: (position[first], position[second]), FROM_POLE: self.pole}.get(code, (0.0, 0.0))
-        if POLAR <= content.other.keys() and not content.axes:
+        if content.other.keys() >= POLAR and not content.axes:
             angle, radius = (plain_of(block, block.words[content.other[address]]) for address in ("AP", "RP"))
             shift = _around((0.0, 0.0), radius * turn.unit, angle)
         else:
@@ -61,7 +61,10 @@ class Polar:
     def coordinates(
         self, block: Block, content: Content, recorder: Recorder, turn: Turn, said: Said, absolute: bool
     ) -> Said:
-        """The block with coordinates where it says AP and RP; `said` are its other axis words."""
+        """The block with coordinates where it says AP and RP; `said` are its other axis words.
+
+        Without `absolute`, G91, words are increments, of coordinates too.
+        """
         first, second, _ = turn.columns(recorder)
         if any(word.axis in (first, second) for word, _ in said.words):
             raise block.refuse("polar coordinates and others in one plane")
@@ -72,15 +75,16 @@ class Polar:
             self.radius = self._value(block, words.get("RP"), self.radius, turn.unit, absolute)
         if self.radius < 0.0:
             raise block.refuse("a negative polar radius")
-        unsaid = recorder.frame.couples or "RP" not in words
+        unsaid = recorder.frame.couples or "RP" not in words or not absolute
         if unsaid and any(recorder.known[axis] != Known.PROGRAM for axis in turn.columns(recorder)):
             raise block.refuse("polar coordinates from a position that the program has not said in this frame")
         place = _around(self.pole, self.radius, self.angle)
         found, others = [*said.words], {**said.others, second: place[1]}
         for axis, index, value in zip((first, second), indices.values(), place, strict=False):
             letter = recorder.machine.names[axis]
-            block = with_word(block, index, given_as(block.words[index], letter, value / turn.unit))
-            found.append((AxisWord(axis, index, False), value))
+            base = 0.0 if absolute else recorder.position[axis]
+            block = with_word(block, index, given_as(block.words[index], letter, (value - base) / turn.unit))
+            found.append((AxisWord(axis, index, not absolute), value - base))
             others.pop(axis, None)
         return Said(block, found, others)
 

@@ -32,10 +32,11 @@ LOGIC = frozenset(("AND", "OR", "XOR"))
 USUAL_LEVELS: dict[str, float] = {**LEVELS, **dict.fromkeys(COMPARING, 4.5)}
 """As other languages, and most who write programs, have it."""
 MODES = frozenset(("AC", "IC", "DC", "ACP", "ACN"))
-ADDRESSES = frozenset(
+_ADDRESSES = (
     "CR AR AP RP RPL TURN RND RNDM CHF CHR FRC FRCM FZ FD FA FP FB SPOS SPOSA OVR OVRRAP PW PL SD ADIS ADISPOS SCC "
-    "LEAD TILT THETA PHI PSI OFFN".split()
+    "LEAD TILT THETA PHI PSI OFFN"
 )
+ADDRESSES = frozenset(_ADDRESSES.split())
 """Of more than one letter, that take a value and are no variables."""
 
 
@@ -108,11 +109,17 @@ def arguments(node: Tree[Token]) -> tuple[Expression, ...]:
     return tuple(formula(children[0]) if children else EMPTY for children in found)
 
 
+def _operands(node: Tree[Token]) -> tuple[Expression, ...]:
+    """The arguments of a function, which may have none."""
+    found = arguments(node)
+    return () if found == (EMPTY,) else found
+
+
 _FORMULAS: dict[str, Callable[[list[Any]], Expression]] = {
     "expression": _expression,
     "signed": _signed,
     "group": lambda parts: formula(parts[0]),
-    "function": lambda parts: Operation(str(parts[0]).upper(), arguments(parts[1])),
+    "function": lambda parts: Operation(str(parts[0]).upper(), _operands(parts[1])),
     "reference": _reference,
 }
 

@@ -86,7 +86,7 @@ def rotary_positions(block: Block, machine: Machine, swivel: Swivel) -> dict[int
         raise block.refuse("no position of the rotary axes sets the tool upright on this plane")
     tilting = min(rotary, key=lambda i: np.ptp(machine.axes[i].travel))
     sign = 1.0 if swivel.lower else -1.0
-    return min(found, key=lambda at: (sign * at[tilting], sum(abs(angle) for angle in at.values())))
+    return min(found, key=lambda at: (sign * at[tilting], sum(abs(angle) for angle in at.values()), -sum(at.values())))
 
 
 def _starts(machine: Machine, axis: int) -> list[float]:

@@ -21,7 +21,7 @@ from postproc.expressions import (
     truth,
     whole,
 )
-from postproc.siemens_data import PARTS, ControlData, chained, translation, unturned
+from postproc.siemens_data import PARTS, ControlData, chained, translation, unscaled, unturned
 
 NAMES = frozenset("XYZABCUVWE") | PARTS
 """Of axes, and of what a frame consists of: they may be the index of a variable."""
@@ -29,9 +29,8 @@ CONSTANTS = {"TRUE": 1.0, "FALSE": 0.0, "$PI": math.pi}
 DATA = ("$P_UIFR", "$TC_")
 """Tables of the control that a program may fill."""
 EITHER_WAY = "read with comparisons last, and with comparisons first"
-SETTINGS = frozenset(
-    "ACC ACCLIMA JERKLIM JERKLIMA VELOLIM VELOLIMA OVRA FL FGREF FA $A_OUT $A_OUTA $A_DBB $A_DBW $A_DBD $A_DBR".split()
-)
+_SPEEDS, _OUTPUTS = "ACC ACCLIMA JERKLIM JERKLIMA VELOLIM VELOLIMA OVRA FL FGREF FA", "OUT OUTA DBB DBW DBD DBR"
+SETTINGS = frozenset((*_SPEEDS.split(), *(f"$A_{name}" for name in _OUTPUTS.split())))
 """Speeds of axes, and outputs: they move nothing elsewhere."""
 MOST = 100_000
 """Elements of a field."""
@@ -88,7 +87,7 @@ OPERATIONS: Operations = {
     "CTRANS": translation,
     "CFINE": translation,
     "CROT": unturned,
-    "CSCALE": unturned,
+    "CSCALE": unscaled,
     "CMIRROR": unturned,
     ":": chained,
 }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import numpy as np
 
 from kinematics.inverse import inverse
@@ -35,4 +34,3 @@ def turn_to_vector(block: Block, content: Content, recorder: Recorder, target: l
         if axis.rotary:
             target[i] = float(found[i] / machine.scale[i]) - frame.offset[i]
             recorder.known[i] = Known.MACHINE
-

@@ -1,0 +1,52 @@
+"""Siemens' archives of tools and work offsets: `$TC_DP3[1,1]=120.5`, `$P_UIFR[1]=CTRANS(X,10)`, `$P_UIFR[1,X,TR]=10`.
+
+Lines that set anything else are passed over. Lengths in mm.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from kinematics.errors import UserError
+from postproc.expressions import NotKnown, whole
+from postproc.program import Block, Refusal
+from postproc.siemens_blocks import read_block
+from postproc.siemens_variables import SiemensVariables
+from postproc.statements import Assign
+from postproc.tool_tables.table import ToolTable
+
+FORM = "Siemens' archive: $TC_DP3[1,1]=120.5, $P_UIFR[1]=CTRANS(X,10)"
+_DATA = re.compile(r"^[^;\n]*\$(?:TC_|P_UIFR)", re.I | re.M)
+_CHANNEL = re.compile(r"^\s*CHANDATA", re.I)
+
+
+def is_it(_: Path, text: str) -> bool:
+    """True where something in it is set that this form knows."""
+    return _DATA.search(text) is not None
+
+
+def read(path: Path, text: str) -> ToolTable:
+    """Lengths, radii and work offsets; UserError with the line that isn't understood, or can't be followed."""
+    scope = SiemensVariables()
+    for i, line in enumerate(text.splitlines(), start=1):
+        if not _DATA.match(line) and not _CHANNEL.match(line):
+            continue
+        try:
+            _take(read_block(i, line), scope)
+        except Refusal as refusal:
+            raise UserError(f"tool table {path}:{i}: {line.strip()!r}: {refusal.reason}") from None
+        except NotKnown as reason:
+            raise UserError(f"tool table {path}:{i}: {line.strip()!r}: {reason}") from None
+    data = scope.data
+    offsets = {name: data.offset(name, {}) for name in sorted(data.offsets)}
+    return ToolTable(data.tools(), offsets, radii=data.radii())
+
+
+def _take(block: Block, scope: SiemensVariables) -> None:
+    for word in block.words:
+        if word.address == "CHANDATA" and (not word.arguments or whole(word.arguments[0], scope) != 1):
+            raise NotKnown("data of another channel than the first")
+    for step in block.code.before if block.code is not None else ():
+        if isinstance(step, Assign):
+            step.run(scope)

@@ -1,0 +1,161 @@
+"""Several Siemens programs in one file: calls, parameters, what belongs to whom; data of the control that programs set."""
+
+import numpy as np
+import pytest
+from programs import load, random_model, shifted
+from siemens_programs import correct, corrected, ends, read
+
+from kinematics.errors import UserError
+from postproc.check import check
+from postproc.setup import make_setup
+from postproc.tool_tables import read_tool_table
+
+OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
+SHIFT = [-0.003, 0.0042, -0.0055]
+MAIN = "%_N_MAIN_MPF\n;$PATH=/_N_WKS_DIR\nG1 X0 Y0 Z0 F500\n"
+
+RUNS = {
+    "by number": ("L10\nX9\nM30\n%_N_L10_SPF\nX1\nM17\n", [0, 1, 9]),
+    "passes": ("L10 P3\nM30\n%_N_L10_SPF\nX=IC(2)\nM17\n", [0, 2, 4, 6]),
+    "passes of a variable": ("R5=2\nN10 PART P=R5\nM30\n%_N_PART_SPF\nX=IC(2)\nRET\n", [0, 2, 4]),
+    "leading zeros are names": ("L010\nL10\nM30\n%_N_L10_SPF\nX1\nM17\n%_N_L010_SPF\nX2\nM17\n", [0, 2, 1]),
+    "parameters": ("PART(5,R1+2)\nPART(1)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA, REAL BB=7) DISPLOF\nX=AA\nX=BB\nM17\n", [0, 5, 3, 1, 7]),
+    "one left out": ("PART(,5)\nM30\n%_N_PART_SPF\nPROC PART(INT AA=3, INT BB)\nX=AA+BB\nM17\n", [0, 8]),
+    "variables of their own": ("DEF REAL AA=3\nPART\nX=AA\nM30\n%_N_PART_SPF\nDEF REAL AA=5\nX=AA\nR1=8\nM17\n", [0, 5, 3]),
+    "R belongs to all": ("R1=1\nPART\nX=R1\nM30\n%_N_PART_SPF\nR1=8\nM17\n", [0, 8]),
+    "labels of their own": ("GOTOF EN\nX99\nEN: PART\nM30\n%_N_PART_SPF\nGOTOF EN\nX99\nEN: X1\nM30\n", [0, 1]),
+    "nested": ("AA1\nM30\n%_N_AA1_SPF\nX1\nBB1\nX3\nM17\n%_N_BB1_SPF\nX2\nM2\n", [0, 1, 2, 3]),
+    "recursion": ("PART(3)\nM30\n%_N_PART_SPF\nPROC PART(INT NN)\nIF NN>0\nX=NN\nPART(NN-1)\nX=NN*10\nENDIF\nM17\n", [0, 3, 2, 1, 10, 20, 30]),
+    "in a loop": ("DEF INT II\nFOR II=1 TO 2\nPART(II)\nENDFOR\nM30\n%_N_PART_SPF\nPROC PART(INT NN)\nX=NN\nM17\n", [0, 1, 2]),
+    "by a name in quotes": ('CALL "PART"\nCALL "_N_PART_SPF"\nM30\n%_N_PART_SPF\nX=IC(1)\nM17\n', [0, 1, 2]),
+    "declared": ("EXTERN PART(REAL)\nPART(4)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n", [0, 4]),
+    "repeated parts": ("REPEAT LA1 P=1\nM30\n%_N_PART_SPF\nLA1: X5\nM17\n", None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in RUNS if RUNS[name][1]])
+def test_calls(name):
+    text, expected = MAIN + RUNS[name][0].replace("R1+2", "1+2"), RUNS[name][1]
+    assert ends(text) == pytest.approx(expected, abs=1e-9)
+    assert correct(text) == text
+    written = correct(text, model=shifted(load("gantry"), **OFFSET))
+    before, after = read(text).target, read(written).target
+    np.testing.assert_allclose(after - before, np.broadcast_to(SHIFT, before.shape), atol=1e-9)
+
+
+def test_a_subprogram_at_one_place_is_corrected():
+    text = MAIN + "G0 X5 Y5 Z5\nL10\nG0 X5 Y5 Z5\nL10\nM30\n%_N_L10_SPF\nG1 X10 Y8\nY9 Z1\nM17\n"
+    written = correct(text, model=random_model(load("gantry"), 5))
+    assert "\nL10\n" in written
+    assert written.count("%_N_L10_SPF") == 1
+    assert written != text
+
+
+REFUSED = {
+    "L10\nM30\n": "L calls a subprogram",
+    "PART\nM30\n%_N_OTHER_SPF\nM17\n": "PART is not known: a cycle, a subprogram",
+    "X1 PART\nM30\n%_N_PART_SPF\nM17\n": "a call of PART and something beside it",
+    "MCALL PART\nM30\n%_N_PART_SPF\nM17\n": "PART is not known",
+    "PART(1,2)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nM17\n": "a call with more arguments than parameters",
+    "PART\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n": "AA is a parameter that the call leaves out",
+    "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "VAR, or a field",
+    "PART\nM30\n%_N_PART_SPF\nPROC PART SAVE\nM17\n": "SAVE brings back the modes",
+    "DEF REAL BB=3\nPART\nM30\n%_N_PART_SPF\nX=BB\nM17\n": "BB belongs to the calling program",
+    "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "no block with the label THERE",
+    "PART\nM30\n%_N_PART_SPF\nPART\nM17\n": "call each other without end",
+    "X1\n%_N_PART_SPF\nX2\nM17\n": "the program before it has no end",
+    RUNS["repeated parts"][0]: "no block LA1 before it",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_calls_that_are_refused(text):
+    with pytest.raises(UserError, match=r"^test\.mpf:\d+: ") as caught:
+        read(MAIN + text)
+    assert REFUSED[text] in str(caught.value)
+
+
+def test_check_sees_what_runs():
+    from programs import source_of
+    from siemens_programs import SIEMENS
+
+    text = MAIN + "L10\nM30\n%_N_L10_SPF\nX1\nM17\n%_N_L11_SPF\nX2\nM17\n"
+    machine = load("gantry")
+    found = check(source_of(text, "test.mpf"), SIEMENS, machine, make_setup(machine))
+    assert found.refused == []
+    assert found.corrected == [3, 7]
+    assert found.not_run == [10, 11]
+
+
+# ---- what programs and archives set in the control
+
+
+def test_work_offsets_that_a_program_sets_hold_from_their_next_call():
+    text = "G54\nG0 X0 Y0 Z0\n$P_UIFR[1]=CTRANS(X,10,Y,20):CROT(Z,0)\n$P_UIFR[1,Z,TR]=5\n$P_UIFR[1,X,FI]=0.5\nTRANS Y1\nX0 Y0 Z0\nG54\nX0 Y0 Z0\n"
+    assert read(text, offsets=["G54=1,2,3"]).machine_target.tolist() == [[1, 2, 3], [1, 3, 3], [10.5, 21, 5]]
+    assert correct(text, offsets=["G54=1,2,3"]) == text
+
+
+def test_lengths_that_a_program_sets():
+    text = "$TC_DP1[1,1]=120 $TC_DP3[1,1]=80 $TC_DP12[1,1]=0.5\n$TC_DP3[1,2]=90\nT1 M6\nD1 G0 X0 Y0 Z0\nD2 Z0\nD0 Z0\n"
+    assert read(text).machine_target[:, 2].tolist() == [80.5, 90, 0]
+    notes = corrected("T1 M6\nD2 G0 X0 Y0 Z0\n", tools=["T1=80"])[1]
+    assert any("D2 of tool 1 taken to be as long as D1" in note for note in notes)
+
+
+ARCHIVE = """\
+%_N_TO1_TOA
+;$PATH=/_N_TOA_DIR
+CHANDATA(1)
+$TC_TP1[5]=1
+$TC_TP2[5]="MILL 12"
+$TC_DP1[5,1]=120 ; $TC_DP4[9,1]=7
+N10 $TC_DP3[5,1]=120.5
+$TC_DP6[5,1]=6
+$TC_DP12[5,1]=-0.02
+$TC_DP3[5,2]=99
+$P_UIFR[0]=CTRANS():CROT():CSCALE():CMIRROR()
+$P_UIFR[1]=CTRANS(X,10.5,Y,-20,Z,0):CROT(X,0,Y,0,Z,0):CSCALE(X,1,Y,1,Z,1):CMIRROR(X,0,Y,0,Z,0)
+$P_UIFR[5,X,TR]=1.25
+M17
+"""
+
+
+def test_archives_of_tools_and_offsets(tmp_path):
+    path = tmp_path / "tools.ini"
+    path.write_text(ARCHIVE)
+    table = read_tool_table(path)
+    assert table.tools == pytest.approx({"5": 120.48, "MILL 12": 120.48, "5 D2": 99, "MILL 12 D2": 99})
+    assert table.radii == {"5": 6, "MILL 12": 6}
+    assert table.work_offsets == {"G500": {}, "G54": {"X": 10.5, "Y": -20, "Z": 0}, "G505": {"X": 1.25}}
+    text = 'G54 T="MILL 12" M6 D2\nG0 X0 Y0 Z0\nD1 Z0\n'
+    from programs import source_of
+
+    from postproc.dialects import find_dialect
+    from postproc.verify import merged, read_motions
+
+    machine = load("gantry")
+    motions = merged(
+        read_motions(source_of(text), find_dialect("siemens", "", ""), machine, make_setup(machine, table=table))
+    )
+    assert motions.machine_target.tolist() == [[10.5, -20, 99], [10.5, -20, pytest.approx(120.48)]]
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("$TC_DP4[1,1]=5", "across its axis"),
+        ("$P_UIFR[1,Z,RT]=30", "G54 is turned, scaled or mirrored"),
+        ("$P_UIFR[1]=CTRANS(X,1):CROT(Z,30)", "a frame that turns"),
+        ("$P_UIFR[1]=CTRANS(X,R5)", "R5 is not set"),
+        ("$P_UIFR[1,X,TR=5", "is not understood"),
+        ("CHANDATA(2)\n$TC_DP3[1,1]=5", "another channel"),
+        ("$P_UIFR[1,Q,TR]=5", "Q"),
+    ],
+)
+def test_archives_that_are_refused(tmp_path, line, reason):
+    path = tmp_path / "tools.ini"
+    path.write_text("$TC_DP3[2,1]=5\n" + line + "\n")
+    with pytest.raises(UserError, match=r"tools\.ini:[23]: ") as caught:
+        read_tool_table(path)
+    assert reason in str(caught.value)
