@@ -72,7 +72,7 @@ class SiemensInterpreter:
         self.machine_vectors = False
         """ORIMKS: vectors are those of the machine."""
         self.compensated = self.rounded = self.cornered = False
-        """The control shifts the path by the radius of the tool; rounds every corner; or the one behind the last block."""
+        """The control shifts the path by the radius of the tool, rounds every corner, rounds the one behind a block."""
         self.recorder = Recorder(self.machine, self._frame())
 
     def read(self, blocks: Iterable[Block]) -> Motions:
