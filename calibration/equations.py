@@ -54,7 +54,7 @@ def width(points: Array) -> float:
 
 
 def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
-    """What is to be observed `(n, components)`, mm and rad, with these effects on it."""
+    """What is to be observed `(n, d)`, mm and rad, as far as it counts, with these effects on it."""
     if isinstance(measurement.instrument, Interferometer):
         machine, q = measurement.machine, measurement.state.positions
         position, turned = exact_deviation(machine, q, effects.errors, measurement.tool)
@@ -62,16 +62,15 @@ def expected(measurement: Measurement, registration: Registration, effects: Obse
         zeros = np.array([registration.zeros[group] for group in measurement.groups.tolist()])
         return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros)[:, None])
     points = seen_points(measurement, effects.errors, registration.tool(measurement))
-    seen = registration.seen(measurement, points) + effects.shift
-    return seen[:, : measurement.instrument.components]
+    return _counted(measurement, registration.seen(measurement, points) + effects.shift)
 
 
 def transform(measurement: Measurement, registration: Registration) -> Array:
-    """Derivatives `(n, components, (axes + 1) * 6 + 3)`: by the error motions, and by the shift of the observed point.
+    """Derivatives `(n, d, (axes + 1) * 6 + 3)`: by the error motions, and by the shift of the observed point.
 
     As `ErrorModel.observation_design` takes it.
     """
-    n, components = len(measurement), measurement.instrument.components
+    n = len(measurement)
     if isinstance(measurement.instrument, Interferometer):
         six = place_transform(measurement.machine, measurement.state.positions, measurement.tool)
         own = np.einsum("nk,nkp->np", _lines(measurement), six)[:, None]
@@ -79,12 +78,12 @@ def transform(measurement: Measurement, registration: Registration) -> Array:
     seen = seen_transform(measurement, registration.tool(measurement))
     own = registration.rotations(measurement) @ seen
     shift = np.broadcast_to(np.eye(3), (n, 3, 3))
-    return np.concatenate([own, shift], axis=2)[:, :components]
+    return _counted(measurement, np.concatenate([own, shift], axis=2))
 
 
 def registration_design(measurement: Measurement, registration: Registration) -> Array:
-    """Derivatives `(n, components, parameters)` by the registration, at the machine's nominal points."""
-    n, components, groups = len(measurement), measurement.instrument.components, measurement.groups
+    """Derivatives `(n, d, parameters)` by the registration, at the machine's nominal points."""
+    n, groups = len(measurement), measurement.groups
     if isinstance(measurement.instrument, Interferometer):
         return np.stack([np.equal(groups, group).astype(float)[:, None] for group in registration.zeros], axis=2)
     points = registration.seen(measurement, seen_points(measurement, None, registration.tool(measurement)))
@@ -100,18 +99,28 @@ def registration_design(measurement: Measurement, registration: Registration) ->
     for name in registration.targets:
         assert turns is not None
         columns.append(np.where(np.equal(measurement.target_number, numbers[name])[:, None, None], turns, 0.0))
-    return np.concatenate(columns, axis=2)[:, :components]
+    return _counted(measurement, np.concatenate(columns, axis=2))
 
 
 def covariance(measurement: Measurement) -> Array:
-    """Covariances `(n, components, components)`, mm2 or rad2, of what was observed."""
+    """Covariances `(n, d, d)`, mm2 or rad2, of what counts of the observations; of rows in motion those of their mean."""
     instrument = measurement.instrument
     if isinstance(instrument, Interferometer):
         return _along_axes(measurement, instrument)
     if isinstance(instrument, Part):
         u = (instrument.u_um + instrument.u_um_per_m * 1e-3 * np.linalg.norm(measurement.observed, axis=1)) * 1e-3
         return np.asarray(u[:, None, None] ** 2 * np.eye(instrument.components))
-    return instrument.covariance(measurement.observed)
+    whole, across = instrument.covariance(measurement.observed), measurement.across
+    if across is None:
+        return whole
+    return np.asarray(across.of(whole) @ np.swapaxes(across.directions, 1, 2) / across.readings[:, None, None])
+
+
+def _counted(measurement: Measurement, vectors: Array) -> Array:
+    """What counts `(n, d, ...)` of vectors `(n, 3, ...)` in the instrument's frame."""
+    if measurement.across is None:
+        return vectors[:, : measurement.components]
+    return measurement.across.of(vectors)
 
 
 def _lines(measurement: Measurement) -> Array:

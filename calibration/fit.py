@@ -155,7 +155,7 @@ def fit(
     progress("iterating")
     point, factor, solved = _iterate(problem.rows(some), point, variance)
     progress("solving")
-    least = _least(solved, len(some) * measurement.instrument.components, variance)
+    least = _least(solved, len(some) * measurement.components, variance)
     bad, failed = _judge(problem, point, copies, solved.spent, least)
     for _ in range(10):
         kept = ~bad
@@ -189,7 +189,7 @@ def fit(
 
 def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, Solved]:
     """The point where Gauss-Newton with Huber's weights comes to rest; variance factor and last solution there."""
-    components = problem.measurement.instrument.components
+    components = problem.measurement.components
     factor, spent, least = 1.0, 0.0, 1.0
     for step in range(STEPS):
         distances = problem.distances(point)
@@ -214,7 +214,7 @@ def _judge(
     problem: Problem, point: Point, copies: np.ndarray, spent: float, least: float
 ) -> tuple[np.ndarray, list[str]]:
     """Rows not to be fitted, and the stations among them that failed as a whole."""
-    components = problem.measurement.instrument.components
+    components = problem.measurement.components
     distances = problem.distances(point)
     bad = outlying(distances, components, robust_factor(distances[~copies], components, spent, least)) & ~copies
     failed = failed_stations(problem.measurement, bad)
@@ -224,12 +224,12 @@ def _judge(
 def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:
     """Variance factor that makes chi2 its expectation."""
     chi2 = float(np.sum(problem.distances(point)[kept]))
-    scalars = int(np.count_nonzero(kept)) * problem.measurement.instrument.components
+    scalars = int(np.count_nonzero(kept)) * problem.measurement.components
     return chi2 / max(scalars - solved.spent, 1.0)
 
 
 def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:
-    if kept.sum() * measurement.instrument.components <= point.registered:
+    if kept.sum() * measurement.components <= point.registered:
         if kept.all():
             setups = len(np.unique(measurement.groups))
             raise UserError(

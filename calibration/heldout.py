@@ -44,7 +44,7 @@ def held_out(
     """
     good = measurement.rows(np.flatnonzero(kept))
     labels, what = blocks_of(good)
-    missed = np.full_like(good.observed, np.nan)
+    missed = np.full((len(good), good.components), np.nan)
     for label in np.unique(labels):
         told = (labels == label) & placed(good, labels != label)
         if not told.any():

@@ -35,6 +35,30 @@ SPINDLE_NOSE = Target((0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
+class AcrossPath:
+    """What counts of observations in motion: their parts across the path, each row the mean of several readings."""
+
+    directions: Array
+    """`(n, 2, 3)`, orthonormal and perpendicular to the path, in the instrument's frame."""
+    readings: Array
+    """`(n,)`, independent ones, that a row is the mean of."""
+    ends: Array
+    """Positions `(2, axes)`, mm and rad, between which the path leads."""
+    way: Array
+    """`(n,)`, mm along the path."""
+
+    def rows(self, index: slice | np.ndarray) -> AcrossPath:
+        """Of some of the rows; the path stays the same."""
+        return AcrossPath(self.directions[index], self.readings[index], self.ends, self.way[index])
+
+    def of(self, vectors: Array) -> Array:
+        """The parts across the path `(n, 2, ...)` of vectors, or of matrices, `(n, 3, ...)` in the instrument's frame."""
+        if vectors.ndim == 2:
+            return np.asarray((self.directions @ vectors[:, :, None])[:, :, 0])
+        return np.asarray(self.directions @ vectors)
+
+
+@dataclass(frozen=True)
 class Measurement:
     """One row per observation, in the order of acquisition; mm and rad."""
 
@@ -69,9 +93,21 @@ class Measurement:
     """What was taken for granted in reading, for people."""
     file: np.ndarray | None = None
     """Name of the file `(n,)`, of several together."""
+    across: AcrossPath | None = None
+    """Of data taken on the fly."""
 
     def __len__(self) -> int:
         return len(self.observed)
+
+    @property
+    def components(self) -> int:
+        """Scalars d that count of an observation."""
+        return self.instrument.components if self.across is None else 2
+
+    @property
+    def counted(self) -> Array:
+        """What counts of the observations `(n, d)`, mm and rad."""
+        return self.observed if self.across is None else self.across.of(self.observed)
 
     @property
     def groups(self) -> np.ndarray:
@@ -120,6 +156,7 @@ class Measurement:
             feed=at(self.feed),
             lines=at(self.lines),
             file=at(self.file),
+            across=None if self.across is None else self.across.rows(index),
         )
 
     def where(self, row: int) -> str:

@@ -61,7 +61,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     notes: list[str] = []
     kind = _kind(table)
     check_machine(table, machine, notes)
-    instrument = _instrument(table, kind)
+    instrument = read_instrument(table)
     keys = ["machine", "instrument", *uncertainty_keys(KINDS[kind]), *KEYS[kind]]
     note_unknown_keys(table, lambda key: key in keys, notes)
     allow_columns(table, [*OBSERVED[kind], *state_columns(machine)])
@@ -93,7 +93,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
 def write_measurement(measurement: Measurement, file: BinaryIO) -> None:
     """Write the measurement; read again, it is the same (its last moves come from the order of rows)."""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-    for line in _header(measurement):
+    for line in header_lines(measurement):
         text.write(f"# {line}\n")
     columns = _columns(measurement)
     writer = csv.writer(text, lineterminator="\n")
@@ -135,8 +135,9 @@ def check_uncertainties(kind: str, values: Mapping[str, float], where: str, how:
             )
 
 
-def _instrument(table: Table, kind: str) -> Instrument:
+def read_instrument(table: Table) -> Instrument:
     """The instrument with its uncertainties; UserError when the file does not say them."""
+    kind = _kind(table)
     values: dict[str, float] = {}
     for key in uncertainty_keys(KINDS[kind]):
         if key in table.entries:
@@ -166,7 +167,8 @@ def _observed(table: Table, machine: Machine, kind: str, places: Places) -> Arra
 # ---- writing
 
 
-def _header(measurement: Measurement) -> Iterator[str]:
+def header_lines(measurement: Measurement) -> Iterator[str]:
+    """What stands behind `# ` above the columns."""
     instrument = measurement.instrument
     kind = next(name for name, kind in KINDS.items() if isinstance(instrument, kind))
     yield f"machine: {measurement.machine.name}"

@@ -64,7 +64,8 @@ def parse_basis(text: str) -> BasisChoice:
 
 def moving_axes(measurement: Measurement) -> dict[str, Interval]:
     """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees."""
-    positions = measurement.state.positions / measurement.machine.scale
+    across = measurement.across
+    positions = (measurement.state.positions if across is None else across.ends) / measurement.machine.scale
     low, high = positions.min(axis=0), positions.max(axis=0)
     # the ends come back from rad with an error that no interval should show
     ends = np.round(np.stack([low, high], axis=1), 9).tolist()

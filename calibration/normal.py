@@ -86,9 +86,9 @@ def designs(
 def residuals(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
     """Observed minus expected `(n, d)`, mm and rad, by the exact kinematics."""
     effects = model.observation(measurement.machine, measurement.state)
-    result = np.empty_like(measurement.observed)
+    result = np.empty((len(measurement), measurement.components))
     for rows in blocks(len(measurement)):
         part = measurement.rows(rows)
         own = Observation(effects.errors[rows], effects.shift[rows])
-        result[rows] = part.observed - equations.expected(part, registration, own)
+        result[rows] = part.counted - equations.expected(part, registration, own)
     return result

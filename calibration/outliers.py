@@ -88,7 +88,7 @@ def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarr
     trusted = np.ones(n, bool)
     for _ in range(10):
         registration = equations.start(measurement, trusted)
-        missed = np.linalg.norm(measurement.observed - equations.expected(measurement, registration, nominal), axis=1)
+        missed = np.linalg.norm(measurement.counted - equations.expected(measurement, registration, nominal), axis=1)
         closer = missed <= max(1.0, ASTRAY * float(np.median(missed)))
         if np.array_equal(closer, trusted):
             break

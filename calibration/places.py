@@ -82,7 +82,7 @@ def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[st
 
 def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
     """The states and targets of a table; what had to be taken for granted is added to the notes."""
-    targets, target = _targets(table, notes)
+    targets, target = read_targets(table, notes)
     tool = _tool(targets, target)
     part_zero: Vector = (0.0, 0.0, 0.0)
     given = [name for name in machine.names if name in table.names]
@@ -102,7 +102,7 @@ def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
     state = State(
         positions,
         time=_ordered(table, optional.get("time_s"), notes),
-        temperatures=_temperatures(table),
+        temperatures=read_temperatures(table),
         cycle=None if run is None else _in_order(run).astype(float),
         station=texts.get("station"),
         target=target,
@@ -113,7 +113,7 @@ def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
         state = replace(state, velocity=velocity)
     state = replace(state, approach=_approach(table, machine, state.approach))
     _note_travel(machine, positions, notes)
-    stands_on = _stands_on(table)
+    stands_on = read_stands_on(table)
     actual = _actual(table, machine)
     return Places(state, targets, stands_on, texts.get("axis"), run, actual, optional.get("feed"), part_zero)
 
@@ -238,7 +238,7 @@ def _seen_zero(table: Table, points: Array, notes: list[str]) -> Vector:
     return _given_zero(table) or (x, y, z)
 
 
-def _targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndarray]:
+def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndarray]:
     """The targets by name, sorted, and the name of each row's."""
     targets: dict[str, Target] = {}
     for key in table.entries:
@@ -279,14 +279,14 @@ def _tool(targets: Mapping[str, Target], names: np.ndarray | None) -> Array:
     return np.asarray(np.array([target.position for target in targets.values()])[number])
 
 
-def _stands_on(table: Table) -> Literal["workpiece", "bed"]:
+def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:
     value = table.entries["stands_on"].value if "stands_on" in table.entries else "workpiece"
     if value not in STANDS_ON:
         table.header_fault("stands_on", f"expected {' or '.join(STANDS_ON)}, got {value!r}")
     return STANDS_ON[value]
 
 
-def _temperatures(table: Table) -> dict[str, Array]:
+def read_temperatures(table: Table) -> dict[str, Array]:
     """K from 20 degC, by sensor."""
     columns = table.numbers([name for name in table.names if name.startswith("temp_")])
     return {name.removeprefix("temp_"): column - REFERENCE for name, column in columns.items()}

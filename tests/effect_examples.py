@@ -29,6 +29,7 @@ from kinematics.effects import (
     QuantisedCompensation,
     Racking,
     RangeOffset,
+    Reversal,
     Settling,
     StationShift,
     TargetOffset,
@@ -110,6 +111,8 @@ EXAMPLES = [
     Example(Backlash("Z", 12.0, 30.0), "backlash Z", "um um/m", "width_um windup_um_per_m", "E_ZZ"),
     Example(Backlash("B", 40.0, 9.0, u=(1.0, 2.0)), "backlash B", "urad urad/rad", "width_urad windup_urad_per_rad", "E_BB"),
     Example(Backlash("U", 9.0, -7.0), "backlash U", "um um/m", "width_um windup_um_per_m", "E_XU", BACKWARD),
+    Example(Reversal("X", "Y", Legendre((-225.0, 225.0), 1), (4.0, -1.0), u=(0.5, 0.5)), "reversal E_XY", "um um", "differences_um", "E_XY"),
+    Example(Reversal("C", "X", BSpline((-250.0, 0.0, 250.0), 1), (5.0, 1.0, -2.0)), "reversal E_CX", "urad " * 3, "differences_urad", "E_CX"),
     Example(Cyclic("X", "X", 10.0, (2.0,), (-1.0,)), "cyclic E_XX", "mm um um", "period_mm sine_um cosine_um", "E_XX"),
     Example(
         Cyclic("C", "Y", 0.25, (2.0, 0.3, 0.0), (-1.0, 0.0, 0.5)), "cyclic E_CY", "mm" + " urad" * 6, "period_mm sine_urad cosine_urad", "E_CY"

@@ -109,7 +109,7 @@ class Frame:
             rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
         some = measurement.rows(rows)
         white = whiteners(some)
-        components = some.instrument.components
+        components = some.components
         distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
         spent = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
         weights = huber_weights(distances, components, robust_factor(distances, components, spent, fit.variance_factor))
@@ -271,11 +271,11 @@ class Frame:
         found = []
         for label in np.unique(labels):
             inside = labels == label
-            mine = np.repeat(inside, some.instrument.components)
+            mine = np.repeat(inside, some.components)
             design, residual = self.design[mine], self.residual[mine]
             factor = linalg.cho_factor(total - design.T @ design + RIDGE * np.eye(len(total)), lower=True)
             missed = residual + design @ linalg.cho_solve(factor, design.T @ residual)
-            counted = np.repeat(placed(some, ~inside)[inside], some.instrument.components)
+            counted = np.repeat(placed(some, ~inside)[inside], some.components)
             found.append(HeldBlock(mine, factor, missed, counted))
         return found
 
@@ -310,7 +310,7 @@ class Frame:
     @cached_property
     def held_out(self) -> HeldResiduals:
         """Residuals of every block under a fit of all the others, to first order."""
-        components = self.measurement.instrument.components
+        components = self.measurement.components
         missed, counted = np.empty(self.scalars), np.zeros(self.scalars, bool)
         for block in self.blocks:
             missed[block.rows], counted[block.rows] = block.missed, block.counted
@@ -338,7 +338,7 @@ def derivatives(
     transform = white @ equations.transform(some, registration)
     own = white @ equations.registration_design(some, registration)
     of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
-    n = len(rows) * some.instrument.components
+    n = len(rows) * some.components
     by_model = of_model.reshape(n, -1)
     finite = np.isfinite(fit.prior)
     by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior

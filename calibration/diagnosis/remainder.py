@@ -73,7 +73,7 @@ def unexplained(frame: Frame) -> Unexplained | None:
 def impostors(stage: Stage, left: Unexplained) -> list[Accepted]:
     """Accepted smooth causes of variables of what is left, that explain less than that: its form is not theirs."""
     frame = stage.frame
-    components = frame.measurement.instrument.components
+    components = frame.measurement.components
     energy = left.rms**2 * len(frame.rows) * components
     given = variables(frame.measurement, frame.rows)
     found = []

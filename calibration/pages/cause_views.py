@@ -40,6 +40,7 @@ from kinematics.effects import (
     QuantisedCompensation,
     Racking,
     RangeOffset,
+    Reversal,
     Settling,
     StationShift,
     TargetOffset,
@@ -361,6 +362,7 @@ def _strays(seen: _Seen) -> Iterator[View]:
 
 VIEWS: Mapping[type, Callable[[_Seen], Iterator[View]]] = {
     Backlash: _by_direction,
+    Reversal: _by_direction,
     Cyclic: _folded,
     QuantisedCompensation: _folded,
     ErrorMotion: _by_position,

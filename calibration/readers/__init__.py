@@ -59,6 +59,21 @@ def read_any(
     header: keys of the measurement file that this one does not say, or says otherwise. columns: name or path of the
     column map of a delimited export; plan: CSV that names of points are looked up in.
     """
+    table, notes = table_in(path, machine, format, header=header, columns=columns, plan=plan)
+    measurement = measurement_of(table, machine)
+    return replace(measurement, notes=(*notes, *measurement.notes))
+
+
+def table_in(
+    path: Path,
+    machine: Machine,
+    format: str = "auto",
+    *,
+    header: Mapping[str, str] | None = None,
+    columns: str | None = None,
+    plan: Path | None = None,
+) -> tuple[Table, list[str]]:
+    """The table of the contract's columns that a file holds, and notes; arguments as those of `read_any`."""
     data, given = read_input(path, "measurement file"), dict(header or {})
     if format not in FORMATS:
         raise UserError(f"format {format!r} is none of {', '.join(FORMATS)}")
@@ -67,9 +82,7 @@ def read_any(
         format = "delimited"
     elif format == "auto":
         format = _recognised(data, path)
-    table, notes = _table(data, path, machine, format, given, columns, plan)
-    measurement = measurement_of(table, machine)
-    return replace(measurement, notes=(*notes, *measurement.notes))
+    return _table(data, path, machine, format, given, columns, plan)
 
 
 def _table(

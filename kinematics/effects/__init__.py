@@ -20,7 +20,15 @@ from kinematics.effects.base import (
     unit_of,
 )
 from kinematics.effects.control import ControlTable
-from kinematics.effects.drive import Backlash, Cyclic, FirstCycle, FollowingError, QuantisedCompensation, Settling
+from kinematics.effects.drive import (
+    Backlash,
+    Cyclic,
+    FirstCycle,
+    FollowingError,
+    QuantisedCompensation,
+    Reversal,
+    Settling,
+)
 from kinematics.effects.geometric import CrossAxis, ErrorMotion, LocationError, Racking, Wobble
 from kinematics.effects.instrument import (
     AirScale,
@@ -42,6 +50,7 @@ Effect = (
     | Racking
     | Wobble
     | Backlash
+    | Reversal
     | Cyclic
     | QuantisedCompensation
     | ControlTable
@@ -96,6 +105,7 @@ __all__ = [
     "Racking",
     "RangeOffset",
     "Remedy",
+    "Reversal",
     "Settling",
     "StationShift",
     "TargetOffset",

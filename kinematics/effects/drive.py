@@ -5,11 +5,12 @@ What acts along an axis is counted forward, the way a positive command goes, whi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import ClassVar
 
 import numpy as np
 
+from kinematics.basis import Basis, Interval
 from kinematics.effects.base import (
     BY_AXIS,
     BY_DIRECTION,
@@ -54,6 +55,40 @@ class Backlash(Cause, frozen=True, tag="backlash"):
             position = state.positions[:, [i]] * (1.0 if machine.axes[i].rotary else 1e-3)
             behind = np.concatenate([behind, behind * position], axis=1)
         yield Columns(i, component, behind)
+
+
+class Reversal(Cause, frozen=True, tag="reversal"):
+    """An error motion that is another one forward than backward: play in guides, a carriage that tips at reversal.
+
+    `differences` are those of the error motion going forward minus going backward, as a function of the axis' own
+    position; each way has half of it. An axis that has not moved yet stands in the middle.
+    """
+
+    TITLE: ClassVar[str] = "difference of an error motion between forward and backward"
+    NEEDS: ClassVar[tuple[str, ...]] = ("approach",)
+    REMEDY: ClassVar[Remedy] = "bidirectional table"
+    QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("differences", BY_DIRECTION, 10.0),)
+
+    component: Component
+    axis: str
+    basis: Basis
+    differences: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.differences) != self.basis.size:
+            raise ValueError(f"{self.name}: its basis takes {self.basis.size} values, got {len(self.differences)}")
+        super().__post_init__()
+
+    @property
+    def intervals(self) -> Mapping[str, Interval]:
+        """See `Cause.intervals`."""
+        return {self.axis: self.basis.interval}
+
+    def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
+        """See `Cause.columns`."""
+        i = machine.index(self.axis)
+        half = 0.5 * unit_of(self.component)[1] * state.need("approach", self.name)[:, [i]]
+        yield Columns(i, COMPONENTS.index(self.component), half * state.basis_columns(machine, self.axis, self.basis))
 
 
 class Cyclic(Cause, frozen=True, tag="cyclic"):

@@ -8,6 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kinematics.errors import UserError
+from postproc.commands.path import (
+    CellLength,
+    CornerLength,
+    PathProgram,
+    ReversalMode,
+    moving_summary,
+    read_on_the_fly,
+    read_path,
+    refuse_without_path,
+    show_moving,
+)
+from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.shared import (
     JsonFile,
@@ -36,6 +48,7 @@ EPILOG = (
     "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
     "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
     "`ncomp fit tracker.csv --machine cframe --effect backlash:axis=X,width=0 -o cal.json`\n\n"
+    "`ncomp fit points.csv --machine cframe --path path.nc --reversal constant -o cal.json`  taken on the fly\n\n"
     "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
 )
@@ -79,6 +92,14 @@ def fit(
     hold_out: Annotated[
         bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
     ] = True,
+    path: PathProgram = None,
+    cell_mm: CellLength = None,
+    corner_mm: CornerLength = 5.0,
+    reversal: ReversalMode = "none",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    dialect: DialectName = "auto",
     json: JsonFile = None,
     report: Annotated[
         str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
@@ -91,21 +112,32 @@ def fit(
     """
     from calibration.calibrate import calibrate
     from calibration.effect_text import read_effects
+    from calibration.on_the_fly.reversals import reversals
     from kinematics.model import encode_model
     from postproc.terminal import console
     from postproc.terminal import output as screen
 
     refuse_one_place(json, str(output), "the calibration")
-    check_places((data, plan), (output, json, report))
+    check_places((data, plan, path), (output, json, report))
     if noise not in ("sheet", "estimate"):
         raise UserError(f"--noise {noise}: sheet or estimate")
     found_machine = machine_of(machine)
-    measurement = read_data(data, found_machine, file_format, header, columns, plan)
+    effects = read_effects(effect or [], found_machine)
+    taken = None
+    if path is None:
+        refuse_without_path(cell_mm=cell_mm, reversal=reversal, work_offset=work_offset, tool_length=tool_length)
+        measurement = read_data(data, found_machine, file_format, header, columns, plan)
+    else:
+        setup = setup_of(found_machine, work_offset, tool_length, tool_table)
+        nominal = read_path(path, found_machine, dialect, setup)
+        taken = read_on_the_fly(data, nominal, file_format, header, columns, cell_mm, corner_mm)
+        measurement = taken.measurement
+        effects += reversals(measurement, reversal)
     with console.status("reading") as status:
         found = calibrate(
             measurement,
             basis=basis,
-            effects=read_effects(effect or [], found_machine),
+            effects=effects,
             variance="sheet" if noise == "sheet" else "estimate",
             prior_scale=prior_scale,
             hold_out=hold_out,
@@ -113,12 +145,15 @@ def fit(
         )
     with result(json) as results, result(report) as shown, result(str(output)) as file:
         file.write(encode_model(found.model))
-        write_json(summary(found), results)
+        write_json(summary(found) | moving_summary(found, taken), results)
         if report is not None:
             from calibration.pages.fit import fit_page
 
             shown.write(fit_page(found, f"ncomp fit {data} --machine {machine} --basis {basis} --noise {noise}"))
-    show(found, console if "-" in (json, report) else screen)
+    to = console if "-" in (json, report) else screen
+    if taken is not None:
+        show_moving(found, taken, to)
+    show(found, to)
 
 
 def summary(found: Calibration) -> dict[str, Any]:

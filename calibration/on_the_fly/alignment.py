@@ -1,0 +1,116 @@
+"""Fine alignment: points to the path, again and again, until the pose of a station comes to rest (on-the-fly paper, 1.2.3).
+
+Each step takes every point to the nearest place on the path and moves the pose by what is left *across* the path, in
+least squares with Huber's weights: what is left along it says nothing, and would hold the pose back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.on_the_fly.nominal_path import TargetPath
+from kinematics.errors import UserError
+from kinematics.transforms import Array, Pose, by_turn, rotation_vector_matrix, turn
+
+SOME = 20_000
+"""Points of a station that its pose is found by."""
+ROUNDS = 30
+AT_REST = 1e-6
+"""mm: the pose rests when no point moves by more."""
+ASIDE = (-2.0, -1.0, 0.0, 1.0, 2.0)
+"""Where the nearest place is looked for, in widths from the place that is expected."""
+TIE = 1e-8
+"""Of two places as near, that counts which lies nearer to the expected one."""
+NEWTON = 3
+ASTRAY_MM = 2.0
+"""Points that miss the path by more, in the median, did not follow it."""
+HUBER = 1.5
+AT_A_TIME = 65_536
+
+
+class Pass(NamedTuple):
+    """Points `n` of one pass along the path, in the instrument's frame."""
+
+    path: TargetPath
+    points: Array
+    """`(n, 3)`, mm."""
+    way: Array
+    """`(n,)`, mm along the path, as it is known so far."""
+    width: float
+    """How well, mm."""
+
+    def rows(self, index: np.ndarray) -> Pass:
+        """Some of the points."""
+        return self._replace(points=self.points[index], way=self.way[index])
+
+
+def nearest(path: TargetPath, points: Array, expected: Array, width: float) -> Array:
+    """Ways `(n,)`, mm, of the places nearest to points `(n, 3)` in the path's frame, about where they are expected."""
+    found = np.empty(len(points))
+    for start in range(0, len(points), AT_A_TIME):
+        rows = slice(start, start + AT_A_TIME)
+        found[rows] = _nearest(path, points[rows], expected[rows], width)
+    return found
+
+
+def _nearest(path: TargetPath, points: Array, expected: Array, width: float) -> Array:
+    best, least = expected, np.full(len(points), np.inf)
+    for aside in ASIDE:
+        s = np.clip(expected + aside * width, 0.0, path.length)
+        for _ in range(NEWTON):
+            place = path.at(s)
+            s = np.clip(s + np.sum(place.tangents * (points - place.points), axis=1), 0.0, path.length)
+        away = np.sum((points - path.at(s).points) ** 2, axis=1) + TIE * (s - expected) ** 2
+        nearer = away < least
+        best, least = np.where(nearer, s, best), np.where(nearer, away, least)
+    return best
+
+
+def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
+    """The pose of a station after all its passes; UserError, naming `where`, when they did not follow the path."""
+    share = min(1.0, SOME / sum(len(each.way) for each in passes))
+    some = []
+    for each in passes:
+        count = max(int(share * len(each.way)), min(len(each.way), 10))
+        some.append(each.rows(np.unique(np.linspace(0, len(each.way) - 1, count).astype(int))))
+    for _ in range(ROUNDS):
+        parts = []
+        for i, each in enumerate(some):
+            inner = pose.inverse().apply(each.points)
+            some[i] = each._replace(way=nearest(each.path, inner, each.way, each.width))
+            parts.append(_across(each.path, inner, some[i].way))
+        design, left = (np.concatenate(column) for column in zip(*parts, strict=True))
+        away = np.linalg.norm(left, axis=1)
+        scale = max(float(np.median(away)), 1e-9)
+        root = np.sqrt(np.minimum(HUBER * scale / np.maximum(away, 1e-12), 1.0))
+        centre = np.concatenate([pose.inverse().apply(each.points) for each in some]).mean(axis=0)
+        columns = np.concatenate([design, _turned(design, some, pose, centre)], axis=2) * root[:, None, None]
+        step = np.linalg.lstsq(columns.reshape(-1, 6), (left * root[:, None]).reshape(-1), rcond=1e-9)[0]
+        rotation = rotation_vector_matrix(step[3:])
+        # points p of the path move to centre + R (p - centre) + shift
+        pose = pose @ Pose(rotation, centre - turn(rotation, centre) + step[:3])
+        size = max(each.path.length for each in some)
+        if np.abs(step[:3]).max() + np.abs(step[3:]).max() * size < AT_REST:
+            break
+    if scale > ASTRAY_MM:
+        raise UserError(
+            f"{where}: half of the points miss the path of the program by more than {scale:.1f} mm: is it the program "
+            "that was run, with these work offsets, and is the target where the header says?"
+        )
+    return pose
+
+
+def _across(path: TargetPath, points: Array, way: Array) -> tuple[Array, Array]:
+    """Projections `(n, 3, 3)` across the path, and what is left across it `(n, 3)`."""
+    place = path.at(way)
+    across = np.eye(3) - place.tangents[:, :, None] * place.tangents[:, None, :]
+    return across, turn(across, points - place.points)
+
+
+def _turned(across: Array, passes: Sequence[Pass], pose: Pose, centre: Array) -> Array:
+    """Derivatives `(n, 3, 3)` of what is left by a turn of the path about the centre."""
+    points = np.concatenate([pose.inverse().apply(each.points) for each in passes])
+    return np.asarray(across @ by_turn(points - centre))

@@ -1,0 +1,116 @@
+"""Reduction: the readings of one pass along the path, in cells of the path, as one mean each.
+
+A cell is a few mm of a straight move, so short that error motions are straight lines in it: the mean of the deviations
+across the path is then that of its middle, and with the number of readings all that a fit can learn from it. Readings
+that lie far from the median of their cell are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.on_the_fly.nominal_path import TargetPath
+from kinematics.transforms import Array
+
+FAR = 7.0
+"""Robust standard deviations from the median of its cell beyond which a reading is left out."""
+ENOUGH = 5
+"""Readings of a cell that have a median worth the name."""
+CHANCE = 1.1
+"""Ratios below come by chance."""
+QUARTER = 3
+"""Readings in each quarter of the cells that tell how noise goes on in time."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Means over cells `c`, in the order of the way."""
+
+    way: Array
+    """`(c,)`, mm along the path."""
+    deviation: Array
+    """`(c, 3)`, mm, from the place on the path."""
+    count: Array
+    """Readings `(c,)`."""
+    first: np.ndarray
+    """Number `(c,)` of the first reading."""
+    columns: Array
+    """Means `(c, k)` of what else is known of the readings."""
+    astray: int
+    """Readings left out for lying far from the rest of their cell."""
+    correlation: float
+    """Variance of means of a quarter of a cell, in terms of that which independent readings would have; 1 or more."""
+
+
+def cell_numbers(path: TargetPath, way: Array, cell_mm: float) -> np.ndarray:
+    """Number `(n,)` of the cell at `way` mm of the path; cells begin anew at corners and are nearly `cell_mm` long."""
+    lengths = np.diff(path.corners)
+    parts = np.maximum(np.round(lengths / cell_mm), 1).astype(int)
+    first = np.cumsum(parts) - parts
+    stretch = path.stretch(way)
+    share = (way - path.corners[stretch]) / np.maximum(lengths[stretch], 1e-12)
+    inside = np.minimum((share * parts[stretch]).astype(int), parts[stretch] - 1)
+    return np.asarray(first[stretch] + inside)
+
+
+def reduced(cell: np.ndarray, way: Array, deviation: Array, columns: Array) -> Cells:
+    """Means over the cells `(n,)` of readings in the order of time."""
+    order = np.argsort(cell, kind="stable")
+    cell, way, deviation, columns = cell[order], way[order], deviation[order], columns[order]
+    near = _near(cell, deviation)
+    kept = np.flatnonzero(near)
+    cell, way, deviation, columns = cell[kept], way[kept], deviation[kept], columns[kept]
+    start = np.flatnonzero(np.append(True, cell[1:] != cell[:-1])) if len(cell) else np.zeros(0, int)
+    count = np.diff(np.append(start, len(cell))).astype(float)
+
+    def mean(values: Array) -> Array:
+        return np.asarray(np.add.reduceat(values, start, axis=0) / count.reshape(-1, *[1] * (values.ndim - 1)))
+
+    if not len(start):
+        return Cells(way, deviation, count, start, columns, len(order), 1.0)
+    return Cells(
+        mean(way), mean(deviation), count, order[kept[start]], mean(columns), len(order) - len(kept),
+        correlation(deviation, start, count),
+    )  # fmt: skip
+
+
+def correlation(deviation: Array, start: np.ndarray, count: Array) -> float:
+    """Ratio, 1 or more, of the variance that means of readings have to that of independent ones.
+
+    deviation `(n, 3)`: in cells that begin at the rows `start` `(c,)`, each with `count` `(c,)` rows in the order of
+    time. Of the means m1 ... m4 of the quarters of a cell, m1 - m2 - m3 + m4 is free of a straight course along it; its
+    square is held against what the scatter inside the quarters makes of independent readings.
+    """
+    mine = np.repeat(np.arange(len(start)), count.astype(int))
+    rank = np.arange(len(deviation)) - start[mine]
+    quarter = mine * 4 + np.minimum(rank * 4 // np.maximum(count[mine], 1), 3).astype(int)
+    size = np.bincount(quarter, minlength=4 * len(start)).astype(float)
+    full = size.reshape(-1, 4).min(axis=1) >= QUARTER
+    if np.count_nonzero(full) < 30:
+        return 1.0
+    means = np.stack([np.bincount(quarter, column, 4 * len(start)) for column in deviation.T], axis=1)
+    means /= np.maximum(size, 1.0)[:, None]
+    inner = np.sum((deviation - means[quarter]) ** 2, axis=0) / max(float(np.sum(np.maximum(size - 1.0, 0.0))), 1.0)
+    bent = np.einsum("cqk,q->ck", means.reshape(-1, 4, 3), [1.0, -1.0, -1.0, 1.0])[full]
+    expected = np.sum(1.0 / size.reshape(-1, 4)[full], axis=1).sum() * float(inner.sum())
+    ratio = float(np.sum(bent**2)) / expected if expected > 0.0 else 1.0
+    return ratio if ratio > CHANCE else 1.0
+
+
+def _near(cell: np.ndarray, deviation: Array) -> np.ndarray:
+    """True `(n,)` for readings, sorted by cells, near the median of their cell."""
+    start = np.flatnonzero(np.append(True, cell[1:] != cell[:-1])) if len(cell) else np.zeros(0, int)
+    count = np.diff(np.append(start, len(cell)))
+    if not len(count) or count.max() < ENOUGH:
+        return np.ones(len(cell), bool)
+    mine = np.repeat(np.arange(len(start)), count)
+    away = np.empty_like(deviation)
+    for k in range(deviation.shape[1]):
+        column = deviation[np.lexsort((deviation[:, k], cell)), k]
+        away[:, k] = deviation[:, k] - (column[start + (count - 1) // 2] + column[start + count // 2])[mine] / 2.0
+    distance = np.linalg.norm(away, axis=1)
+    several = count[mine] >= ENOUGH
+    typical = float(np.median(distance[several]))
+    return np.asarray(~several | (distance <= FAR * max(typical, 1e-9)))

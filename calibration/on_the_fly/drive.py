@@ -1,0 +1,76 @@
+"""How a control drives along a path: at constant feed, stopping at corners, with limited acceleration."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.on_the_fly.nominal_path import CORNER_DEG, NominalPath
+from kinematics.transforms import Array
+
+
+class Manner(NamedTuple):
+    """How it drives and how often it is watched."""
+
+    feed: float
+    """mm/min, deg/min where rotary axes move alone."""
+    acceleration: float = 1000.0
+    """mm/s2 (deg/s2) along the path."""
+    rate: float = 500.0
+    """Readings per second."""
+    pause_s: float = 1.0
+    """Standing at the start and at the end."""
+    rapid: float = 15_000.0
+    """mm/min, of rapid moves."""
+
+
+class Driven(NamedTuple):
+    """One row per instant `n`."""
+
+    time: Array
+    """`(n,)`, s."""
+    positions: Array
+    """`(n, axes)`, mm and rad."""
+    velocity: Array
+    """`(n, axes)`, mm/s and rad/s."""
+    acceleration: Array
+    """`(n, axes)`, mm/s2 and rad/s2."""
+
+
+def driven(path: NominalPath, manner: Manner) -> Driven:
+    """The axes along the path, from standing at its start to standing at its end."""
+    stops = path.way[_stops(path)]
+    feeds = np.where(path.counts[_stops(path)[1:]], manner.feed, manner.rapid) / 60.0
+    lengths = np.diff(stops)
+    peak = np.minimum(feeds, np.sqrt(manner.acceleration * lengths))
+    ramp = peak / manner.acceleration
+    lasting = lengths / peak + ramp
+    begins = manner.pause_s + np.concatenate([[0.0], np.cumsum(lasting)])
+    time = np.arange(0.0, begins[-1] + manner.pause_s, 1.0 / manner.rate)
+    stretch = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, len(lengths) - 1)
+    since = np.clip(time - begins[stretch], 0.0, lasting[stretch])
+    left, up, a = lasting[stretch] - since, ramp[stretch], manner.acceleration
+    speeding, slowing = since < up, left < up
+    along = np.where(
+        speeding,
+        0.5 * a * since**2,
+        np.where(slowing, lengths[stretch] - 0.5 * a * left**2, peak[stretch] * (since - 0.5 * up)),
+    )
+    stands = (since <= 0.0) | (left <= 0.0)
+    speed = np.where(speeding, a * since, np.where(slowing, a * left, peak[stretch]))
+    change = np.where(stands, 0.0, np.where(speeding, a, np.where(slowing, -a, 0.0)))
+    way = stops[stretch] + along
+    piece = np.clip(np.searchsorted(path.way, way, side="right") - 1, 0, len(path.way) - 2)
+    slopes = np.diff(path.positions, axis=0) / np.maximum(np.diff(path.way), 1e-12)[:, None]
+    positions = path.positions[piece] + (way - path.way[piece])[:, None] * slopes[piece]
+    return Driven(time, positions, slopes[piece] * speed[:, None], slopes[piece] * change[:, None])
+
+
+def _stops(path: NominalPath) -> np.ndarray:
+    """Vertices where the machine stops: the ends, corners in axis positions, and where feed gives way to rapid."""
+    moves = np.diff(path.positions, axis=0) / np.where(path.machine.rotary, path.machine.scale, 1.0)
+    directions = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
+    turns = np.sum(directions[1:] * directions[:-1], axis=1) < np.cos(np.radians(CORNER_DEG))
+    changes = path.counts[2:] != path.counts[1:-1]
+    return np.concatenate([[0], np.flatnonzero(turns | changes) + 1, [len(path.way) - 1]])

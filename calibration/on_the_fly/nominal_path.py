@@ -1,0 +1,188 @@
+"""The path that the machine was told to take: as columns of axis positions, and as the way of one target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from calibration.instruments import LaserTracker
+from calibration.measurement import Measurement, Target
+from calibration.sight import seen_points
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+
+PIECE_DEG = 0.25
+"""Rotary axes turn by no more between two points that the way of a target is measured by."""
+STEPS, SHORTEST = 40_000, 0.2
+"""The way of a target is known at so many equal steps, mm, none shorter than this."""
+CORNER_DEG = 1.0
+"""A path that turns by more has a corner there."""
+STANDS = 1e-6
+"""mm: a target that moves less stands."""
+NEAR = 0.05
+"""mm to either side of a point, between which its tangent is taken."""
+
+
+@dataclass(frozen=True)
+class NominalPath:
+    """Vertices `m` in the order of the way; between two of them axis positions run straight."""
+
+    machine: Machine
+    positions: Array
+    """`(m, axes)`, mm and rad."""
+    way: Array
+    """What the feed counts `(m,)`, from 0: mm of the linear axes together, degrees where rotary ones move alone."""
+    counts: np.ndarray
+    """True `(m,)` where the move to the vertex is a feed move; of rapid ones nobody knows the way between."""
+    source: str = ""
+    fingerprint: str = ""
+
+    @property
+    def ends(self) -> Array:
+        """Least and greatest positions `(2, axes)`, mm and rad."""
+        return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
+
+
+class Located(NamedTuple):
+    """Places on the way of a target."""
+
+    points: Array
+    """`(n, 3)`, mm, in the frame that the instrument stands on."""
+    tangents: Array
+    """`(n, 3)`, of length 1."""
+
+
+@dataclass(frozen=True)
+class TargetPath:
+    """The way of one target, at `k` equal steps of its length."""
+
+    step: float
+    """mm"""
+    positions: Array
+    """`(k, axes)`, mm and rad."""
+    slopes: Array
+    """Of the positions `(k, axes)`, per mm of the way, behind each step."""
+    points: Array
+    """`(k, 3)`, mm, in the frame that the instrument stands on."""
+    tangents: Array
+    """`(k, 3)`, of length 1."""
+    way: Array
+    """What the feed counts `(k,)`."""
+    corners: Array
+    """Where the path turns, stops or goes on in rapid `(c,)`, mm, with its two ends."""
+    usable: np.ndarray
+    """True `(c - 1,)` for stretches between corners that are feed moves."""
+
+    @cached_property
+    def length(self) -> float:
+        """mm"""
+        return self.step * (len(self.points) - 1)
+
+    def at(self, s: Array) -> Located:
+        """Points and tangents at `(n,)` mm of the way; between two steps a cubic."""
+        i, u = self._place(s)
+        u = u[:, None]
+        p, q, a, b = self.points[i], self.points[i + 1], self.tangents[i], self.tangents[i + 1]
+        rest = 1.0 - u
+        chord = q - p
+        points = p + u * chord + u * rest * self.step * (rest * a - u * b) + u * rest * (u - rest) * chord
+        tangents = rest * a + u * b
+        return Located(points, tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12))
+
+    def positions_at(self, s: Array) -> Array:
+        """Axis positions `(n, axes)`, mm and rad."""
+        i, u = self._place(s)
+        return np.asarray(self.positions[i] + u[:, None] * (self.positions[i + 1] - self.positions[i]))
+
+    def slopes_at(self, s: Array) -> Array:
+        """Of the positions `(n, axes)`, per mm of the way."""
+        return np.asarray(self.slopes[self._place(s)[0]])
+
+    def way_at(self, s: Array) -> Array:
+        """What the feed counts `(n,)`."""
+        i, u = self._place(s)
+        return np.asarray(self.way[i] + u * (self.way[i + 1] - self.way[i]))
+
+    def stretch(self, s: Array) -> np.ndarray:
+        """Number `(n,)` of the stretch between two corners."""
+        return np.clip(np.searchsorted(self.corners, s, side="right") - 1, 0, len(self.usable) - 1)
+
+    def _place(self, s: Array) -> tuple[np.ndarray, Array]:
+        along = np.clip(s / self.step, 0.0, len(self.points) - 1.0)
+        i = np.minimum(along.astype(int), len(self.points) - 2)
+        return i, along - i
+
+
+def target_path(
+    path: NominalPath, target: Target, stands_on: Literal["workpiece", "bed"] = "workpiece"
+) -> TargetPath:
+    """The way of a target along a path, by exact kinematics; UserError where it hardly moves."""
+    vertices, places = _pieces(path)
+
+    def seen(positions: Array) -> Array:
+        state = State(positions, target=np.full(len(positions), "1"))
+        blank = Measurement(path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on)
+        return seen_points(blank, None, blank.tool)
+
+    chords = np.diff(seen(vertices), axis=0)
+    lengths = np.linalg.norm(chords, axis=1)
+    lengths[lengths < STANDS] = 0.0
+    arc = np.concatenate([[0.0], np.cumsum(lengths)])
+    length = float(arc[-1])
+    if length < 10.0 * SHORTEST:
+        raise UserError(f"{path.source}: the target moves by {length:.3g} mm only, which is no path to follow")
+    count = max(int(np.ceil(length / max(length / STEPS, SHORTEST))), 2)
+    s = np.linspace(0.0, length, count + 1)
+    moving = np.flatnonzero(lengths)
+    piece = moving[np.clip(np.searchsorted(arc[moving], s, side="right") - 1, 0, len(moving) - 1)]
+    slopes = (np.diff(vertices, axis=0)[piece]) / lengths[piece][:, None]
+    positions = vertices[piece] + (s - arc[piece])[:, None] * slopes
+    tangents = (seen(positions + NEAR * slopes) - seen(positions - NEAR * slopes)) / (2.0 * NEAR)
+    corners, usable = _corners(chords, lengths, arc, path.counts[1:][places])
+    way = np.interp(_places_of(piece, arc, s, lengths), np.arange(len(vertices)), _way(path, places))
+    return TargetPath(
+        length / count, positions, slopes, seen(positions),
+        tangents / np.linalg.norm(tangents, axis=1, keepdims=True), way, corners, usable,
+    )  # fmt: skip
+
+
+def _places_of(piece: np.ndarray, arc: Array, s: Array, lengths: Array) -> Array:
+    """Places `(n,)` among the vertices, whole numbers at them, of `s` mm of the way."""
+    return np.asarray(piece + np.clip((s - arc[piece]) / lengths[piece], 0.0, 1.0))
+
+
+def _pieces(path: NominalPath) -> tuple[Array, np.ndarray]:
+    """Vertices `(v, axes)` between which rotary axes turn by little, and the move `(v - 1,)` of each piece."""
+    moves = np.diff(path.positions, axis=0)
+    turned = np.degrees(np.abs(moves[:, path.machine.rotary]).max(axis=1, initial=0.0))
+    counts = np.maximum(np.ceil(turned / PIECE_DEG), 1).astype(int)
+    places = np.repeat(np.arange(len(moves)), counts)
+    first = np.cumsum(counts) - counts
+    share = (np.arange(len(places)) - first[places] + 1) / counts[places]
+    inner = path.positions[places] + share[:, None] * moves[places]
+    return np.concatenate([path.positions[:1], inner]), places
+
+
+def _way(path: NominalPath, places: np.ndarray) -> Array:
+    """What the feed counts, at the vertices of the pieces."""
+    counts = np.bincount(places, minlength=len(path.way) - 1)
+    first = np.cumsum(counts) - counts
+    share = (np.arange(len(places)) - first[places] + 1) / counts[places]
+    return np.concatenate([path.way[:1], path.way[places] + share * np.diff(path.way)[places]])
+
+
+def _corners(chords: Array, lengths: Array, arc: Array, counts: np.ndarray) -> tuple[Array, np.ndarray]:
+    """Where the path turns, the target stands, or feed gives way to rapid; and which stretches are feed moves."""
+    moving = np.flatnonzero(lengths)
+    directions = chords[moving] / lengths[moving][:, None]
+    turns = np.sum(directions[1:] * directions[:-1], axis=1) < np.cos(np.radians(CORNER_DEG))
+    stands = np.diff(moving) > 1
+    changes = counts[moving][1:] != counts[moving][:-1]
+    at = np.flatnonzero(turns | stands | changes)
+    corners = np.concatenate([[0.0], arc[moving[at + 1]], arc[-1:]])
+    return corners, counts[moving][np.append(0, at + 1)]

@@ -1,0 +1,245 @@
+"""From readings and a path to a measurement that every fit takes: alignment, exclusion, reduction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.measurement import AcrossPath, Measurement, with_moves
+from calibration.on_the_fly.alignment import AT_A_TIME, Pass, aligned_pose, nearest
+from calibration.on_the_fly.cells import Cells, cell_numbers, reduced
+from calibration.on_the_fly.nominal_path import NominalPath, TargetPath, target_path
+from calibration.on_the_fly.readings import Readings
+from calibration.on_the_fly.rough import SAMPLES, rough
+from calibration.on_the_fly.speed import steadiness
+from kinematics.errors import UserError
+from kinematics.state import State
+from kinematics.transforms import Array, Pose, turn
+
+CELL_MM, CORNER_MM = 4.0, 5.0
+MOST = 20_000
+"""Cells of a measurement; longer paths have longer ones."""
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What became of the readings, for people."""
+
+    readings: int
+    corners: int
+    """Left out close to corners, or in rapid."""
+    unsteady: int
+    """Left out for changing speed."""
+    astray: int
+    """Left out for lying far from the rest of their cell."""
+    rows: int
+    cell_mm: float
+    corner_mm: float
+    passes: int
+    feeds: tuple[float, ...]
+    """mm/min, of each pass."""
+    length_m: float
+    """Of the path."""
+    correlation: float
+    """Variance of means in terms of that of independent readings, the worst of all passes."""
+
+    @property
+    def used(self) -> int:
+        """Readings that count."""
+        return self.readings - self.corners - self.unsteady - self.astray
+
+    def __str__(self) -> str:
+        feeds = ", ".join(f"{feed:.0f}" for feed in sorted(set(np.round(self.feeds, -1).tolist())))
+        shares = [
+            f"{100 * count / self.readings:.1f} % {what}"
+            for count, what in (
+                (self.corners, f"within {self.corner_mm:g} mm of corners or in rapid"),
+                (self.unsteady, "speeding up or slowing down"),
+                (self.astray, "astray"),
+            )
+        ]
+        slow = f"; noise goes on in time, means are {self.correlation**0.5:.2g} times as uncertain"
+        return (
+            f"{self.readings} readings in {self.passes} pass{'es' * (self.passes > 1)} along {self.length_m:.2f} m at "
+            f"{feeds} mm/min: {self.used} used, in {self.rows} cells of {self.cell_mm:g} mm; left out "
+            f"{', '.join(shares)}{slow if self.correlation > 1.0 else ''}"
+        )
+
+
+@dataclass(frozen=True)
+class OnTheFly:
+    """A measurement in motion, and how it was made."""
+
+    measurement: Measurement
+    reduction: Reduction
+
+
+def on_path(
+    readings: Readings,
+    path: NominalPath,
+    *,
+    cell_mm: float | None = None,
+    corner_mm: float = CORNER_MM,
+    progress: Callable[[str], None] = lambda _: None,
+) -> OnTheFly:
+    """The readings as a measurement: one row a cell of the path, which counts across the path only.
+
+    Every pass is aligned roughly and each station finely (`rough`, `alignment`); readings near corners and at changing
+    speed are left out (`speed`), the others taken together (`cells`). Registration and errors are then fitted jointly,
+    like those of any measurement. UserError for readings that did not follow the path.
+    """
+    names = np.unique(readings.target).tolist()
+    ways = {name: target_path(path, readings.targets[name], readings.stands_on) for name in names}
+    passes = list(readings.passes())
+    length = sum(ways[str(readings.target[rows.start])].length for rows in passes)
+    cell = cell_mm if cell_mm is not None else max(CELL_MM, round(length / MOST, 1))
+    progress("rough alignment")
+    poses: dict[str, Pose] = {}
+    roughly: list[Pass] = []
+    for rows in passes:
+        way, station = ways[str(readings.target[rows.start])], str(readings.station[rows.start])
+        found = rough(way, readings.points[rows], readings.where(rows))
+        roughly.append(Pass(way, readings.points[rows], found.way, 1.5 * way.length / SAMPLES))
+        poses.setdefault(station, found.pose)
+    progress("fine alignment")
+    for station in poses:
+        own = [each for each, rows in zip(roughly, passes, strict=True) if readings.station[rows.start] == station]
+        poses[station] = aligned_pose(poses[station], own, f"{readings.source}, station {station}")
+    progress("reduction")
+    parts, feeds, lost, correlated = [], [], np.zeros(3, int), 1.0
+    for each, rows in zip(roughly, passes, strict=True):
+        part, left_out, cells = _reduced_pass(readings, rows, each, poses, path, cell, corner_mm)
+        parts.append(part)
+        feeds.append(float(np.median(part.feed)) if part.feed is not None and len(part) else 0.0)
+        lost += left_out
+        correlated = max(correlated, cells.correlation)
+    measurement = _together(parts, readings)
+    if not len(measurement):
+        raise UserError(f"{readings.source}: no reading counts: all are close to corners or at changing speed")
+    reduction = Reduction(
+        len(readings), *lost.tolist(), len(measurement), cell, corner_mm, len(passes), tuple(feeds),
+        max(way.length for way in ways.values()) * 1e-3, correlated,
+    )  # fmt: skip
+    return OnTheFly(measurement, reduction)
+
+
+def _reduced_pass(
+    readings: Readings,
+    rows: slice,
+    each: Pass,
+    poses: dict[str, Pose],
+    path: NominalPath,
+    cell_mm: float,
+    corner_mm: float,
+) -> tuple[Measurement, Array, Cells]:
+    """The cells of one pass as rows; numbers of readings left out near corners, at changing speed, astray."""
+    pose = poses[str(readings.station[rows.start])]
+    way, deviation = _followed(each, pose)
+    steady = steadiness(each.path, readings.time[rows], way, corner_mm, cell_mm)
+    used = np.flatnonzero(~steady.corner & ~steady.unsteady)
+    sensors = list(readings.temperatures)
+    columns = np.stack(
+        [readings.time[rows], steady.speed, steady.feed, *(readings.temperatures[name][rows] for name in sensors)],
+        axis=1,
+    )
+    cells = reduced(cell_numbers(each.path, way[used], cell_mm), way[used], deviation[used], columns[used])
+    first = rows.start + used[cells.first] if len(used) else np.zeros(0, int)
+    left_out = np.array([steady.corner.sum(), steady.unsteady.sum(), cells.astray])
+    place = each.path.at(cells.way)
+    turns = np.broadcast_to(pose.rotation, (len(cells.way), 3, 3))
+    observed = pose.apply(place.points + _perpendicular(cells.deviation, place.tangents))
+    slopes = each.path.slopes_at(cells.way)
+    state = State(
+        each.path.positions_at(cells.way),
+        approach=_approach(each.path, cells.way),
+        velocity=slopes * cells.columns[:, 1:2],
+        time=cells.columns[:, 0],
+        temperatures={name: cells.columns[:, 3 + i] for i, name in enumerate(sensors)},
+        station=readings.station[first],
+        target=readings.target[first],
+        observed=observed,
+    )
+    across = AcrossPath(
+        across_path(turn(turns, place.tangents), observed), cells.count / cells.correlation, path.ends, cells.way
+    )
+    part = Measurement(
+        path.machine, readings.instrument, with_moves(state, state.approach), observed, readings.targets,
+        readings.stands_on, run=readings.run[first], feed=cells.columns[:, 2], lines=readings.lines[first],
+        across=across,
+    )  # fmt: skip
+    return part, left_out, cells
+
+
+def across_path(along: Array, observed: Array) -> Array:
+    """Directions `(n, 2, 3)` across the path: the beam's part across it, and what is square to both.
+
+    On-the-fly paper (1) with its errata; along `(n, 3)` and the observed points `(n, 3)`, which the beam comes to from
+    zero, in the instrument's frame. Where the beam runs along the path any two do.
+    """
+    beam = observed / np.maximum(np.linalg.norm(observed, axis=1, keepdims=True), 1e-12)
+    second = _perpendicular(beam, along)
+    length = np.linalg.norm(second, axis=1, keepdims=True)
+    other = np.eye(3)[np.argmin(np.abs(along), axis=1)]
+    other = _perpendicular(other, along)
+    second = np.where(length > 1e-6, second / np.maximum(length, 1e-12), other / np.linalg.norm(other, axis=1, keepdims=True))
+    return np.stack([second, np.cross(along, second)], axis=1)
+
+
+def _followed(each: Pass, pose: Pose) -> tuple[Array, Array]:
+    """Ways `(n,)` and deviations across the path `(n, 3)`, mm, of the points of a pass."""
+    way, deviation = np.empty(len(each.way)), np.empty((len(each.way), 3))
+    back = pose.inverse()
+    for start in range(0, len(way), AT_A_TIME):
+        rows = slice(start, start + AT_A_TIME)
+        points = back.apply(each.points[rows])
+        way[rows] = nearest(each.path, points, each.way[rows], each.width)
+        place = each.path.at(way[rows])
+        deviation[rows] = _perpendicular(points - place.points, place.tangents)
+    return way, deviation
+
+
+def _perpendicular(vectors: Array, along: Array) -> Array:
+    return np.asarray(vectors - np.sum(vectors * along, axis=1, keepdims=True) * along)
+
+
+def _approach(path: TargetPath, way: Array) -> Array:
+    """Direction of the last move of each axis `(n, axes)`; 0 where it has not moved yet."""
+    moves = np.sign(np.where(np.abs(path.slopes) > 1e-9, path.slopes, 0.0))
+    moved = np.where(moves != 0.0, np.arange(len(moves))[:, None], 0)
+    last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
+    return np.asarray(last[np.minimum((way / path.step).astype(int), len(last) - 1)])
+
+
+def _together(parts: list[Measurement], readings: Readings) -> Measurement:
+    """All passes as one measurement, in the order of acquisition."""
+    first = parts[0]
+    assert first.across is not None
+
+    def joined(column: Callable[[Measurement], Array]) -> Array:
+        return np.concatenate([column(part) for part in parts])
+
+    states = [part.state for part in parts]
+    _, number = np.unique(joined(lambda part: part.run), return_inverse=True)  # type: ignore[arg-type, return-value]
+    several = {
+        name: np.concatenate([getattr(state, name) for state in states])
+        for name in ("positions", "approach", "last_move", "velocity", "time", "station", "target", "observed")
+    }
+    temperatures = {n: np.concatenate([s.temperatures[n] for s in states]) for n in states[0].temperatures}
+    across = replace(
+        first.across,
+        **{n: np.concatenate([getattr(part.across, n) for part in parts]) for n in ("directions", "readings", "way")},
+    )
+    return replace(
+        first,
+        state=State(**several, temperatures=temperatures, cycle=number.astype(float)),
+        observed=joined(lambda part: part.observed),
+        run=np.concatenate([part.run for part in parts if part.run is not None]),
+        feed=np.concatenate([part.feed for part in parts if part.feed is not None]),
+        lines=np.concatenate([part.lines for part in parts if part.lines is not None]),
+        source=readings.source,
+        fingerprint=readings.fingerprint,
+        across=across,
+        notes=readings.notes,
+    )

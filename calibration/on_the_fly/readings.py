@@ -1,0 +1,108 @@
+"""Points of a tracker that followed the machine: rows `time_s,x,y,z[,target]` of a measurement file (contract 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calibration.instruments import LaserTracker
+from calibration.measurement import Target
+from calibration.measurement_file import read_instrument, uncertainty_keys
+from calibration.places import (
+    allow_columns,
+    check_machine,
+    note_unknown_keys,
+    read_stands_on,
+    read_targets,
+    read_temperatures,
+)
+from calibration.table import Table
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+
+COLUMNS = ("time_s", "x", "y", "z", "target", "station", "run", "temp_<name>")
+ONLY = "1"
+"""Station and run of a file that names none."""
+
+
+@dataclass(frozen=True)
+class Readings:
+    """One row per reading, in the order of time."""
+
+    instrument: LaserTracker
+    targets: Mapping[str, Target]
+    stands_on: Literal["workpiece", "bed"]
+    time: Array
+    """`(n,)`, s."""
+    points: Array
+    """`(n, 3)`, mm, in the instrument's frame."""
+    target: np.ndarray
+    """Name `(n,)`."""
+    station: np.ndarray
+    """Name `(n,)`."""
+    run: np.ndarray
+    """Name `(n,)`."""
+    temperatures: Mapping[str, Array]
+    """By sensor `(n,)`, K from 20 degC."""
+    lines: np.ndarray
+    """Line in the file `(n,)`."""
+    source: str
+    fingerprint: str
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def passes(self) -> Iterator[slice]:
+        """Rows of one station, run and target after the other: each time the program runs once."""
+        changes = np.zeros(max(len(self) - 1, 0), bool)
+        for column in (self.station, self.run, self.target):
+            changes |= column[1:] != column[:-1]
+        ends = [0, *(np.flatnonzero(changes) + 1).tolist(), len(self)]
+        return (slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
+
+    def where(self, rows: slice) -> str:
+        """A pass, for messages."""
+        at = rows.start
+        said = [("station", self.station), ("run", self.run), ("target", self.target)]
+        several = [f"{name} {column[at]}" for name, column in said if column[0] != column[-1] or np.any(column != column[0])]
+        return ", ".join([f"{self.source}:{self.lines[at]}", *several])
+
+
+def read_readings(table: Table, machine: Machine) -> Readings:
+    """The readings in a table; UserError with line and column for what can't be used."""
+    notes: list[str] = []
+    instrument = read_instrument(table)
+    if not isinstance(instrument, LaserTracker):
+        raise UserError(f"{table.source}: data taken on the fly (--path) are a laser tracker's")
+    check_machine(table, machine, notes)
+    keys = ["machine", "instrument", "stands_on", *uncertainty_keys(LaserTracker)]
+    note_unknown_keys(table, lambda key: key in keys, notes)
+    positions = [name for name in machine.names if name in table.names]
+    if positions:
+        raise UserError(
+            f"{table.head} column {positions[0]}: the file says itself where the axes stood; it needs no --path"
+        )
+    allow_columns(table, list(COLUMNS))
+    table.need_columns(["time_s", "x", "y", "z"], "data taken on the fly")
+    numbers = table.numbers(["time_s", "x", "y", "z"])
+    time = numbers["time_s"]
+    targets, target = read_targets(table, notes)
+    moving = [name for name, each in targets.items() if each.carrier != "tool"]
+    if moving:
+        raise UserError(f"{table.source}: target {moving[0]} sits on the {targets[moving[0]].carrier}: no path leads it")
+    texts = table.texts([name for name in ("station", "run") if name in table.names])
+    found = Readings(
+        instrument, targets, read_stands_on(table), time, np.stack([numbers[name] for name in "xyz"], axis=1), target,
+        texts.get("station", np.full(len(table), ONLY)), texts.get("run", np.full(len(table), ONLY)),
+        read_temperatures(table), table.lines, table.source, table.fingerprint, tuple(notes),
+    )  # fmt: skip
+    for rows in found.passes():
+        back = np.flatnonzero(np.diff(time[rows]) <= 0.0)
+        if len(back):
+            table.fault(rows.start + int(back[0]) + 1, "time_s", "not later than in the row before")
+    return found

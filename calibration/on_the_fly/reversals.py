@@ -1,0 +1,46 @@
+"""Backlash on the fly: what differs between going forward and backward (the outlook of the on-the-fly paper).
+
+Either one number for each error motion, or a curve for each: as the paper has it, a few unknowns more or about twice as
+many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_args
+
+from calibration.measurement import Measurement
+from calibration.models import moving_axes
+from kinematics.basis import BSpline, Interval, Legendre
+from kinematics.effects import Backlash, Component, Effect, Reversal
+from kinematics.effects.base import own_component
+from kinematics.errors import UserError
+
+MODES = ("none", "constant", "curves")
+NODES = 5
+"""Of a curve."""
+
+
+def reversals(measurement: Measurement, mode: str) -> list[Effect]:
+    """The effects to be fitted besides, all zero, of every axis that moves; UserError for another mode than MODES."""
+    if mode not in MODES:
+        raise UserError(f"--reversal {mode}: expected one of {', '.join(MODES)}")
+    if mode == "none":
+        return []
+    of_axis = _constants if mode == "constant" else _curves
+    return [effect for axis, interval in moving_axes(measurement).items() for effect in of_axis(axis, interval)]
+
+
+def _constants(axis: str, interval: Interval) -> Iterator[Effect]:
+    for component in get_args(Component):
+        if component == own_component(axis):
+            yield Backlash(axis, 0.0)
+        else:
+            yield Reversal(component, axis, Legendre(interval, 0), (0.0,))
+
+
+def _curves(axis: str, interval: Interval) -> Iterator[Effect]:
+    low, high = interval
+    nodes = tuple(low + (high - low) * k / (NODES - 1) for k in range(NODES))
+    for component in get_args(Component):
+        yield Reversal(component, axis, BSpline(nodes, 1), (0.0,) * NODES)

@@ -1,0 +1,130 @@
+"""Virtual readings: what a tracker sees of a machine with known errors that follows a path."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import BinaryIO, Literal
+
+import numpy as np
+
+from calibration.instruments import LaserTracker
+from calibration.measurement import Measurement, Target, with_moves
+from calibration.measurement_file import CHUNK, header_lines
+from calibration.on_the_fly.drive import Driven, Manner, driven
+from calibration.on_the_fly.nominal_path import NominalPath
+from calibration.simulate import observe, with_temperatures
+from kinematics.model import ErrorModel
+from kinematics.state import REFERENCE, State
+from kinematics.transforms import Array, Pose
+
+BETWEEN_S = 60.0
+"""From the end of one pass to the start of the next."""
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """What shakes the target besides: a wave in each direction, of random phase in each pass."""
+
+    rms_um: float = 0.0
+    hertz: float = 40.0
+
+
+@dataclass(frozen=True)
+class Session:
+    """Passes along a path, one after the other: with every target, at every feed, from every station."""
+
+    path: NominalPath
+    manners: Sequence[Manner]
+    targets: Mapping[str, Target]
+    poses: Mapping[str, Pose]
+    """By station, from what the tracker stands on to its own frame."""
+    stands_on: Literal["workpiece", "bed"] = "workpiece"
+    vibration: Vibration = Vibration()
+
+
+def readings_of(
+    session: Session,
+    model: ErrorModel,
+    tracker: LaserTracker,
+    rng: np.random.Generator,
+    *,
+    noise_scale: float = 1.0,
+    temperatures: Mapping[str, tuple[float, float]] | None = None,
+    progress: Callable[[int], None] = lambda _: None,
+) -> Measurement:
+    """The readings, with the positions at which the axes really were, which no file of them has.
+
+    Exact kinematics and the tracker's full covariance (`calibration.simulate`); temperatures run straight over the
+    whole session, K from 20 degC.
+    """
+    rides = [driven(session.path, manner) for manner in session.manners]
+    state, run = _states(session, rides)
+    if temperatures:
+        state = with_temperatures(state, temperatures)
+    seen = observe(
+        session.path.machine, model, state, tracker, rng, session.poses, session.targets,
+        stands_on=session.stands_on, run=run, noise_scale=noise_scale, progress=progress,
+    )  # fmt: skip
+    return replace(seen, observed=seen.observed + _shaken(session, state, run, rng))
+
+
+def write_readings(readings: Measurement, file: BinaryIO) -> None:
+    """Write the readings as a tracker would: time and points, and which target, station and run where there are several."""
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+    for line in header_lines(readings):
+        text.write(f"# {line}\n")
+    state = readings.state
+    assert state.time is not None
+    columns: dict[str, np.ndarray] = {"time_s": np.round(state.time, 6)}
+    columns |= {letter: np.round(readings.observed[:, i], 5) for i, letter in enumerate("xyz")}
+    for name, column in (("target", state.target), ("station", state.station), ("run", readings.run)):
+        if column is not None and np.any(column != column[0]):
+            columns[name] = column
+    columns |= {f"temp_{sensor}": np.round(kelvin + REFERENCE, 3) for sensor, kelvin in state.temperatures.items()}
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for start in range(0, len(readings), CHUNK):
+        writer.writerows(zip(*(column[start : start + CHUNK].tolist() for column in columns.values()), strict=True))
+    text.flush()
+    text.detach()
+
+
+def _states(session: Session, rides: Sequence[Driven]) -> tuple[State, np.ndarray]:
+    """The states of all passes, and their runs: one for each feed, the targets and stations apart from that."""
+    parts, names, begin = [], [], 0.0
+    for station in session.poses:
+        for target in session.targets:
+            for number, ride in enumerate(rides, start=1):
+                n = len(ride.time)
+                parts.append((ride, begin, station, target))
+                names.append(np.full(n, str(number)))
+                begin += float(ride.time[-1]) + BETWEEN_S
+    moved = [with_moves(State(ride.positions)) for ride, *_ in parts]
+    approach = [each.approach for each in moved if each.approach is not None]
+    last = [each.last_move for each in moved if each.last_move is not None]
+    counts = [len(ride.time) for ride, *_ in parts]
+    state = State(
+        np.concatenate([ride.positions for ride, *_ in parts]),
+        approach=np.concatenate(approach),
+        last_move=np.concatenate(last),
+        velocity=np.concatenate([ride.velocity for ride, *_ in parts]),
+        acceleration=np.concatenate([ride.acceleration for ride, *_ in parts]),
+        time=np.concatenate([ride.time + at for ride, at, *_ in parts]),
+        station=np.repeat([station for *_, station, _ in parts], counts),
+        target=np.repeat([target for *_, target in parts], counts),
+        cycle=np.concatenate([column.astype(float) for column in names]) - 1.0,
+    )
+    return state, np.concatenate(names)
+
+
+def _shaken(session: Session, state: State, run: np.ndarray, rng: np.random.Generator) -> Array:
+    """Displacements `(n, 3)`, mm."""
+    assert state.time is not None
+    if not session.vibration.rms_um:
+        return np.zeros((len(state), 3))
+    phases = rng.uniform(0.0, 2.0 * np.pi, (int(run.astype(int).max()), 3))[run.astype(int) - 1]
+    wave = np.sin(2.0 * np.pi * session.vibration.hertz * state.time[:, None] + phases)
+    return np.asarray(session.vibration.rms_um * 1e-3 * np.sqrt(2.0) * wave)

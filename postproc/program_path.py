@@ -1,0 +1,148 @@
+"""The path of a program in axis positions: what the machine was told to do while an instrument watched."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from postproc.circles import sweep
+from postproc.dialects import Dialect
+from postproc.execution import execution
+from postproc.motions import Kind, Known, Motions
+from postproc.notes import Notes
+from postproc.program import Refusal
+from postproc.setup import Setup
+from postproc.source import Source
+
+PIECE_DEG = 0.1
+"""Circles, and moves with TCP that turn rotary axes, in pieces that turn by no more: straight to 0.2 um at 500 mm."""
+RAPID = re.compile(r"G0*0(?![0-9.])|G28|G30|FMAX", re.IGNORECASE)
+FEED = re.compile(r"G0*1(?![0-9.])", re.IGNORECASE)
+
+
+class ProgramPath(NamedTuple):
+    """Vertices `m`, between which axis positions run straight."""
+
+    positions: Array
+    """`(m, axes)`, mm and rad."""
+    way: Array
+    """What the feed counts `(m,)`, from 0: mm of programmed X Y Z together, degrees where rotary axes move alone."""
+    counts: np.ndarray
+    """True `(m,)` where the move to the vertex is a feed move."""
+    notes: tuple[str, ...]
+
+
+def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> ProgramPath:
+    """The path from the first position of which the program has said all linear axes to the last.
+
+    Rotary axes that the program never names stand at home, which is noted. UserError, located, for canned cycles and
+    where linear axes go to where the program does not say, as at a tool change.
+    """
+    interpreter = dialect.interpreter(machine, setup, Notes())
+    positions: list[Array] = []
+    lengths: list[Array] = []
+    counts: list[np.ndarray] = []
+    assumed = np.ones(len(machine.axes), bool)
+    rapid = False
+    for part in execution(source, dialect, interpreter).parts():
+        motions = part.motions
+        try:
+            rows = _path_rows(motions, begun=bool(positions))
+        except Refusal as refusal:
+            raise refusal.located(source.name) from None
+        if not len(rows):
+            continue
+        motions = motions.take(rows)
+        assumed &= (motions.known == Known.ASSUMED).all(axis=0)
+        feeds, rapid = _feeds(motions, rapid)
+        if not positions:
+            positions.append(motions.machine_target[:1])
+            lengths.append(np.zeros(1))
+            counts.append(np.ones(1, bool))
+            motions, feeds = motions.take(np.arange(1, len(motions))), feeds[1:]
+        for places, ways, row in _in_pieces(motions):
+            positions.append(places)
+            lengths.append(ways)
+            counts.append(feeds[row])
+    if not positions or len(np.concatenate(lengths)) < 2:
+        raise UserError(f"{source.name}: the program says no path: two positions of all linear axes at least")
+    names = [axis.name for axis, unsaid in zip(machine.axes, assumed, strict=True) if unsaid]
+    note = f"{source.name} never says where {', '.join(names)} stand: taken to stand at home"
+    return ProgramPath(
+        np.concatenate(positions), np.cumsum(np.concatenate(lengths)), np.concatenate(counts), (note,) if names else ()
+    )
+
+
+def _path_rows(motions: Motions, *, begun: bool) -> np.ndarray:
+    """Rows of a chunk that are part of the path; Refusal where it can't be followed."""
+    linear = [i for i, axis in enumerate(motions.machine.axes) if not axis.rotary]
+    said = (motions.known[:, linear] != Known.ASSUMED).all(axis=1)
+    for row in np.flatnonzero(motions.kind == Kind.CYCLE):
+        raise motions.blocks[motions.block[row]].refuse("a canned cycle is no path that can be followed")
+    first = 0 if begun else int(np.argmax(said)) if said.any() else len(said)
+    for row in np.flatnonzero(~said[first:]):
+        raise motions.blocks[motions.block[first + row]].refuse(
+            "where a linear axis stands, the program does not say here: a path that is measured must say it all along"
+        )
+    return np.arange(first, len(motions))
+
+
+def _feeds(motions: Motions, rapid: bool) -> tuple[np.ndarray, bool]:
+    """True `(n,)` for feed moves, and whether the last move was rapid; in machine coordinates by the block's words."""
+    found = motions.kind != Kind.RAPID
+    for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
+        if kind == Kind.MACHINE:
+            text = motions.blocks[index].text
+            rapid = bool(RAPID.search(text)) or (rapid and not FEED.search(text))
+            found[row] = not rapid
+        else:
+            rapid = kind == Kind.RAPID
+    return found, rapid
+
+
+def _in_pieces(motions: Motions) -> Iterator[tuple[Array, Array, np.ndarray]]:
+    """Axis positions of the ends of all pieces, their lengths as the feed counts, and their rows, in order.
+
+    Moves are cut so that axis positions run straight in a piece; a run of moves that do so anyway comes together.
+    """
+    number = _pieces(motions)
+    rows = np.arange(len(motions))
+    cuts = np.flatnonzero(np.append(True, (number[1:] > 1) | (number[:-1] > 1))) if len(rows) else rows
+    for group in np.split(rows, cuts[1:]):
+        if not len(group):
+            continue
+        some, pieces = motions.take(group), int(number[group[0]])
+        before, places, lengths = some.start, [], []
+        for k in range(1, pieces + 1):
+            along = some.along(k / pieces)
+            places.append(some.in_machine(along))
+            lengths.append(_length(motions, along - before))
+            before = along
+        yield np.concatenate(places), np.concatenate(lengths), np.repeat(group, pieces) if pieces > 1 else group
+
+
+def _pieces(motions: Motions) -> np.ndarray:
+    """Number of pieces `(n,)` of each move."""
+    turned = np.zeros(len(motions))
+    tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
+    rotary = motions.machine.rotary
+    turned[tcp] = np.abs(motions.target - motions.start)[tcp][:, rotary].max(axis=1, initial=0.0)
+    for row, arc in motions.arcs.items():
+        i, j, _ = arc.plane
+        start, end = motions.start[row].tolist(), motions.target[row].tolist()
+        angle = sweep((start[i], start[j]), (end[i], end[j]), arc.centre, arc.sense, arc.full)
+        turned[row] = max(turned[row], abs(np.degrees(angle)))
+    return np.maximum(np.ceil(turned / PIECE_DEG - 1e-9), 1).astype(int)
+
+
+def _length(motions: Motions, moves: Array) -> Array:
+    """Lengths `(n,)` of programmed moves `(n, axes)`, mm and degrees, as the feed counts them."""
+    rotary = motions.machine.rotary
+    linear, turned = (np.linalg.norm(moves[:, mask], axis=1) for mask in (~rotary, rotary))
+    return np.where(linear > 1e-9, linear, turned)
