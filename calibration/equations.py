@@ -103,7 +103,7 @@ def registration_design(measurement: Measurement, registration: Registration) ->
 
 
 def covariance(measurement: Measurement) -> Array:
-    """Covariances `(n, d, d)`, mm2 or rad2, of what counts of the observations; of rows in motion those of their mean."""
+    """Covariances `(n, d, d)`, mm2 or rad2, of what counts of the observations; rows in motion are means."""
     instrument = measurement.instrument
     if isinstance(instrument, Interferometer):
         return _along_axes(measurement, instrument)

@@ -52,7 +52,7 @@ class AcrossPath:
         return AcrossPath(self.directions[index], self.readings[index], self.ends, self.way[index])
 
     def of(self, vectors: Array) -> Array:
-        """The parts across the path `(n, 2, ...)` of vectors, or of matrices, `(n, 3, ...)` in the instrument's frame."""
+        """The parts across the path `(n, 2, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
         if vectors.ndim == 2:
             return np.asarray((self.directions @ vectors[:, :, None])[:, :, 0])
         return np.asarray(self.directions @ vectors)

@@ -280,6 +280,7 @@ def _tool(targets: Mapping[str, Target], names: np.ndarray | None) -> Array:
 
 
 def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:
+    """What the instrument stands on; UserError for what it can't."""
     value = table.entries["stands_on"].value if "stands_on" in table.entries else "workpiece"
     if value not in STANDS_ON:
         table.header_fault("stands_on", f"expected {' or '.join(STANDS_ON)}, got {value!r}")

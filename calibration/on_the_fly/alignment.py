@@ -1,4 +1,4 @@
-"""Fine alignment: points to the path, again and again, until the pose of a station comes to rest (on-the-fly paper, 1.2.3).
+"""Fine alignment: points to the path, again and again, until the pose of a station rests (on-the-fly paper, 1.2.3).
 
 Each step takes every point to the nearest place on the path and moves the pose by what is left *across* the path, in
 least squares with Huber's weights: what is left along it says nothing, and would hold the pose back.

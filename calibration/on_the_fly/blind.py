@@ -1,7 +1,7 @@
 """A blind mode: what deviations across a path can't show, whatever their noise and number.
 
-Let the linear axes err along themselves by L_i g(u_i), u_i the position from -1 to 1 over a travel of 2 L_i, with one g for
-all that is odd and zero at the ends. A line through the centre of the volume or of one of its faces along their
+Let the linear axes err along themselves by L_i g(u_i), u_i the position from -1 to 1 over a travel of 2 L_i, one g
+for all that is odd and zero at the ends. A line through the centre of the volume or of one of its faces along their
 diagonals, or along an edge, is shifted by that along itself only: lines of these kinds alone never show it.
 """
 
@@ -43,9 +43,9 @@ def common_odd_mode(measurement: Measurement, registration: Registration) -> str
         return None
     names = [f"E_{own_component(axis)}{axis}" for axis in sorted(moving)]
     return (
-        f"{', '.join(names[:-1])} and {names[-1]} in proportion to their travels, of one common course that is odd about "
-        f"the middle and zero at the ends: {100 * max(shares):.2g} % of it lies across this path. Edges, face and space "
-        "diagonals do not see it; 'ncomp plan --strategy on-the-fly' makes a path that does"
+        f"{', '.join(names[:-1])} and {names[-1]} in proportion to their travels, of one common course that is odd "
+        f"about the middle and zero at the ends: {100 * max(shares):.2g} % of it lies across this path. Edges, face "
+        "and space diagonals do not see it; 'ncomp plan --strategy on-the-fly' makes a path that does"
     )
 
 

@@ -118,15 +118,15 @@ class TargetPath:
         return i, along - i
 
 
-def target_path(
-    path: NominalPath, target: Target, stands_on: Literal["workpiece", "bed"] = "workpiece"
-) -> TargetPath:
+def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece", "bed"] = "workpiece") -> TargetPath:
     """The way of a target along a path, by exact kinematics; UserError where it hardly moves."""
     vertices, places = _pieces(path)
 
     def seen(positions: Array) -> Array:
         state = State(positions, target=np.full(len(positions), "1"))
-        blank = Measurement(path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on)
+        blank = Measurement(
+            path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on
+        )
         return seen_points(blank, None, blank.tool)
 
     chords = np.diff(seen(vertices), axis=0)

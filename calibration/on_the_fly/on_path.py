@@ -104,9 +104,9 @@ def on_path(
         roughly.append(Pass(way, readings.points[rows], found.way, 1.5 * way.length / SAMPLES))
         poses.setdefault(station, found.pose)
     progress("fine alignment")
-    for station in poses:
+    for station, roughly_posed in poses.items():
         own = [each for each, rows in zip(roughly, passes, strict=True) if readings.station[rows.start] == station]
-        poses[station] = aligned_pose(poses[station], own, f"{readings.source}, station {station}")
+        poses[station] = aligned_pose(roughly_posed, own, f"{readings.source}, station {station}")
     progress("reduction")
     parts, feeds, lost, correlated = [], [], np.zeros(3, int), 1.0
     for each, rows in zip(roughly, passes, strict=True):
@@ -183,7 +183,9 @@ def across_path(along: Array, observed: Array) -> Array:
     length = np.linalg.norm(second, axis=1, keepdims=True)
     other = np.eye(3)[np.argmin(np.abs(along), axis=1)]
     other = _perpendicular(other, along)
-    second = np.where(length > 1e-6, second / np.maximum(length, 1e-12), other / np.linalg.norm(other, axis=1, keepdims=True))
+    second = np.where(
+        length > 1e-6, second / np.maximum(length, 1e-12), other / np.linalg.norm(other, axis=1, keepdims=True)
+    )
     return np.stack([second, np.cross(along, second)], axis=1)
 
 

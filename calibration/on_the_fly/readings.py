@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -63,13 +64,15 @@ class Readings:
         for column in (self.station, self.run, self.target):
             changes |= column[1:] != column[:-1]
         ends = [0, *(np.flatnonzero(changes) + 1).tolist(), len(self)]
-        return (slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return (slice(a, b) for a, b in pairwise(ends))
 
     def where(self, rows: slice) -> str:
         """A pass, for messages."""
         at = rows.start
         said = [("station", self.station), ("run", self.run), ("target", self.target)]
-        several = [f"{name} {column[at]}" for name, column in said if column[0] != column[-1] or np.any(column != column[0])]
+        several = [
+            f"{name} {column[at]}" for name, column in said if column[0] != column[-1] or np.any(column != column[0])
+        ]
         return ", ".join([f"{self.source}:{self.lines[at]}", *several])
 
 
@@ -94,7 +97,9 @@ def read_readings(table: Table, machine: Machine) -> Readings:
     targets, target = read_targets(table, notes)
     moving = [name for name, each in targets.items() if each.carrier != "tool"]
     if moving:
-        raise UserError(f"{table.source}: target {moving[0]} sits on the {targets[moving[0]].carrier}: no path leads it")
+        raise UserError(
+            f"{table.source}: target {moving[0]} sits on the {targets[moving[0]].carrier}: no path leads it"
+        )
     texts = table.texts([name for name in ("station", "run") if name in table.names])
     found = Readings(
         instrument, targets, read_stands_on(table), time, np.stack([numbers[name] for name in "xyz"], axis=1), target,

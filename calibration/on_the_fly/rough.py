@@ -2,8 +2,8 @@
 
 Points and path are compared at equal shares of their lengths: start, end and centroid, which the on-the-fly paper
 aligns by (1.2.3), and everything between. So a path that is symmetric, or ends where it began, is no trap, and a place
-that the path passes twice is told by the order. Points are then assigned to the path in order (dynamic time warping) and
-both steps repeated.
+that the path passes twice is told by the order. Points are then assigned to the path in order (dynamic time warping),
+and both steps repeated.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def rough(path: TargetPath, points: Array, where: str) -> Rough:
     length = float(arc[-1])
     if abs(length / path.length - 1.0) > BAND:
         raise UserError(
-            f"{where}: the points cover {length / 1e3:.3f} m, the program {path.length / 1e3:.3f} m: record it from start "
-            "to end, once for each value of the columns run, target and station; or is it another program?"
+            f"{where}: the points cover {length / 1e3:.3f} m, the program {path.length / 1e3:.3f} m: record it from "
+            "start to end, once for each value of the columns run, target and station; or is it another program?"
         )
     share = np.linspace(0.0, 1.0, SAMPLES + 1)
     observed = np.stack([np.interp(share * length, arc, column) for column in medians[kept].T], axis=1)

@@ -72,7 +72,7 @@ def readings_of(
 
 
 def write_readings(readings: Measurement, file: BinaryIO) -> None:
-    """Write the readings as a tracker would: time and points, and which target, station and run where there are several."""
+    """Write the readings as a tracker would: time and points; target, station and run where there are several."""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     for line in header_lines(readings):
         text.write(f"# {line}\n")
