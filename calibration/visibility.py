@@ -130,9 +130,7 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     used = np.unique(measurement.target_number)
     spread = np.linalg.matrix_rank(vectors - vectors[:1]) if len(vectors) else 0
     if measurement.across is not None and not any(effect.angular for effect in effects):
-        return (
-            "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly)"
-        )
+        return "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly)"
     if measurement.instrument.components < 3:
         return "a measurement in all three directions of space would show it"
     if any(effect.angular for effect in effects) and spread < 2:

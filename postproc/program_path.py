@@ -145,4 +145,4 @@ def _length(motions: Motions, moves: Array) -> Array:
     """Lengths `(n,)` of programmed moves `(n, axes)`, mm and degrees, as the feed counts them."""
     rotary = motions.machine.rotary
     linear, turned = (np.linalg.norm(moves[:, mask], axis=1) for mask in (~rotary, rotary))
-    return np.where(linear > 1e-9, linear, turned)
+    return np.asarray(np.where(linear > 1e-9, linear, turned))

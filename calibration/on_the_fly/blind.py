@@ -55,7 +55,7 @@ def _share_across(
     """RMS of the displacement across the path, in terms of the whole, by a mode of this shape."""
     machine, effects = measurement.machine, []
     # from powers of u in -1..1 to those of the basis, which counts from 0 to 1
-    powers = np.polynomial.Polynomial(shape)(np.polynomial.Polynomial([-1.0, 2.0])).coef
+    powers = np.asarray(np.polynomial.Polynomial(shape)(np.polynomial.Polynomial([-1.0, 2.0])).coef, float)
     for axis, (low, high) in axes.items():
         basis = Polynomial((low, high), len(powers) - 1)
         effects.append(ErrorMotion(own_component(axis), axis, basis, tuple((powers * (high - low)).tolist())))

@@ -90,8 +90,8 @@ def correlation(deviation: Array, start: np.ndarray, count: Array) -> float:
     full = size.reshape(-1, 4).min(axis=1) >= QUARTER
     if np.count_nonzero(full) < 30:
         return 1.0
-    means = np.stack([np.bincount(quarter, column, 4 * len(start)) for column in deviation.T], axis=1)
-    means /= np.maximum(size, 1.0)[:, None]
+    sums = np.stack([np.bincount(quarter, column, 4 * len(start)) for column in deviation.T], axis=1)
+    means = np.asarray(sums / np.maximum(size, 1.0)[:, None])
     inner = np.sum((deviation - means[quarter]) ** 2, axis=0) / max(float(np.sum(np.maximum(size - 1.0, 0.0))), 1.0)
     bent = np.einsum("cqk,q->ck", means.reshape(-1, 4, 3), [1.0, -1.0, -1.0, 1.0])[full]
     expected = np.sum(1.0 / size.reshape(-1, 4)[full], axis=1).sum() * float(inner.sum())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from calibration.on_the_fly.alignment import AT_A_TIME, Pass, aligned_pose, near
 from calibration.on_the_fly.cells import Cells, cell_numbers, reduced
 from calibration.on_the_fly.nominal_path import NominalPath, TargetPath, target_path
 from calibration.on_the_fly.readings import Readings
+from calibration.on_the_fly.reduction import Reduction
 from calibration.on_the_fly.rough import SAMPLES, rough
 from calibration.on_the_fly.speed import steadiness
 from kinematics.errors import UserError
@@ -21,51 +23,6 @@ from kinematics.transforms import Array, Pose, turn
 CELL_MM, CORNER_MM = 4.0, 5.0
 MOST = 20_000
 """Cells of a measurement; longer paths have longer ones."""
-
-
-@dataclass(frozen=True)
-class Reduction:
-    """What became of the readings, for people."""
-
-    readings: int
-    corners: int
-    """Left out close to corners, or in rapid."""
-    unsteady: int
-    """Left out for changing speed."""
-    astray: int
-    """Left out for lying far from the rest of their cell."""
-    rows: int
-    cell_mm: float
-    corner_mm: float
-    passes: int
-    feeds: tuple[float, ...]
-    """mm/min, of each pass."""
-    length_m: float
-    """Of the path."""
-    correlation: float
-    """Variance of means in terms of that of independent readings, the worst of all passes."""
-
-    @property
-    def used(self) -> int:
-        """Readings that count."""
-        return self.readings - self.corners - self.unsteady - self.astray
-
-    def __str__(self) -> str:
-        feeds = ", ".join(f"{feed:.0f}" for feed in sorted(set(np.round(self.feeds, -1).tolist())))
-        shares = [
-            f"{100 * count / self.readings:.1f} % {what}"
-            for count, what in (
-                (self.corners, f"within {self.corner_mm:g} mm of corners or in rapid"),
-                (self.unsteady, "speeding up or slowing down"),
-                (self.astray, "astray"),
-            )
-        ]
-        slow = f"; noise goes on in time, means are {self.correlation**0.5:.2g} times as uncertain"
-        return (
-            f"{self.readings} readings in {self.passes} pass{'es' * (self.passes > 1)} along {self.length_m:.2f} m at "
-            f"{feeds} mm/min: {self.used} used, in {self.rows} cells of {self.cell_mm:g} mm; left out "
-            f"{', '.join(shares)}{slow if self.correlation > 1.0 else ''}"
-        )
 
 
 @dataclass(frozen=True)
@@ -110,66 +67,91 @@ def on_path(
     progress("reduction")
     parts, feeds, lost, correlated = [], [], np.zeros(3, int), 1.0
     for each, rows in zip(roughly, passes, strict=True):
-        part, left_out, cells = _reduced_pass(readings, rows, each, poses, path, cell, corner_mm)
+        part, left_out, cells = _reduced_pass(
+            readings, rows, each, poses[str(readings.station[rows.start])], cell, corner_mm
+        )
         parts.append(part)
-        feeds.append(float(np.median(part.feed)) if part.feed is not None and len(part) else 0.0)
+        feeds.append(float(np.median(part.feed)) if len(part.feed) else 0.0)
         lost += left_out
         correlated = max(correlated, cells.correlation)
-    measurement = _together(parts, readings)
-    if not len(measurement):
+    taken = _Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    if not len(taken.first):
         raise UserError(f"{readings.source}: no reading counts: all are close to corners or at changing speed")
     reduction = Reduction(
-        len(readings), *lost.tolist(), len(measurement), cell, corner_mm, len(passes), tuple(feeds),
+        len(readings), int(lost[0]), int(lost[1]), int(lost[2]), len(taken.first), cell, corner_mm, len(passes), tuple(feeds),
         max(way.length for way in ways.values()) * 1e-3, correlated,
     )  # fmt: skip
-    return OnTheFly(measurement, reduction)
+    return OnTheFly(_measurement(taken, readings, path), reduction)
+
+
+class _Rows(NamedTuple):
+    """Columns of rows to be, one a cell."""
+
+    first: np.ndarray
+    """Number of the first reading `(c,)`."""
+    positions: Array
+    approach: Array
+    velocity: Array
+    time: Array
+    feed: Array
+    temperatures: Array
+    """`(c, sensors)`"""
+    observed: Array
+    directions: Array
+    """Across the path `(c, 2, 3)`."""
+    readings: Array
+    way: Array
 
 
 def _reduced_pass(
-    readings: Readings,
-    rows: slice,
-    each: Pass,
-    poses: dict[str, Pose],
-    path: NominalPath,
-    cell_mm: float,
-    corner_mm: float,
-) -> tuple[Measurement, Array, Cells]:
-    """The cells of one pass as rows; numbers of readings left out near corners, at changing speed, astray."""
-    pose = poses[str(readings.station[rows.start])]
+    readings: Readings, rows: slice, each: Pass, pose: Pose, cell_mm: float, corner_mm: float
+) -> tuple[_Rows, np.ndarray, Cells]:
+    """The cells of one pass; numbers of readings left out near corners, at changing speed, astray."""
     way, deviation = _followed(each, pose)
     steady = steadiness(each.path, readings.time[rows], way, corner_mm, cell_mm)
     used = np.flatnonzero(~steady.corner & ~steady.unsteady)
-    sensors = list(readings.temperatures)
-    columns = np.stack(
-        [readings.time[rows], steady.speed, steady.feed, *(readings.temperatures[name][rows] for name in sensors)],
-        axis=1,
-    )
+    sensors = [column[rows] for column in readings.temperatures.values()]
+    columns = np.stack([readings.time[rows], steady.speed, steady.feed, *sensors], axis=1)
     cells = reduced(cell_numbers(each.path, way[used], cell_mm), way[used], deviation[used], columns[used])
-    first = rows.start + used[cells.first] if len(used) else np.zeros(0, int)
-    left_out = np.array([steady.corner.sum(), steady.unsteady.sum(), cells.astray])
     place = each.path.at(cells.way)
-    turns = np.broadcast_to(pose.rotation, (len(cells.way), 3, 3))
     observed = pose.apply(place.points + _perpendicular(cells.deviation, place.tangents))
-    slopes = each.path.slopes_at(cells.way)
-    state = State(
+    taken = _Rows(
+        rows.start + used[cells.first],
         each.path.positions_at(cells.way),
-        approach=_approach(each.path, cells.way),
-        velocity=slopes * cells.columns[:, 1:2],
-        time=cells.columns[:, 0],
-        temperatures={name: cells.columns[:, 3 + i] for i, name in enumerate(sensors)},
+        _approach(each.path, cells.way),
+        each.path.slopes_at(cells.way) * cells.columns[:, 1:2],
+        cells.columns[:, 0],
+        cells.columns[:, 2],
+        cells.columns[:, 3:],
+        observed,
+        across_path(turn(pose.rotation, place.tangents), observed),
+        cells.count / cells.correlation,
+        cells.way,
+    )
+    return taken, np.array([steady.corner.sum(), steady.unsteady.sum(), cells.astray]), cells
+
+
+def _measurement(taken: _Rows, readings: Readings, path: NominalPath) -> Measurement:
+    """The rows of all passes, in the order of acquisition."""
+    first = taken.first
+    run = readings.run[first]
+    _, number = np.unique(run, return_inverse=True)
+    state = State(
+        taken.positions,
+        velocity=taken.velocity,
+        time=taken.time,
+        temperatures={name: taken.temperatures[:, i] for i, name in enumerate(readings.temperatures)},
+        cycle=number.astype(float),
         station=readings.station[first],
         target=readings.target[first],
-        observed=observed,
+        observed=taken.observed,
     )
-    across = AcrossPath(
-        across_path(turn(turns, place.tangents), observed), cells.count / cells.correlation, path.ends, cells.way
-    )
-    part = Measurement(
-        path.machine, readings.instrument, with_moves(state, state.approach), observed, readings.targets,
-        readings.stands_on, run=readings.run[first], feed=cells.columns[:, 2], lines=readings.lines[first],
-        across=across,
+    return Measurement(
+        path.machine, readings.instrument, with_moves(state, taken.approach), taken.observed, readings.targets,
+        readings.stands_on, run=run, feed=taken.feed, lines=readings.lines[first], source=readings.source,
+        fingerprint=readings.fingerprint, notes=readings.notes,
+        across=AcrossPath(taken.directions, taken.readings, path.ends, taken.way),
     )  # fmt: skip
-    return part, left_out, cells
 
 
 def across_path(along: Array, observed: Array) -> Array:
@@ -212,36 +194,3 @@ def _approach(path: TargetPath, way: Array) -> Array:
     moved = np.where(moves != 0.0, np.arange(len(moves))[:, None], 0)
     last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
     return np.asarray(last[np.minimum((way / path.step).astype(int), len(last) - 1)])
-
-
-def _together(parts: list[Measurement], readings: Readings) -> Measurement:
-    """All passes as one measurement, in the order of acquisition."""
-    first = parts[0]
-    assert first.across is not None
-
-    def joined(column: Callable[[Measurement], Array]) -> Array:
-        return np.concatenate([column(part) for part in parts])
-
-    states = [part.state for part in parts]
-    _, number = np.unique(joined(lambda part: part.run), return_inverse=True)  # type: ignore[arg-type, return-value]
-    several = {
-        name: np.concatenate([getattr(state, name) for state in states])
-        for name in ("positions", "approach", "last_move", "velocity", "time", "station", "target", "observed")
-    }
-    temperatures = {n: np.concatenate([s.temperatures[n] for s in states]) for n in states[0].temperatures}
-    across = replace(
-        first.across,
-        **{n: np.concatenate([getattr(part.across, n) for part in parts]) for n in ("directions", "readings", "way")},
-    )
-    return replace(
-        first,
-        state=State(**several, temperatures=temperatures, cycle=number.astype(float)),
-        observed=joined(lambda part: part.observed),
-        run=np.concatenate([part.run for part in parts if part.run is not None]),
-        feed=np.concatenate([part.feed for part in parts if part.feed is not None]),
-        lines=np.concatenate([part.lines for part in parts if part.lines is not None]),
-        source=readings.source,
-        fingerprint=readings.fingerprint,
-        across=across,
-        notes=readings.notes,
-    )

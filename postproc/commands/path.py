@@ -91,9 +91,7 @@ def refuse_without_path(**options: object) -> None:
     """UserError for options of data taken on the fly where there is no path."""
     for name, value in options.items():
         if value not in (None, [], "none"):
-            raise UserError(
-                f"--{name.replace('_', '-')} is for data taken on the fly: give --path PATH.nc too"
-            )
+            raise UserError(f"--{name.replace('_', '-')} is for data taken on the fly: give --path PATH.nc too")
 
 
 def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:

@@ -1,0 +1,52 @@
+"""What became of the readings of a path, in numbers and in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What became of the readings, for people."""
+
+    readings: int
+    corners: int
+    """Left out close to corners, or in rapid."""
+    unsteady: int
+    """Left out for changing speed."""
+    astray: int
+    """Left out for lying far from the rest of their cell."""
+    rows: int
+    cell_mm: float
+    corner_mm: float
+    passes: int
+    feeds: tuple[float, ...]
+    """mm/min, of each pass."""
+    length_m: float
+    """Of the path."""
+    correlation: float
+    """Variance of means in terms of that of independent readings, the worst of all passes."""
+
+    @property
+    def used(self) -> int:
+        """Readings that count."""
+        return self.readings - self.corners - self.unsteady - self.astray
+
+    def __str__(self) -> str:
+        feeds = ", ".join(f"{feed:.0f}" for feed in sorted(set(np.round(self.feeds, -1).tolist())))
+        shares = [
+            f"{100 * count / self.readings:.1f} % {what}"
+            for count, what in (
+                (self.corners, f"within {self.corner_mm:g} mm of corners or in rapid"),
+                (self.unsteady, "speeding up or slowing down"),
+                (self.astray, "astray"),
+            )
+        ]
+        slow = f"; noise goes on in time, means are {self.correlation**0.5:.2g} times as uncertain"
+        return (
+            f"{self.readings} readings in {self.passes} pass{'es' * (self.passes > 1)} along {self.length_m:.2f} m at "
+            f"{feeds} mm/min: {self.used} used, in {self.rows} cells of {self.cell_mm:g} mm; left out "
+            f"{', '.join(shares)}{slow if self.correlation > 1.0 else ''}"
+        )
