@@ -77,8 +77,9 @@ def on_path(
     taken = _Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     if not len(taken.first):
         raise UserError(f"{readings.source}: no reading counts: all are close to corners or at changing speed")
+    corners, unsteady, astray = lost.tolist()
     reduction = Reduction(
-        len(readings), int(lost[0]), int(lost[1]), int(lost[2]), len(taken.first), cell, corner_mm, len(passes), tuple(feeds),
+        len(readings), corners, unsteady, astray, len(taken.first), cell, corner_mm, len(passes), tuple(feeds),
         max(way.length for way in ways.values()) * 1e-3, correlated,
     )  # fmt: skip
     return OnTheFly(_measurement(taken, readings, path), reduction)

@@ -93,8 +93,8 @@ def _medians(points: Array) -> tuple[Array, Array]:
     """Numbers `(b,)` of the middle rows, and medians `(b, 3)`, of points taken together."""
     size = -(-len(points) // BLOCKS)
     whole = len(points) // size * size
-    medians = np.asarray(np.median(points[:whole].reshape(-1, size, 3), axis=1), float)
-    centre = np.arange(len(medians)) * size + (size - 1) / 2.0
+    medians = np.median(points[:whole].reshape(-1, size, 3), axis=1)
+    centre = np.asarray(np.arange(len(medians)) * size + (size - 1) / 2.0, float)
     if size == 1 or whole == len(points):
         return centre, medians
     rest = points[whole:]
