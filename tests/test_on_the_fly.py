@@ -73,7 +73,7 @@ def test_the_way_of_a_target_is_that_of_its_machine():
     chord = (ahead - behind) / np.linalg.norm(ahead - behind, axis=1, keepdims=True)
     np.testing.assert_allclose(place.tangents[inside], chord[inside], atol=1e-4)
     chords = np.linalg.norm(np.diff(tool_point(machine, way.positions, target.position), axis=0), axis=1).sum()
-    assert way.length == pytest.approx(chords, rel=1e-5)
+    assert way.length == pytest.approx(chords, abs=way.step)
     assert len(way.corners) == 3
 
 
