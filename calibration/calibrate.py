@@ -15,14 +15,13 @@ from calibration.fit import Fit, fit
 from calibration.heldout import HeldOut, held_out
 from calibration.locations import split_locations, transformed
 from calibration.measurement import Measurement
-from calibration.models import BasisChoice, moving_axes, parse_basis, with_effects
+from calibration.models import moving_axes, stated_bases, with_effects
 from calibration.normal import residuals
 from calibration.outliers import Variance, first_registration
 from calibration.resolution import Choice, choose
 from calibration.suspects import Suspect, suspects
 from calibration.visibility import Visibility, visibility
 from kinematics.effects import Effect
-from kinematics.errors import UserError
 from kinematics.model import ErrorModel, Provenance, no_errors
 
 AUTO = "auto"
@@ -91,19 +90,7 @@ def _choice(
         return choose(
             measurement, kinds, rotary_kind=rotary_kind, effects=effects, prior_scale=prior_scale, progress=progress
         )
-    if "=" not in basis:
-        return Choice(dict.fromkeys(axes, parse_basis(basis)), prior_scale or 1.0)
-    bases: dict[str, BasisChoice] = {}
-    for entry in basis.split(","):
-        axis, _, text = entry.partition("=")
-        bases[axis.strip()] = parse_basis(text)
-    missing = [axis for axis in axes if axis not in bases]
-    if missing:
-        raise UserError(f"basis {basis!r} says nothing of {', '.join(missing)}, which moves in these data")
-    unknown = [axis for axis in bases if axis not in axes]
-    if unknown:
-        raise UserError(f"basis {basis!r}: {', '.join(unknown)} does not move in these data")
-    return Choice(bases, prior_scale or 1.0)
+    return Choice(stated_bases(basis, axes), prior_scale or 1.0)
 
 
 def _before(found: Fit) -> np.ndarray:

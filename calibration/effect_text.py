@@ -18,15 +18,15 @@ KINDS = {str(effect.__struct_config__.tag): effect for effect in EFFECTS}
 _OPEN, _CLOSED = "[{", "]}"
 
 
-def read_effects(texts: Sequence[str], machine: Machine) -> list[Effect]:
+def read_effects(texts: Sequence[str], machine: Machine, option: str = "--effect") -> list[Effect]:
     """Effects of a machine from texts: `kind:field=value,...`, a JSON object, or the path of a JSON file of them.
 
     Values are JSON where they can be (numbers, rows `[1, 2]`, objects), and texts otherwise. UserError for what the
-    table of effects, or the machine, does not have.
+    table of effects, or the machine, does not have; `option` is what the texts were given as.
     """
     found: list[Effect] = []
     for text in texts:
-        where = f"--effect {text}"
+        where = f"{option} {text}"
         if text.lstrip().startswith("{"):
             found.append(_effect(_json(text, where), where))
         elif text.partition(":")[0] not in KINDS and text.lower().endswith(".json"):

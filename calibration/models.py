@@ -62,6 +62,23 @@ def parse_basis(text: str) -> BasisChoice:
     return choice
 
 
+def stated_bases(text: str, axes: Sequence[str]) -> dict[str, BasisChoice]:
+    """The bases of the axes that move in the data, from `legendre:5` or `X=b-spline:12,Y=legendre:5`."""
+    if "=" not in text:
+        return dict.fromkeys(axes, parse_basis(text))
+    bases: dict[str, BasisChoice] = {}
+    for entry in text.split(","):
+        axis, _, choice = entry.partition("=")
+        bases[axis.strip()] = parse_basis(choice)
+    missing = [axis for axis in axes if axis not in bases]
+    if missing:
+        raise UserError(f"basis {text!r} says nothing of {', '.join(missing)}, which moves in these data")
+    unknown = [axis for axis in bases if axis not in axes]
+    if unknown:
+        raise UserError(f"basis {text!r}: {', '.join(unknown)} does not move in these data")
+    return {axis: bases[axis] for axis in axes}
+
+
 def moving_axes(measurement: Measurement) -> dict[str, Interval]:
     """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees."""
     across = measurement.across

@@ -36,6 +36,8 @@ PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
 PRIOR = "prior"
 START = 4
 """Where in SIZES the search begins."""
+FINEST = 48
+"""Parameters of a linear axis at most."""
 FINE = 24
 """Nodes of the first fit."""
 ROWS = 5000
@@ -72,7 +74,7 @@ def choose(
     rotary_kind: str | None = None,
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
-    finest: int = 48,
+    finest: int = FINEST,
     progress: Progress = lambda _: None,
 ) -> Choice:
     """The choice with the greatest evidence, all axes in the same kind of basis, one of `kinds`.
@@ -81,9 +83,7 @@ def choose(
     more parameters than there are positions of it, and no linear one more than `finest`. A first fit finds outliers,
     registration and, where the sheet promises too much, the size of the noise. UserError for a kind that there is not.
     """
-    unknown = [kind for kind in kinds if kind not in SIZES]
-    if unknown:
-        raise UserError(f"basis auto:{unknown[0]}: there is none of that kind ({', '.join(SIZES)})")
+    check_kinds(kinds)
     axes = list(moving_axes(measurement))
     most = {axis: distinct_positions(measurement, axis) for axis in axes}
     most |= {axis: min(number, finest) for axis, number in most.items() if axis[0] not in "ABC"}
@@ -99,6 +99,13 @@ def choose(
             start = start.variants(axis, most)[:START][-1]
         found.append(_climb(start, parts, most, evidence, progress))
     return max(found, key=evidence)
+
+
+def check_kinds(kinds: Sequence[str]) -> None:
+    """UserError for a kind of basis that there is not."""
+    unknown = [kind for kind in kinds if kind not in SIZES]
+    if unknown:
+        raise UserError(f"basis auto:{unknown[0]}: there is none of that kind ({', '.join(SIZES)})")
 
 
 def _climb(

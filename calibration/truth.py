@@ -72,13 +72,19 @@ def random_truth(machine: Machine, rng: np.random.Generator, half_widths: HalfWi
     An axis takes the rows of its own name (E_XX2), or else those of its letter, U V W as X Y Z.
     """
     effects: list[Effect] = []
-    for axis in machine.axes:
-        for component in get_args(Component):
-            row = _row_of(axis, component, half_widths)
-            if row is not None:
-                drawn = rng.uniform(-1.0, 1.0, 2 + len(row[2:]) // 3 * 2)
-                effects += _rotary(axis, component, row, drawn) if axis.rotary else _linear(axis, component, row, drawn)
+    for axis, component, row in _rows(machine, half_widths):
+        drawn = rng.uniform(-1.0, 1.0, 2 + len(row[2:]) // 3 * 2)
+        effects += _effects(axis, component, row, drawn)
     return model_of(machine, effects)
+
+
+def largest_truth(machine: Machine, half_widths: HalfWidths = DEFAULT) -> list[Effect]:
+    """The effects of `random_truth` with every amplitude at its half-width."""
+    return [
+        effect
+        for axis, component, row in _rows(machine, half_widths)
+        for effect in _effects(axis, component, row, np.ones(2 + len(row[2:]) // 3 * 2))
+    ]
 
 
 def random_location_errors(machine: Machine, rng: np.random.Generator, half_width: float) -> list[Effect]:
@@ -131,6 +137,19 @@ def checked_half_widths(table: Mapping[str, Sequence[float]], where: str) -> Hal
 def _row_of(axis: Axis, component: str, half_widths: HalfWidths) -> Row | None:
     letter = own_component(axis.name)
     return half_widths.get(f"E_{component}{axis.name}", half_widths.get(f"E_{component}{letter}"))
+
+
+def _rows(machine: Machine, half_widths: HalfWidths) -> Iterator[tuple[Axis, Component, Row]]:
+    """The error motions that the table has, with their rows."""
+    for axis in machine.axes:
+        for component in get_args(Component):
+            row = _row_of(axis, component, half_widths)
+            if row is not None:
+                yield axis, component, row
+
+
+def _effects(axis: Axis, component: Component, row: Row, drawn: np.ndarray) -> Iterator[Effect]:
+    return _rotary(axis, component, row, drawn) if axis.rotary else _linear(axis, component, row, drawn)
 
 
 def _linear(axis: Axis, component: Component, row: Row, drawn: np.ndarray) -> Iterator[Effect]:

@@ -28,15 +28,20 @@ def aligned(deviation: Array, points: Array) -> Array:
     The three shifts and three small turns that fit the deviations best, in exact least squares, are taken off. Points
     on one line, which some turn leaves where they are, are no special case.
     """
+    columns = rigid_columns(points)
+    fitted = np.linalg.lstsq(columns, deviation.reshape(-1), rcond=1e-12)[0]
+    return np.asarray(deviation - (columns @ fitted).reshape(-1, 3))
+
+
+def rigid_columns(points: Array) -> Array:
+    """What three shifts and three small turns do to points `(n, 3)`: columns `(3 n, 6)`, all of one order of size."""
     centred = points - points.mean(axis=0)
     size = max(float(np.abs(centred).max()), np.finfo(float).tiny)
     motions = np.empty((len(points), 3, 6))
     motions[:, :, :3] = np.eye(3)
     # a turn w moves p by w x p; in units of the volume's size, so that turns and shifts are of one order
     motions[:, :, 3:] = by_turn(centred / size)
-    columns = motions.reshape(-1, 6)
-    fitted = np.linalg.lstsq(columns, deviation.reshape(-1), rcond=1e-12)[0]
-    return np.asarray(deviation - (columns @ fitted).reshape(-1, 3))
+    return motions.reshape(-1, 6)
 
 
 def volumetric_error_um(deviation: Array, points: Array | None = None) -> VolumetricError:

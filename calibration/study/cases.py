@@ -1,0 +1,216 @@
+"""Cases ready to be worked on, anywhere: all that a case of a study says, looked up and laid out."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+import machines
+from calibration.effect_text import read_effects
+from calibration.instruments import Instrument
+from calibration.measurement import SPINDLE_NOSE, Target
+from calibration.plan import Choices, Plan, Timing
+from calibration.plan_file import read_plan
+from calibration.reach import Reach
+from calibration.strategies import plan as plan_of
+from calibration.study.definition import CaseEntry, ErrorsEntry, FitEntry, StudyEntry, instrument_of
+from calibration.study.setups import Setup, laid_out
+from calibration.study.truths import Truths
+from calibration.study.volume import Volume
+from calibration.truth import DEFAULT, HalfWidths, checked_half_widths, read_half_widths
+from kinematics.effects import Effect
+from kinematics.errors import UserError
+from kinematics.machine import Machine, Vector
+from kinematics.state import REFERENCE
+
+ACTIVE = 180.0
+"""Incidence, degrees, of a reflector that turns to the tracker by itself."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to measure virtual machines and to fit what was measured."""
+
+    name: str
+    plan: Plan
+    instrument: Instrument
+    trackers: tuple[Vector, ...]
+    reach: Reach | None
+    temperatures: Mapping[str, tuple[float, float]]
+    fit: FitEntry
+    besides: tuple[Effect, ...]
+    truths: Truths
+    volumes: tuple[Volume, ...]
+    """The grid, and what else is judged."""
+    seed: int
+
+    def setup(self) -> Setup:
+        """The case laid out."""
+        return laid_out(
+            self.plan, self.instrument, self.trackers, self.reach, self.fit.weighting, self.temperatures
+        )
+
+    @property
+    def key(self) -> str:
+        """Fingerprint of everything that decides the results, the code included."""
+        machine, state = self.plan.machine, self.plan.state
+        assert state.target is not None
+        said = (
+            self.instrument, self.trackers, self.fit, self.besides, self.truths.model.effects, self.plan.targets,
+            self.temperatures, repr(self.reach), self.seed, machine.chain_hash, machine.travel.tolist(),
+        )  # fmt: skip
+        numbers = [state.positions, state.approach, self.truths.low, *(v.state.positions for v in self.volumes)]
+        digest = hashlib.sha256(msgspec.json.encode(said))
+        for column in [*numbers, *(volume.transform for volume in self.volumes)]:
+            digest.update(b"none" if column is None else np.ascontiguousarray(column).tobytes())
+        digest.update("".join(state.target.tolist()).encode())
+        return f"{digest.hexdigest()[:12]}-{code()}"
+
+
+@cache
+def code() -> str:
+    """Fingerprint of the code that works on cases."""
+    digest = hashlib.sha256()
+    for package in ("calibration", "kinematics"):
+        for path in sorted(Path(str(resources.files(package))).rglob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:8]
+
+
+def read_cases(study: StudyEntry, folder: Path) -> list[Case]:
+    """All cases of a study; paths in it are relative to `folder`. UserError, naming the case, for what can't be."""
+    machine = machines.load(_path(study.machine, folder))
+    instrument = instrument_of(study.instrument, "study")
+    truths = _truths(study.errors, machine, folder)
+    return [_case(entry, study, machine, instrument, truths, folder) for entry in study.case]
+
+
+def _case(
+    entry: CaseEntry, study: StudyEntry, machine: Machine, instrument: Instrument, truths: Truths, folder: Path
+) -> Case:
+    try:
+        fit = entry.fit or study.fit
+        trackers = _trackers(entry)
+        reach = _reach(entry, study)
+        besides = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
+        plan = _plan(entry, machine, folder)
+        tool = next(iter(plan.targets.values())).position
+        sensors = {
+            name: (start - REFERENCE, end - REFERENCE) for name, (start, end) in study.instrument.temperature.items()
+        }
+        volume = Volume.of(machine, tool, _turned(plan), sensors)
+        case = Case(
+            entry.name, plan, instrument, trackers, reach, sensors, fit, tuple(besides), truths, (volume,), study.seed
+        )
+        case.setup()
+    except UserError as fault:
+        raise UserError(f"case {entry.name}: {fault}") from None
+    return case
+
+
+def with_volume(case: Case, volume: Volume) -> Case:
+    """The case, judged in another place too."""
+    return replace(case, volumes=(*case.volumes, volume))
+
+
+def choices_of(entry: CaseEntry) -> Choices:
+    """How positions are laid and visited, as a case says."""
+    timed = entry.dwell_s is not None or entry.feed is not None
+    timing = Timing(entry.point_s, entry.setup_min, entry.dwell_s, entry.feed) if timed else Timing(
+        entry.point_s, entry.setup_min
+    )
+    return Choices(
+        ranges=entry.ranges,
+        margin_mm=entry.margin_mm,
+        planes_at=entry.planes_at,
+        rotary=entry.rotary,  # type: ignore[arg-type]
+        rotary_points=entry.rotary_points,
+        order=entry.order,  # type: ignore[arg-type]
+        targets=targets_of(entry),
+        target_order=entry.target_order,  # type: ignore[arg-type]
+        references=entry.references,
+        approach=entry.approach,  # type: ignore[arg-type]
+        overrun=entry.overrun,
+        runs=entry.runs,
+        timing=timing,
+    )
+
+
+def targets_of(entry: CaseEntry) -> dict[str, Target]:
+    """The tool vectors of a case, by name."""
+    named = entry.tools if isinstance(entry.tools, dict) else {str(k): v for k, v in enumerate(entry.tools, start=1)}
+    return {name: Target(vector) for name, vector in named.items()} or {"1": SPINDLE_NOSE}
+
+
+def _plan(entry: CaseEntry, machine: Machine, folder: Path) -> Plan:
+    if entry.strategy.lower().endswith(".csv"):
+        if entry.points is not None or entry.spacing_mm is not None or entry.tools:
+            raise UserError(f"{entry.strategy} says already where to measure, and with which tools")
+        plan = read_plan(folder / entry.strategy, machine)
+        return plan if plan.minutes else replace(plan, minutes=entry.setup_min + len(plan) * entry.point_s / 60.0)
+    points = list(entry.points) if isinstance(entry.points, tuple) else entry.points
+    return plan_of(machine, entry.strategy, points, entry.spacing_mm, choices_of(entry))
+
+
+def _trackers(entry: CaseEntry) -> tuple[Vector, ...]:
+    if all(isinstance(place, tuple) for place in entry.tracker):
+        return tuple(place for place in entry.tracker if isinstance(place, tuple))
+    numbers = tuple(place for place in entry.tracker if not isinstance(place, tuple))
+    if len(numbers) != 3 or len(entry.tracker) != 3:
+        raise UserError("tracker: expected [x, y, z], or a list of these")
+    return (numbers,)
+
+
+def _reach(entry: CaseEntry, study: StudyEntry) -> Reach | None:
+    instrument = study.instrument
+    incidence = entry.incidence_deg or instrument.incidence_deg
+    limits = Reach(
+        entry.elevation or instrument.elevation,
+        None if incidence is None or incidence >= ACTIVE else incidence,
+        instrument.range_mm,
+    )
+    return None if limits == Reach() else limits
+
+
+def _turned(plan: Plan) -> dict[str, tuple[float, float]]:
+    """Rotary axes that move in a plan, with the range that they cover, degrees."""
+    positions = plan.positions / plan.machine.scale
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    return {
+        axis.name: (float(low[i]), float(high[i]))
+        for i, axis in enumerate(plan.machine.axes)
+        if axis.rotary and high[i] > low[i]
+    }
+
+
+def _truths(entry: ErrorsEntry, machine: Machine, folder: Path) -> Truths:
+    drawn = read_effects([_path(text, folder) for text in entry.effects], machine, "[errors] effects")
+    fixed = read_effects([_path(text, folder) for text in entry.fixed], machine, "[errors] fixed")
+    return Truths.of(machine, _half_widths(entry, folder), drawn, fixed)
+
+
+def _half_widths(entry: ErrorsEntry, folder: Path) -> HalfWidths:
+    if entry.model == "none":
+        return {}
+    if isinstance(entry.half_widths, dict):
+        return checked_half_widths(entry.half_widths, "[errors]")
+    if entry.half_widths in (None, "table-1"):
+        if entry.model == "fourier" and entry.half_widths is None:
+            raise UserError('[errors] model = "fourier": rows E_XX = [a0, a1, n1, b1, c1, ...], or half_widths')
+        return DEFAULT
+    return read_half_widths(folder / str(entry.half_widths))
+
+
+def _path(text: str, folder: Path) -> str:
+    """A path as seen from here; other texts as they are."""
+    is_path = text.lower().endswith((".json", ".toml")) and not text.lstrip().startswith("{")
+    return str(folder / text) if is_path else text
+
+

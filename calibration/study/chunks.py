@@ -1,0 +1,117 @@
+"""A chunk of draws of one case: the unit of work, the same wherever it is done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.calibrate import AUTO, AUTOMATIC_KINDS, ROTARY_KIND
+from calibration.models import moving_axes, stated_bases
+from calibration.study.bases import Search, chosen, with_besides
+from calibration.study.cases import Case
+from calibration.study.equations import Columns, Part, Sample, sample
+from calibration.study.setups import Setup
+from calibration.study.solver import Fits
+from kinematics.effects.geometric import TYPICAL
+from kinematics.errors import UserError
+from kinematics.transforms import Array
+
+SIZE = 50
+"""Draws of a chunk; the last of a case may have fewer."""
+MACHINES, NOISE = 0, 1
+"""Streams of random numbers. No case has its own: all measure the same machines, and differ by nothing but method."""
+
+
+class Chunk(NamedTuple):
+    """Which draws: number of the chunk, and how many."""
+
+    number: int
+    draws: int
+
+
+class Outcome(NamedTuple):
+    """RMS errors `(volumes, draws)`, um, of a chunk."""
+
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A case with everything that all its draws share."""
+
+    case: Case
+    setup: Setup
+    fits: Fits
+    bases: tuple[Part, ...] | Search
+    """The bases of all draws, or what each of them chooses from."""
+    prior_scale: float
+
+    @classmethod
+    def of(cls, case: Case) -> Prepared:
+        """The case, its designs made."""
+        setup = case.setup()
+        fits = Fits(Columns(setup, case.volumes, case.besides), case.truths)
+        prior = case.fit.prior
+        scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL
+        return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale)
+
+    def sample(self, chunk: Chunk) -> Sample:
+        """The virtual machines of a chunk and what is observed of them."""
+        streams = [
+            np.random.default_rng(np.random.SeedSequence(self.case.seed, spawn_key=(chunk.number, stream)))
+            for stream in (MACHINES, NOISE)
+        ]
+        coefficients = self.case.truths.draw(streams[0], chunk.draws)
+        return sample(self.setup, self.fits.truth_seen, coefficients, streams[1])
+
+    def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
+        """Numbers of the draws by the bases and the prior that they are fitted with."""
+        if isinstance(self.bases, Search):
+            return chosen(self.fits, drawn, self.bases)
+        return {(self.bases, self.prior_scale): np.arange(drawn.observed.shape[1])}
+
+    def outcome(self, chunk: Chunk) -> Outcome:
+        """All draws of a chunk, fitted and judged."""
+        drawn = self.sample(chunk)
+        before = self.fits.before(drawn.coefficients)
+        after = np.empty_like(before)
+        for (parts, scale), draws in self.choices(drawn).items():
+            parameters = self.fitted(parts, scale, drawn, draws)
+            after[:, draws] = self.fits.errors(parts, parameters, drawn.coefficients[:, draws])
+        return Outcome(before, after)
+
+    def fitted(self, parts: tuple[Part, ...], scale: float, drawn: Sample, draws: np.ndarray) -> Array:
+        """Parameters `(p, draws)`, in their units."""
+        right = np.concatenate([self.fits.right(part, drawn)[:, draws] for part in parts])
+        return self.fits.factorised(parts, scale).solve(right)
+
+
+def work(case: Case, chunk: Chunk) -> Outcome:
+    """One chunk of a case."""
+    return prepared(case.key, case).outcome(chunk)
+
+
+def prepared(key: str, case: Case) -> Prepared:
+    """The case, prepared once in each process."""
+    if key not in _prepared:
+        while len(_prepared) >= KEPT:
+            _prepared.pop(next(iter(_prepared)), None)
+        _prepared[key] = Prepared.of(case)
+    return _prepared[key]
+
+
+KEPT = 2
+_prepared: dict[str, Prepared] = {}
+
+
+def _bases(case: Case, fits: Fits, prior_scale: float | None) -> tuple[Part, ...] | Search:
+    text, axes = case.fit.basis, list(moving_axes(fits.columns.measurement))
+    if text == AUTO or text.startswith(f"{AUTO}:"):
+        if prior_scale is not None and np.isinf(prior_scale):
+            raise UserError(f'basis = "{text}" goes by the evidence, which needs a prior')
+        kinds = AUTOMATIC_KINDS if text == AUTO else (text.removeprefix(f"{AUTO}:"),)
+        return Search.of(fits.columns, kinds, ROTARY_KIND if text == AUTO else None, prior_scale)
+    return with_besides(fits.columns, stated_bases(text, axes))

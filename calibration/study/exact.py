@@ -1,0 +1,80 @@
+"""Some draws once more by the exact kinematics: what the linear equations of a study are held against."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.problem import Point, Problem
+from calibration.simulate import observe
+from calibration.study.chunks import Chunk, Prepared
+from calibration.study.equations import Part
+from calibration.study.volume import Volume
+from calibration.volumetric import volumetric_error_um
+from kinematics.deviation import exact_deviation
+from kinematics.forward import tool_point
+from kinematics.model import ErrorModel
+from kinematics.transforms import Array
+
+STEPS = 20
+CONVERGED = 1e-4
+"""Of a step, in standard uncertainties."""
+
+
+class Compared(NamedTuple):
+    """Volumetric errors `(draws,)`, um, of the same draws."""
+
+    linear: Array
+    exact: Array
+
+    @property
+    def difference(self) -> float:
+        """The largest, um."""
+        return float(np.abs(self.exact - self.linear).max(initial=0.0))
+
+
+def compared(prepared: Prepared, draws: int) -> Compared:
+    """The first draws of a case by the linear equations, and by the exact kinematics, iterated; the same noise."""
+    drawn = prepared.sample(Chunk(0, draws))
+    linear, exact = np.empty(draws), np.empty(draws)
+    for (parts, scale), numbers in prepared.choices(drawn).items():
+        parameters = prepared.fitted(parts, scale, drawn, numbers)
+        linear[numbers] = prepared.fits.errors(parts, parameters, drawn.coefficients[:, numbers])[0]
+        for number in numbers.tolist():
+            truth = prepared.case.truths.machine(drawn.coefficients[:, number])
+            found = _fitted(prepared, parts, scale, truth, drawn.noise[number])
+            exact[number] = _left(prepared.case.volumes[0], truth, found)
+    return Compared(linear, exact)
+
+
+def _fitted(prepared: Prepared, parts: tuple[Part, ...], scale: float, truth: ErrorModel, noise: Array) -> ErrorModel:
+    """The fit of one measurement by Gauss-Newton, expectations by the exact matrix product."""
+    setup, nominal = prepared.setup, prepared.setup.measurement
+    seen = observe(
+        nominal.machine, truth, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
+        nominal.targets, axis=nominal.axis, run=nominal.run, noise_scale=0.0,
+    )  # fmt: skip
+    in_mm = np.linalg.solve(setup.white, noise[..., None])[..., 0]
+    measured = replace(seen, observed=seen.observed + in_mm)
+    model = prepared.fits.columns.model(parts)
+    prior = prepared.fits.scale(parts, scale) if np.isfinite(scale) else np.full(len(model.parameters), np.inf)
+    problem = Problem(measured, model, setup.white, prior)
+    point = Point(np.array(model.parameters), setup.registration)
+    for _ in range(STEPS):
+        solved = problem.solve(point, np.ones(len(measured)), 1.0)
+        point = problem.moved(point, solved.step)
+        if solved.length < CONVERGED:
+            break
+    return problem.at(point.parameters)
+
+
+def _left(volume: Volume, truth: ErrorModel, found: ErrorModel) -> float:
+    """RMS, um, of what the fit leaves in a volume, aligned."""
+    machine, q = volume.machine, volume.state.positions
+    there, fitted = (
+        exact_deviation(machine, q, model.errors(machine, volume.state), volume.tool).position
+        for model in (truth, found)
+    )
+    return volumetric_error_um(there - fitted, tool_point(machine, q, volume.tool)).rms

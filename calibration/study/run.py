@@ -1,0 +1,131 @@
+"""A study from its cases to its results: chunk by chunk, until there are enough draws."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.study.cases import Case
+from calibration.study.chunks import SIZE, Chunk, Outcome, prepared
+from calibration.study.exact import Compared, compared
+from calibration.study.spread import Workers
+from calibration.study.stopping import enough
+from calibration.study.store import Store
+from kinematics.transforms import Array
+
+AT_ONCE = 8
+"""Chunks of a case that are begun before the stopping rule is asked again; it judges them one by one all the same."""
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How many draws there are to be."""
+
+    number: int | None
+    """None where the stopping rule decides."""
+    tolerance_um: float = 0.1
+    most: int = 100_000
+
+    def chunks(self, begun: int) -> list[Chunk]:
+        """The next chunks of a case, of which some are begun."""
+        if self.number is None:
+            last = min(begun + AT_ONCE, -(-self.most // SIZE))
+            return [Chunk(k, SIZE) for k in range(begun, last)]
+        return [Chunk(k, min(SIZE, self.number - k * SIZE)) for k in range(begun, -(-self.number // SIZE))]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came out of a case."""
+
+    case: Case
+    before: Array
+    """RMS error of each draw `(volumes, draws)`, um."""
+    after: Array
+    batches: tuple[Array, ...]
+    """After, on the grid, by chunk `(draws,)`."""
+    settled: bool
+    """False where an adaptive study ended at its largest number of draws."""
+    points: int
+    """Observations within reach."""
+    minutes: float
+    notes: tuple[str, ...]
+    check: Compared | None
+    """Some draws, by the linear equations and by the exact kinematics."""
+
+
+@dataclass
+class _Progressing:
+    """A case on its way."""
+
+    case: Case
+    key: str
+    outcomes: dict[Chunk, Outcome] = field(default_factory=dict)
+    begun: int = 0
+    enough: int | None = None
+    """Number of chunks that count, once it is known."""
+
+    def judge(self, draws: Draws) -> None:
+        """Find out how many of the chunks are enough."""
+        chunks = sorted(self.outcomes)
+        if draws.number is not None:
+            self.enough = len(chunks)
+            return
+        batches: list[Array] = []
+        for k, chunk in enumerate(chunks, start=1):
+            batches.append(self.outcomes[chunk].after[0])
+            if enough(batches, draws.tolerance_um):
+                self.enough = k
+                return
+        if not draws.chunks(self.begun):
+            self.enough = len(chunks)
+
+
+def run(
+    cases: Sequence[Case], draws: Draws, team: Workers, store: Store, check_draws: int = 0,
+    progress: Progress = lambda _: None,
+) -> list[Result]:  # fmt: skip
+    """All cases; `progress` is called with numbers of draws done. The same results whoever works."""
+    going = [_Progressing(case, case.key) for case in cases]
+    while rest := [each for each in going if each.enough is None]:
+        tasks = []
+        for each in rest:
+            for chunk in draws.chunks(each.begun):
+                known = store.get(each.key, chunk)
+                if known is None:
+                    tasks.append((each, chunk))
+                else:
+                    each.outcomes[chunk] = known
+                    progress(chunk.draws)
+            each.begun += len(draws.chunks(each.begun))
+        by_case = {id(each.case): each for each in rest}
+        for (case, chunk), outcome in team.outcomes([(each.case, chunk) for each, chunk in tasks]):
+            each = by_case[id(case)]
+            store.put(each.key, chunk, outcome)
+            each.outcomes[chunk] = outcome
+            progress(chunk.draws)
+        for each in rest:
+            each.judge(draws)
+    return [_result(each, draws, check_draws) for each in going]
+
+
+def _result(done: _Progressing, draws: Draws, check_draws: int) -> Result:
+    chunks = sorted(done.outcomes)[: done.enough]
+    outcomes = [done.outcomes[chunk] for chunk in chunks]
+    batches = tuple(outcome.after[0] for outcome in outcomes)
+    ready = prepared(done.key, done.case) if check_draws else None
+    setup = done.case.setup() if ready is None else ready.setup
+    return Result(
+        done.case,
+        np.concatenate([outcome.before for outcome in outcomes], axis=1),
+        np.concatenate([outcome.after for outcome in outcomes], axis=1),
+        batches,
+        draws.number is not None or enough(batches, draws.tolerance_um),
+        len(setup.measurement),
+        setup.minutes,
+        setup.notes,
+        None if ready is None else compared(ready, check_draws),
+    )

@@ -1,0 +1,141 @@
+"""Where chunks are worked on: in this process, in several of this machine, or on a cluster of Dask.
+
+Each gives back every outcome, in any order, and works on a chunk again whose worker was lost.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Protocol
+
+from calibration.study.cases import Case, code
+from calibration.study.chunks import Chunk, Outcome, work
+from kinematics.errors import UserError
+
+RETRIES = 10
+"""Times that a chunk is begun anew after its worker was lost."""
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Processes share the cores: threads of BLAS would only get in each other's way."""
+CONNECT_S = 20
+Task = tuple[Case, Chunk]
+
+
+class Workers(Protocol):
+    """Somebody who works."""
+
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
+        """The outcome of every task, as they come."""
+
+
+class Here:
+    """This process, one chunk after the other."""
+
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
+        """See `Workers`."""
+        for task in tasks:
+            yield task, work(*task)
+
+
+class Processes:
+    """Processes of this machine."""
+
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._pool: ProcessPoolExecutor | None = None
+
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
+        """See `Workers`."""
+        left, lost = list(tasks), 0
+        while left:
+            futures = {self._submitted(task): task for task in left}
+            try:
+                for future in as_completed(futures):
+                    outcome = future.result()
+                    left.remove(futures[future])
+                    yield futures[future], outcome
+            except BrokenProcessPool:
+                self.close()
+                lost += 1
+                if lost > RETRIES:
+                    raise UserError(
+                        f"a worker process was ended from outside {lost} times, the last time on case "
+                        f"{left[0][0].name}; is there memory enough? (--workers 1 takes the least)"
+                    ) from None
+
+    def close(self) -> None:
+        """End the processes."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    def _submitted(self, task: Task) -> Future[Outcome]:
+        if self._pool is None:
+            for name in ONE_THREAD:
+                os.environ.setdefault(name, "1")
+            # begun anew, not forked, so that the limit above holds
+            self._pool = ProcessPoolExecutor(self._number, multiprocessing.get_context("spawn"))
+        return self._pool.submit(work, *task)
+
+
+class Cluster:
+    """The workers of a Dask scheduler."""
+
+    def __init__(self, address: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise UserError("--dask needs Dask: pip install 'ncomp[dask]'") from None
+        try:
+            self._client = Client(address, timeout=CONNECT_S)
+        except (OSError, TimeoutError, ValueError) as fault:
+            raise UserError(f"--dask {address}: {fault}") from None
+        self._check(address)
+
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
+        """See `Workers`."""
+        from distributed import KilledWorker
+        from distributed import as_completed as completed
+
+        futures = {
+            self._client.submit(work, *task, key=f"{task[0].key}-{task[1]}", retries=RETRIES, pure=True): task
+            for task in tasks
+        }
+        try:
+            for future in completed(list(futures)):
+                yield futures[future], future.result()
+        except KilledWorker as fault:
+            raise UserError(f"--dask: the cluster gives up on a chunk whose workers were lost: {fault}") from None
+
+    def close(self) -> None:
+        """Take leave of the cluster, which goes on."""
+        self._client.close()
+
+    def _check(self, address: str) -> None:
+        """UserError unless there are workers, all with the code that runs here."""
+        try:
+            found = self._client.run(code)
+        except Exception as fault:  # whatever a worker without ncomp answers
+            raise UserError(f"--dask {address}: ncomp does not run on the workers: {fault}") from None
+        if not found:
+            raise UserError(f"--dask {address}: the cluster has no workers")
+        others = sorted(worker for worker, theirs in found.items() if theirs != code())
+        if others:
+            raise UserError(f"--dask {address}: another version of ncomp runs on {', '.join(others)}")
+
+
+@contextmanager
+def workers(number: int, dask: str | None) -> Iterator[Workers]:
+    """Workers of a Dask scheduler at an address, or so many processes of this machine."""
+    if dask is None and number == 1:
+        yield Here()
+        return
+    team = Processes(number) if dask is None else Cluster(dask)
+    try:
+        yield team
+    finally:
+        team.close()
