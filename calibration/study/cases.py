@@ -53,9 +53,7 @@ class Case:
 
     def setup(self) -> Setup:
         """The case laid out."""
-        return laid_out(
-            self.plan, self.instrument, self.trackers, self.reach, self.fit.weighting, self.temperatures
-        )
+        return laid_out(self.plan, self.instrument, self.trackers, self.reach, self.fit.weighting, self.temperatures)
 
     @property
     def key(self) -> str:
@@ -123,8 +121,10 @@ def with_volume(case: Case, volume: Volume) -> Case:
 def choices_of(entry: CaseEntry) -> Choices:
     """How positions are laid and visited, as a case says."""
     timed = entry.dwell_s is not None or entry.feed is not None
-    timing = Timing(entry.point_s, entry.setup_min, entry.dwell_s, entry.feed) if timed else Timing(
-        entry.point_s, entry.setup_min
+    timing = (
+        Timing(entry.point_s, entry.setup_min, entry.dwell_s, entry.feed)
+        if timed
+        else Timing(entry.point_s, entry.setup_min)
     )
     return Choices(
         ranges=entry.ranges,
@@ -212,5 +212,3 @@ def _path(text: str, folder: Path) -> str:
     """A path as seen from here; other texts as they are."""
     is_path = text.lower().endswith((".json", ".toml")) and not text.lstrip().startswith("{")
     return str(folder / text) if is_path else text
-
-

@@ -52,8 +52,10 @@ class Columns:
         self._transform = setup.white @ equations.transform(setup.measurement, setup.registration)
         own = setup.white @ equations.registration_design(setup.measurement, setup.registration)
         flat = own.reshape(-1, own.shape[2])
-        u, values, _ = np.linalg.svd(flat / np.linalg.norm(flat, axis=0), full_matrices=False)
-        self._registration = u[:, values > SEEN * values[0]]
+        self._units = np.linalg.norm(flat, axis=0)
+        u, values, v = np.linalg.svd(flat / self._units, full_matrices=False)
+        seen = values > SEEN * values[0]
+        self._registration, self._back = u[:, seen], v[seen].T / values[seen]
 
     def of_truth(self, truths: Truths) -> tuple[Array, Array]:
         """Of a truth's coefficients: of the observations `(N, t)`, registration and all, and of the volume `(G, t)`."""
@@ -73,6 +75,11 @@ class Columns:
     def model(self, parts: Sequence[Part]) -> ErrorModel:
         """The model of these parts, all zero."""
         return model_of(self.measurement, parts, self.besides)
+
+    def registered(self, parts: Sequence[Part], left: Array, step: Array) -> Array:
+        """The step of the registration for residuals `(N,)`, when the parameters take theirs."""
+        rest = left - self._observed(self.model(parts)) @ step
+        return np.asarray(self._back @ (self._registration.T @ rest) / self._units)
 
     def _judged(self, model: ErrorModel) -> Array:
         return np.concatenate([volume.columns(model) for volume in self.volumes])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.problem import Point, Problem
+from calibration.normal import residuals, whitened
 from calibration.simulate import observe
 from calibration.study.chunks import Chunk, Prepared
 from calibration.study.equations import Part
@@ -19,8 +19,8 @@ from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
 STEPS = 20
-CONVERGED = 1e-4
-"""Of a step, in standard uncertainties."""
+CONVERGED = 1e-6
+"""Of a step, as a share of the largest parameter."""
 
 
 class Compared(NamedTuple):
@@ -50,24 +50,26 @@ def compared(prepared: Prepared, draws: int) -> Compared:
 
 
 def _fitted(prepared: Prepared, parts: tuple[Part, ...], scale: float, truth: ErrorModel, noise: Array) -> ErrorModel:
-    """The fit of one measurement by Gauss-Newton, expectations by the exact matrix product."""
-    setup, nominal = prepared.setup, prepared.setup.measurement
+    """The fit of one measurement: residuals by the exact matrix product, steps by the factorisation of the study."""
+    setup, nominal, fits = prepared.setup, prepared.setup.measurement, prepared.fits
     seen = observe(
         nominal.machine, truth, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
         nominal.targets, axis=nominal.axis, run=nominal.run, noise_scale=0.0,
     )  # fmt: skip
+    # noise is weighted here, and in mm there
     in_mm = np.linalg.solve(setup.white, noise[..., None])[..., 0]
     measured = replace(seen, observed=seen.observed + in_mm)
-    model = prepared.fits.columns.model(parts)
-    prior = prepared.fits.scale(parts, scale) if np.isfinite(scale) else np.full(len(model.parameters), np.inf)
-    problem = Problem(measured, model, setup.white, prior)
-    point = Point(np.array(model.parameters), setup.registration)
+    model, registration = fits.columns.model(parts), setup.registration
+    parameters = np.zeros(len(model.parameters))
     for _ in range(STEPS):
-        solved = problem.solve(point, np.ones(len(measured)), 1.0)
-        point = problem.moved(point, solved.step)
-        if solved.length < CONVERGED:
+        left = whitened(setup.white, residuals(measured, model, registration)).reshape(-1)
+        step = fits.step(parts, scale, left, parameters)
+        registration = registration.moved(fits.columns.registered(parts, left, step))
+        parameters = parameters + step
+        model = model.with_parameters(parameters)
+        if np.abs(step).max() < CONVERGED * max(1.0, float(np.abs(parameters).max())):
             break
-    return problem.at(point.parameters)
+    return model
 
 
 def _left(volume: Volume, truth: ErrorModel, found: ErrorModel) -> float:

@@ -44,9 +44,18 @@ class Fits:
         """The right-hand sides `(k, draws)` of a part, in units of its parameters."""
         return self._of(part).observed.T @ drawn.observed
 
+    def step(self, parts: tuple[Part, ...], prior_scale: float, left: Array, parameters: Array) -> Array:
+        """The step of parameters `(p,)` for whitened residuals `(N,)`: back to the same factorisation."""
+        right = np.concatenate([self._of(part).observed.T @ left for part in parts])
+        if np.isfinite(prior_scale):
+            right = right - parameters / self.scale(parts, prior_scale) ** 2
+        return self.factorised(parts, prior_scale).solve(right[:, None])[:, 0]
+
     def scale(self, parts: Sequence[Part], prior_scale: float) -> Array:
         """Prior standard deviations `(p,)`: typical sizes times `prior_scale`, which effects besides don't have."""
-        scales = [self._of(part).prior * (prior_scale if part[0] and np.isfinite(prior_scale) else 1.0) for part in parts]
+        scales = [
+            self._of(part).prior * (prior_scale if part[0] and np.isfinite(prior_scale) else 1.0) for part in parts
+        ]
         return np.concatenate(scales)
 
     def errors(self, parts: Sequence[Part], parameters: Array, coefficients: Array) -> Array:

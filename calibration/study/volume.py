@@ -37,7 +37,13 @@ class Volume:
     """Orthonormal columns `(3 n, 6)`."""
 
     @classmethod
-    def of(cls, machine: Machine, tool: Vector, turned: Mapping[str, tuple[float, float]] | None = None, sensors: Iterable[str] = ()) -> Volume:
+    def of(
+        cls,
+        machine: Machine,
+        tool: Vector,
+        turned: Mapping[str, tuple[float, float]] | None = None,
+        sensors: Iterable[str] = (),
+    ) -> Volume:
         """The grid of the machine for a tool, mm; rotary axes at home, or all over the ranges `turned`, degrees.
 
         The machine comes from where it was before, stands still, and is at 20 degC, at its `sensors` too.

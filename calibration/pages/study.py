@@ -1,0 +1,135 @@
+"""The report of a study: where is measured, what error is left, and what more points or hours would gain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibration.pages import Section, Table, figure, page
+from calibration.study.definition import StudyEntry
+from calibration.study.results import standard_errors
+from calibration.study.run import Result
+from calibration.study.stopping import estimates
+from kinematics.forward import tool_point
+from kinematics.transforms import Array
+
+if TYPE_CHECKING:
+    from mpl_toolkits.mplot3d import Axes3D
+
+BEFORE, AFTER = "#3465a4", "#888a85"
+TRACKER = "#cc0000"
+MANY = 2000
+"""At most so many points are drawn of one case."""
+ACROSS = 4
+"""Pictures in a row."""
+CURVE = 4
+"""Cases that differ in the number of points, from which a curve is drawn."""
+
+
+def study_page(results: Sequence[Result], study: StudyEntry, command: str) -> bytes:
+    """The report as one HTML file; `command` is how it was made."""
+    return page(f"Virtual calibration of {study.machine}", command, list(_sections(results, study)))
+
+
+def _sections(results: Sequence[Result], study: StudyEntry) -> Iterator[Section]:
+    yield Section("Results", _lead(study, results), _table(results))
+    yield Section(
+        "Error before and after",
+        "RMS volumetric error of every draw; the line is the mean, the dash the 95 % quantile.",
+        figure=_distributions(results),
+    )
+    if len({result.points for result in results}) >= CURVE:
+        yield Section(
+            "Points and time",
+            "Mean over draws (dots) and 95 % quantile (band).",
+            figure=_curve(results),
+        )
+    yield Section("Where is measured", "Positions of the target, and the tracker.", figure=_places(results))
+    notes = [(result.case.name, note) for result in results for note in result.notes]
+    if notes:
+        yield Section("Notes", table=Table(("case", ""), notes))
+
+
+def _lead(study: StudyEntry, results: Sequence[Result]) -> str:
+    draws = results[0].after.shape[1]
+    checked = [result.check.difference for result in results if result.check is not None]
+    check = f" Exact fits of some draws differ by at most {max(checked):.2g} um." if checked else ""
+    return f"{study.description} {draws} draws a case, seed {study.seed}.{check}".strip()
+
+
+def _table(results: Sequence[Result]) -> Table:
+    rows = []
+    for result in results:
+        numbers = []
+        for before, after in zip(result.before, result.after, strict=True):
+            first, last = estimates(before), estimates(after)
+            numbers += [f"{first.mean:.2f}", f"{last.mean:.2f}", f"{last.quantile:.2f}"]
+        u = f"{standard_errors(result.after[0])[0]:.2f}"
+        rows.append((result.case.name, str(result.points), f"{result.minutes:.0f}", *numbers, u))
+    places = ("volume", "program")[: len(results[0].before)]
+    columns = [f"{place} {what}" for place in places for what in ("before", "after", "95 %")]
+    return Table(("case", "points", "min", *columns, "u (k=1) of the mean"), rows)
+
+
+def _distributions(results: Sequence[Result]) -> str:
+    with figure(8.0, 0.45 * len(results) + 1.0) as (canvas, drawn):
+        place = canvas.subplots()
+        for k, result in enumerate(results):
+            for values, colour, side in ((result.before[0], BEFORE, "high"), (result.after[0], AFTER, "low")):
+                shape = place.violinplot(
+                    values, [-k], orientation="horizontal", side=side, widths=0.8, showextrema=False
+                )
+                for body in shape["bodies"]:  # type: ignore[attr-defined]
+                    body.set_facecolor(colour)
+                    body.set_alpha(0.6)
+                end = 0.35 if side == "high" else -0.35
+                place.plot([values.mean()] * 2, [-k, -k + end], color=colour, linewidth=1.5)
+                place.plot([np.quantile(values, 0.95)] * 2, [-k, -k + end], color=colour, linewidth=1, linestyle=":")
+        place.set_yticks([-k for k in range(len(results))], [result.case.name for result in results])
+        place.set_xlim(left=0)
+        place.set_xlabel("RMS volumetric error, um: before (blue), after (grey)")
+    return drawn[0]
+
+
+def _curve(results: Sequence[Result]) -> str:
+    ranked = sorted(results, key=lambda result: result.points)
+    points = np.array([result.points for result in ranked])
+    hours = np.array([result.minutes for result in ranked]) / 60.0
+    with figure(8.0, 2.6) as (canvas, drawn):
+        left, right = canvas.subplots(1, 2)
+        for place, x, label in ((left, points, "points"), (right, hours, "hours")):
+            for values, colour in (([r.before[0] for r in ranked], BEFORE), ([r.after[0] for r in ranked], AFTER)):
+                found = [estimates(each) for each in values]
+                place.plot(x, [each.mean for each in found], "o-", markersize=3, color=colour, linewidth=1)
+                place.fill_between(x, [e.mean for e in found], [e.quantile for e in found], color=colour, alpha=0.2)
+            place.set_xlabel(label)
+            place.set_ylim(bottom=0)
+        left.set_ylabel("RMS volumetric error, um")
+    return drawn[0]
+
+
+def _places(results: Sequence[Result]) -> str:
+    rows = -(-len(results) // ACROSS)
+    with figure(8.0, 2.2 * rows) as (canvas, drawn):
+        for k, result in enumerate(results, start=1):
+            place: Axes3D = canvas.add_subplot(rows, ACROSS, k, projection="3d")
+            x, y, z = _targets(result).T / 1e3
+            place.scatter(x, y, z, s=1, color=BEFORE, rasterized=True)  # type: ignore[misc]
+            for tracker in result.case.trackers:
+                place.scatter(*(value / 1e3 for value in tracker), s=20, color=TRACKER, marker="^")  # type: ignore[misc]
+            place.set_title(result.case.name)
+            place.set_box_aspect([max(float(np.ptp(v)), 0.3) for v in (x, y, z)])  # type: ignore[arg-type]
+            place.tick_params(labelsize=5)
+            place.locator_params(nbins=4)
+    return drawn[0]
+
+
+def _targets(result: Result) -> Array:
+    """Where the target is `(n, 3)`, mm, workpiece frame."""
+    plan = result.case.plan
+    assert plan.state.target is not None
+    rows = np.linspace(0, len(plan) - 1, min(len(plan), MANY)).astype(int)
+    tools = np.array([plan.targets[name].position for name in plan.state.target[rows].tolist()])
+    return tool_point(plan.machine, plan.positions[rows], tools)
