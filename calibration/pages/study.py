@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -11,12 +11,12 @@ from calibration.pages import Section, Table, figure, page
 from calibration.study.definition import StudyEntry
 from calibration.study.results import standard_errors
 from calibration.study.run import Result
-from calibration.study.stopping import estimates
+from calibration.study.stopping import LEVEL, estimates
 from kinematics.forward import tool_point
 from kinematics.transforms import Array
 
 if TYPE_CHECKING:
-    from mpl_toolkits.mplot3d import Axes3D
+    from matplotlib.axes import Axes
 
 BEFORE, AFTER = "#3465a4", "#888a85"
 TRACKER = "#cc0000"
@@ -77,20 +77,23 @@ def _distributions(results: Sequence[Result]) -> str:
     with figure(8.0, 0.45 * len(results) + 1.0) as (canvas, drawn):
         place = canvas.subplots()
         for k, result in enumerate(results):
-            for values, colour, side in ((result.before[0], BEFORE, "high"), (result.after[0], AFTER, "low")):
-                shape = place.violinplot(
-                    values, [-k], orientation="horizontal", side=side, widths=0.8, showextrema=False
-                )
-                for body in shape["bodies"]:  # type: ignore[attr-defined]
-                    body.set_facecolor(colour)
-                    body.set_alpha(0.6)
-                end = 0.35 if side == "high" else -0.35
-                place.plot([values.mean()] * 2, [-k, -k + end], color=colour, linewidth=1.5)
-                place.plot([np.quantile(values, 0.95)] * 2, [-k, -k + end], color=colour, linewidth=1, linestyle=":")
+            _half(place, -k, result.before[0], BEFORE, "high")
+            _half(place, -k, result.after[0], AFTER, "low")
         place.set_yticks([-k for k in range(len(results))], [result.case.name for result in results])
         place.set_xlim(left=0)
         place.set_xlabel("RMS volumetric error, um: before (blue), after (grey)")
     return drawn[0]
+
+
+def _half(place: Axes, row: int, values: Array, colour: str, side: Literal["low", "high"]) -> None:
+    """One side of a row: the distribution, its mean and its quantile."""
+    shape = place.violinplot([values], [row], orientation="horizontal", side=side, widths=0.8, showextrema=False)
+    for body in shape["bodies"]:  # type: ignore[attr-defined]
+        body.set_facecolor(colour)
+        body.set_alpha(0.6)
+    end = row + (0.35 if side == "high" else -0.35)
+    place.plot([values.mean()] * 2, [row, end], color=colour, linewidth=1.5)
+    place.plot([np.quantile(values, LEVEL)] * 2, [row, end], color=colour, linewidth=1, linestyle=":")
 
 
 def _curve(results: Sequence[Result]) -> str:
@@ -114,13 +117,13 @@ def _places(results: Sequence[Result]) -> str:
     rows = -(-len(results) // ACROSS)
     with figure(8.0, 2.2 * rows) as (canvas, drawn):
         for k, result in enumerate(results, start=1):
-            place: Axes3D = canvas.add_subplot(rows, ACROSS, k, projection="3d")
+            place: Any = canvas.add_subplot(rows, ACROSS, k, projection="3d")
             x, y, z = _targets(result).T / 1e3
-            place.scatter(x, y, z, s=1, color=BEFORE, rasterized=True)  # type: ignore[misc]
+            place.scatter(x, y, z, s=1, color=BEFORE, rasterized=True)
             for tracker in result.case.trackers:
-                place.scatter(*(value / 1e3 for value in tracker), s=20, color=TRACKER, marker="^")  # type: ignore[misc]
+                place.scatter(*(value / 1e3 for value in tracker), s=20, color=TRACKER, marker="^")
             place.set_title(result.case.name)
-            place.set_box_aspect([max(float(np.ptp(v)), 0.3) for v in (x, y, z)])  # type: ignore[arg-type]
+            place.set_box_aspect([max(float(np.ptp(v)), 0.3) for v in (x, y, z)])
             place.tick_params(labelsize=5)
             place.locator_params(nbins=4)
     return drawn[0]

@@ -1,1 +1,1 @@
-"""Virtual calibration: whole calibrations of many virtual machines, to choose the measurement before the machine stops."""
+"""Virtual calibration: many virtual machines measured and fitted, to choose a measurement before it is made."""

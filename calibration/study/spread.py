@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Any, Protocol
 
 from calibration.study.cases import Case, code
 from calibration.study.chunks import Chunk, Outcome, work
@@ -91,7 +91,7 @@ class Cluster:
         except ImportError:
             raise UserError("--dask needs Dask: pip install 'ncomp[dask]'") from None
         try:
-            self._client = Client(address, timeout=CONNECT_S)
+            self._client: Any = Client(address, timeout=CONNECT_S)  # type: ignore[no-untyped-call]
         except (OSError, TimeoutError, ValueError) as fault:
             raise UserError(f"--dask {address}: {fault}") from None
         self._check(address)
@@ -106,7 +106,7 @@ class Cluster:
             for task in tasks
         }
         try:
-            for future in completed(list(futures)):
+            for future in completed(list(futures)):  # type: ignore[no-untyped-call]
                 yield futures[future], future.result()
         except KilledWorker as fault:
             raise UserError(f"--dask: the cluster gives up on a chunk whose workers were lost: {fault}") from None

@@ -1,0 +1,406 @@
+"""Virtual calibration: equations against fits by the exact kinematics, the same draws however they are spread, refusals."""
+
+import csv
+import json
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import machines
+from calibration.fit import fit
+from calibration.models import parse_basis, with_effects
+from calibration.resolution import Choice
+from calibration.simulate import observe
+from calibration.study.cases import Case, read_cases
+from calibration.study.chunks import SIZE, Chunk, Prepared
+from calibration.study.definition import study_of
+from calibration.study.exact import compared
+from calibration.study.run import Draws, Result, run
+from calibration.study.spread import Here, Processes
+from calibration.study.stopping import enough, estimates
+from calibration.study.store import Store
+from calibration.study.truths import Truths
+from calibration.truth import TABLE_1
+from calibration.volumetric import deviation_on, volumetric_error_um
+from kinematics.errors import UserError
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "studies"
+PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}
+GANTRY = {"name": "case", "strategy": "hexahedron", "points": 120, "tracker": [-1500, 1500, 300]}
+TOOLS = [[0, 0, -150], [110, 60, -220], [-90, 100, -120]]
+C_FRAME = {
+    "machine": "cframe",
+    "instrument": {"u_range_um_per_m": 0.5, "u_angle_um": 3.0, "u_angle_um_per_m": 2.0},
+    "fit": {"basis": "cubic:5", "prior": 30.0},
+    "case": [{"name": "c", "strategy": "grid", "points": 80, "tracker": [-1200, -900, 300], "tools": TOOLS}],
+}
+
+
+def case_of(content: dict) -> Case:
+    return read_cases(study_of({"machine": "gantry", "seed": 3, **content}, "test"), Path())[0]
+
+
+def paper_case(**changes) -> Case:
+    return case_of({"fit": PAPER, "case": [{**GANTRY, **changes}]})
+
+
+def results(cases: list[Case], draws: Draws | int, team=None, store: Store | None = None, **more) -> list[Result]:
+    number = Draws(draws) if isinstance(draws, int) else draws
+    return run(cases, number, team or Here(), store or Store(None), **more)
+
+
+# ---- the equations
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"fit": PAPER, "case": [{**GANTRY, "points": 400}]},
+        C_FRAME,
+        {
+            "machine": "dmu50",
+            "fit": {"basis": "X=cubic:4,Y=cubic:4,Z=cubic:4,B=fourier:2,C=fourier:2"},
+            "case": [
+                {"name": "five axes", "strategy": "random", "points": 150, "rotary": "random", "tools": TOOLS,
+                 "ranges": {"C": [0, 360]}, "tracker": [[-1500, -800, 400], [1500, -900, 300]]}
+            ],
+        },
+        {
+            "machine": "gantry",
+            "instrument": {"kind": "interferometer", "u_um": 0.3, "u_um_per_m": 0.5},
+            "fit": {"basis": "cubic:6"},
+            "case": [{"name": "laser", "strategy": "axes", "spacing_mm": 250}],
+        },
+        {
+            "machine": "cframe",
+            "instrument": {"kind": "part", "u_um": 2.0},
+            "fit": {"basis": "cubic:3", "effects": ["backlash:axis=X,width=0"]},
+            "errors": {"effects": ["backlash:axis=X,width=12"]},
+            "case": [{"name": "part", "strategy": "grid", "points": 90, "order": "shuffled"}],
+        },
+    ],
+    ids=["gantry", "three tools", "five axes", "interferometer", "part"],
+)  # fmt: skip
+def test_linear_equations_agree_with_exact_kinematics(content):
+    found = compared(Prepared.of(case_of(content)), 3)
+    assert np.all(found.linear > 0)
+    assert found.difference < 1e-3 * found.exact.mean()
+
+
+def test_a_draw_is_what_the_fit_of_its_measurement_is():
+    """The same noise through `calibration.fit`, which shares neither factorisation nor elimination with a study."""
+    ready = Prepared.of(case_of(C_FRAME))
+    drawn = ready.sample(Chunk(0, 2))
+    (parts, scale), _ = next(iter(ready.choices(drawn).items()))
+    left = ready.fits.errors(parts, ready.fitted(parts, scale, drawn, np.arange(2)), drawn.coefficients)[0]
+    setup, volume = ready.setup, ready.case.volumes[0]
+    for number in range(2):
+        truth = ready.case.truths.machine(drawn.coefficients[:, number])
+        nominal = setup.measurement
+        seen = observe(
+            nominal.machine, truth, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
+            nominal.targets, noise_scale=0.0,
+        )  # fmt: skip
+        noise = np.linalg.solve(setup.white, drawn.noise[number][..., None])[..., 0]
+        measured = replace(seen, observed=seen.observed + noise)
+        model, prior = with_effects(measured, dict.fromkeys("XYZ", parse_basis("cubic:5")), (), 1.0)
+        found = fit(measured, model, prior=prior)
+        assert found.kept.all()
+        wanted, points = deviation_on(nominal.machine, truth, volume.state.positions, TOOLS[0])
+        got, _ = deviation_on(nominal.machine, found.model, volume.state.positions, TOOLS[0])
+        assert volumetric_error_um(wanted - got, points).rms == pytest.approx(left[number], rel=2e-3)
+
+
+def test_evidence_prefers_as_the_fits_own_does():
+    """Differences of log evidence between two choices: those of `calibration.fit`."""
+    ready = Prepared.of(case_of({**C_FRAME, "fit": {}}))
+    drawn = ready.sample(Chunk(0, 1))
+    setup, evidences = ready.setup, []
+    for sizes, scale in ((4, 1.0), (6, 0.5)):
+        choice = Choice(dict.fromkeys("XYZ", parse_basis(f"cubic:{sizes}")), scale)
+        parts = tuple((axis, f"cubic:{sizes}") for axis in "XYZ")
+        made = ready.fits.factorised(parts, scale)
+        right = np.concatenate([ready.fits.right(part, drawn) for part in parts])[:, 0]
+        own = 0.5 * (right @ made.solve(right[:, None])[:, 0] - made.log_determinant)
+        noise = np.linalg.solve(setup.white, drawn.noise[0][..., None])[..., 0]
+        seen = observe(
+            setup.measurement.machine, ready.case.truths.machine(drawn.coefficients[:, 0]), setup.measurement.state,
+            setup.measurement.instrument, np.random.default_rng(0), setup.poses, setup.measurement.targets,
+            noise_scale=0.0,
+        )  # fmt: skip
+        measured = replace(seen, observed=seen.observed + noise)
+        model, prior = with_effects(measured, choice.bases, (), scale)
+        evidences.append((own, fit(measured, model, prior=prior).log_evidence))
+    (a, other_a), (b, other_b) = evidences
+    assert a - b == pytest.approx(other_a - other_b, abs=0.02 * abs(other_a - other_b) + 0.1)
+
+
+def test_auto_is_no_worse_than_a_fixed_basis():
+    auto = results([case_of({"case": [{**GANTRY, "points": 300}]})], 20)[0]
+    fixed = results([case_of({"fit": {"basis": "cubic:6", "prior": 30.0}, "case": [{**GANTRY, "points": 300}]})], 20)[0]
+    assert auto.after.mean() < fixed.after.mean()
+
+
+def test_no_noise_and_a_basis_that_holds_the_truth_leave_nothing():
+    content = {
+        "errors": {"E_XX": [0, 50], "E_YY": [5, 40], "E_CX": [10, 20]},
+        "instrument": {"u_range_um": 1e-6, "u_angle_um": 1e-6},
+        "fit": {"basis": "legendre:1", "prior": "none"},
+        "case": [{**GANTRY, "tools": TOOLS}],
+    }
+    assert results([case_of(content)], 5)[0].after.max() < 1e-3
+
+
+# ---- findings of the paper
+
+
+def test_planes_are_best_and_diagonals_worst():
+    study = read_cases(study_of(_toml("trajectory.toml"), "trajectory"), EXAMPLES)
+    planes, hexahedron, diagonals = (each.after[0].mean() for each in results(study, 200))
+    assert planes < hexahedron < 0.9 * diagonals
+
+
+def test_more_points_gain_less_and_less():
+    study = read_cases(study_of(_toml("spacing.toml"), "spacing"), EXAMPLES)
+    chosen = [case for case in study if case.name in ("200", "600", "1000")]
+    few, some, many = (each.after[0].mean() for each in results(chosen, 200))
+    assert few - some > 2.5 * (some - many) > 0
+
+
+def test_the_middle_is_the_best_place_for_the_tracker():
+    study = read_cases(study_of(_toml("tracker_position.toml"), "tracker"), EXAMPLES)
+    means = [each.after[0].mean() for each in results(study, 200)]
+    assert min(means) == means[3]
+
+
+def _toml(name: str) -> dict:
+    import tomllib
+
+    return tomllib.loads((EXAMPLES / name).read_text())
+
+
+# ---- draws
+
+
+@given(st.integers(1, 30), st.integers(0, 30), st.integers(0, 2**32))
+def test_the_first_draws_are_the_same_however_many(number, more, seed):
+    truths = Truths.of(machines.load("gantry"), TABLE_1)
+    few = truths.draw(np.random.default_rng(seed), number)
+    many = truths.draw(np.random.default_rng(seed), number + more)
+    assert np.array_equal(few, many[:, :number])
+    assert np.all(np.abs(many) <= truths.high[:, None] + 1e-12)
+
+
+def test_cases_measure_the_same_machines():
+    first, second = results([paper_case(), paper_case(name="other", strategy="grid")], 60)
+    assert np.array_equal(first.before, second.before)
+    assert not np.array_equal(first.after, second.after)
+
+
+def test_tolerance_decides_how_many_draws():
+    coarse, fine = (results([paper_case()], Draws(None, tolerance))[0] for tolerance in (2.0, 0.4))
+    assert coarse.settled
+    assert fine.settled
+    assert coarse.after.shape[1] < fine.after.shape[1]
+    assert fine.after.shape[1] % SIZE == 0
+    ended = results([paper_case()], Draws(None, 1e-3, most=150))[0]
+    assert not ended.settled
+    assert ended.after.shape[1] == 150
+
+
+@given(st.integers(0, 1000))
+def test_the_stopping_rule_is_that_of_the_supplement(seed):
+    batches = list(np.random.default_rng(seed).normal(10.0, 1.0, (12, 50)))
+    each = np.array([estimates(batch) for batch in batches])
+    limit = 2 * (each.std(axis=0, ddof=1) / np.sqrt(12)).max()
+    assert enough(batches, limit * 1.001)
+    assert not enough(batches, limit * 0.999)
+    assert not enough(batches[:2], 1e9)
+
+
+# ---- spread, interrupted, resumed
+
+
+@pytest.mark.slow
+def test_processes_give_the_same_and_go_on_without_a_lost_one():
+    cases = [paper_case(), paper_case(name="b", strategy="grid")]
+    alone, team, killed = results(cases, 120), Processes(2), []
+
+    def kill_one(_: int) -> None:
+        if not killed:
+            killed.append(next(iter(team._pool._processes)))
+            os.kill(killed[0], signal.SIGKILL)
+
+    try:
+        spread = results(cases, 120, team, progress=kill_one)
+    finally:
+        team.close()
+    assert killed
+    for one, other in zip(alone, spread, strict=True):
+        assert np.array_equal(one.after, other.after)
+
+
+class Stopped(Exception):
+    pass
+
+
+class Counting(Here):
+    def __init__(self):
+        self.worked = []
+
+    def outcomes(self, tasks):
+        for task, outcome in super().outcomes(tasks):
+            self.worked.append(task[1])
+            yield task, outcome
+
+
+def test_an_interrupted_study_goes_on_where_it_was(tmp_path):
+    store, team = Store.beside(str(tmp_path / "results.csv")), Counting()
+    whole = results([paper_case()], 180)[0]
+    done = []
+
+    def stop(draws: int) -> None:
+        done.append(draws)
+        if len(done) == 2:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        results([paper_case()], 180, team, store, progress=stop)
+    assert len(team.worked) == 2
+    (store.folder / f"{paper_case().key}-1-50.npz").write_bytes(b"damaged")
+    resumed = results([paper_case()], 180, team, store)[0]
+    assert [chunk.number for chunk in team.worked[2:]] == [1, 2, 3]
+    assert np.array_equal(resumed.after, whole.after)
+    store.clear([paper_case().key])
+    assert not store.folder.exists()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"points": 160}, {"tracker": [-1500, 1500, 301]}, {"fit": {**PAPER, "basis": "legendre:5"}}, {"tools": TOOLS}],
+)
+def test_another_study_has_another_key(changes):
+    assert paper_case().key != paper_case(**changes).key
+    assert paper_case().key == paper_case(name="another name").key
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_gives_the_same_and_loses_nothing_with_a_worker():
+    from distributed import Client, LocalCluster
+
+    from calibration.study.spread import Cluster
+
+    cases = [paper_case(), paper_case(name="b", strategy="grid")]
+    alone, killed = results(cases, 400), []
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+        with Client(local.scheduler_address) as client:
+            pids = list(client.run(os.getpid).values())
+
+        def kill_one(_: int) -> None:
+            if not killed:
+                os.kill(pids[0], signal.SIGKILL)
+                killed.append(pids[0])
+
+        team = Cluster(local.scheduler_address)
+        try:
+            spread = results(cases, 400, team, progress=kill_one)
+        finally:
+            team.close()
+    assert killed
+    for one, other in zip(alone, spread, strict=True):
+        assert np.array_equal(one.after, other.after)
+
+
+# ---- the command
+
+
+STUDY = """
+machine = "gantry"
+draws = 60
+seed = 5
+[fit]
+basis = "legendre:4"
+prior = 30
+[[case]]
+name = "few"
+strategy = "hexahedron"
+points = 100
+tracker = [-1500, 1500, 300]
+[[case]]
+name = "more"
+strategy = "hexahedron"
+points = 200
+tracker = [-1500, 1500, 300]
+"""
+
+
+def test_command(command, tmp_path):
+    Path("study.toml").write_text(STUDY)
+    done = command("study", "study.toml", "-o", "r.csv", "--json", "r.json", "--report", "r.html", "-w", 1)
+    assert done.status == 0, done.err
+    rows = list(csv.reader(Path("r.csv").read_text().splitlines()))
+    assert rows[0] == ["name", "points", "minutes", "ve0_rms_um", "ve0_p95_um", "ve_rms_um", "ve_p95_um"]
+    assert [row[:3] for row in rows[1:]] == [["few", "100", "45.0"], ["more", "200", "70.0"]]
+    cases = json.loads(Path("r.json").read_text())["cases"]
+    for row, case in zip(rows[1:], cases, strict=True):
+        assert float(row[5]) == pytest.approx(np.mean(case["ve_um"]), abs=1e-4)
+        assert float(row[6]) == pytest.approx(np.quantile(case["ve_um"], 0.95), abs=1e-4)
+        assert case["exact_check"]["largest_difference_um"] < 0.01
+    assert Path("r.html").read_text().count("<svg") == 2
+    assert not list(tmp_path.glob("*.chunks"))
+    again = command("study", "study.toml", "-o", "-", "-w", 1)
+    assert again.out == Path("r.csv").read_bytes()
+
+
+def test_examples_can_be_laid_out():
+    for path in EXAMPLES.glob("*.toml"):
+        assert read_cases(study_of(_toml(path.name), path.name), EXAMPLES)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        (("gantry", "no_such"), "unknown machine"),
+        (("hexahedron", "octahedron"), "case few: unknown strategy 'octahedron'"),
+        (('name = "more"', 'name = "few"'), "two cases are named 'few'"),
+        (("tracker = [-1500, 1500, 300]", ""), "where does the laser tracker stand"),
+        (("tracker = [-1500, 1500, 300]", "tracker = [0, 0, 0]"), "can't stand there"),
+        (("tracker = [-1500, 1500, 300]", "tracker = [1, 2]"), "expected [x, y, z]"),
+        (("points = 100", "pionts = 100"), "pionts"),
+        (("draws = 60", "draws = 1"), "draws"),
+        (("draws = 60", "draws = 'some'"), "draws"),
+        (("legendre:4", "chebyshev:4"), "chebyshev:4"),
+        (('basis = "legendre:4"\nprior = 30', 'prior = "none"'), "needs a prior"),
+        (("prior = 30", "prior = -1"), "prior"),
+        (("seed = 5", "[instrument]\nu_range_um = 1"), "u_angle_um"),
+        (("seed = 5", "[instrument]\nu_um = 1"), "u_um"),
+        (("seed = 5", '[errors]\nmodel = "fourier"'), "rows E_XX"),
+        (("seed = 5", "[errors]\nE_QX = [1, 2]"), "E_QX"),
+        (("seed = 5", '[errors]\neffects = ["backlash:axis=Q,width=1"]'), "no axis Q"),
+        (("seed = 5", '[instrument]\nu_range_um=1\nu_angle_um=1\nelevation = [80, 89]'), "sees none of the points"),
+        (("[[case]]", "[[case"), "study.toml"),
+    ],
+)  # fmt: skip
+def test_what_cant_be_used_is_refused(command, changed, said):
+    Path("study.toml").write_text(STUDY.replace(*changed))
+    done = command("study", "study.toml", "-o", "r.csv", "-w", 1)
+    assert done.status == 2
+    assert said in done.err
+    assert "Traceback" not in done.err
+    assert [path.name for path in Path().iterdir()] == ["study.toml"]
+
+
+def test_no_such_cluster(command):
+    Path("study.toml").write_text(STUDY)
+    done = command("study", "study.toml", "-o", "r.csv", "--dask", "nonsense://x")
+    assert done.status == 2
+    assert "--dask nonsense://x" in done.err
+    with pytest.raises(UserError):
+        read_cases(study_of({"machine": "gantry", "case": [{**GANTRY, "tracker": []}]}, "test"), Path())
