@@ -31,6 +31,7 @@ class _ControlEntry(msgspec.Struct, forbid_unknown_fields=True):
     tool_change_moves: tuple[str, ...] = ("X", "Y", "Z")
     tcp_at_start: bool = False
     passive_axes: tuple[str, ...] = ()
+    family: Literal["any", "fanuc", "linuxcnc"] = "any"
 
 
 class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):

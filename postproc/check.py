@@ -61,6 +61,8 @@ class Findings:
         """Sort in the moves of a chunk."""
         judged = motions.judged.tolist()
         for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
+            if kind == Kind.PRESET:
+                continue
             line = motions.blocks[index].line
             (self.machine if kind == Kind.MACHINE else self.corrected if judged[row] else self.unsaid).append(line)
 

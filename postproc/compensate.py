@@ -15,7 +15,7 @@ from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.conditions import Conditions
-from postproc.motions import Kind, Motions
+from postproc.motions import Motions
 
 States = Callable[[Array], State]
 """The state of the machine at axis positions `(n, axes)`, mm and rad."""
@@ -50,7 +50,7 @@ def correct(
     `model`; with a model for the orientation, rotary axes that of the tool axis. All others keep the nominal position.
     approach `(n, axes)`: the direction in which each move comes to its end.
     """
-    movable = motions.correctable & (motions.kind != Kind.MACHINE)[:, None]
+    movable = motions.correctable & motions.programmed[:, None]
     nominal = motions.machine_target
     models, states = (model, orientation), conditions.states(approach)
     corrected = _corrected(motions.machine, models, states, nominal, motions.tool, movable)

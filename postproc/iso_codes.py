@@ -14,19 +14,18 @@ LARGEST = 1e9
 
 CYCLES = frozenset(map(float, (73, 74, 81, 82, 83, 84, 85, 86, 89)))
 """One hole at each position: the place and the depth are the program's, all between the control's."""
-CYCLE_WORDS = frozenset("NFSTHDPQRK")
+FINE_BORING = 76.0
+"""A cycle on FANUC, a thread on LinuxCNC."""
+CYCLE_WORDS = frozenset("NFSTHDPQRKL")
 """What may stand in a block of a cycle beside G, M and axes."""
 CYCLE_END, RETURN_TO_LEVEL, RETURN_TO_R = 80.0, 98.0, 99.0
 
 MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 
 # Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
-# return levels of cycles.
+# the end of data.
 HARMLESS_G = frozenset(
-    [
-        *(4.0, 5.1, 8.0, 9.0, 15.0, 40.0, 50.1, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0),
-        *(92.1, 92.2, 96.0, 97.0),
-    ]
+    [*(4.0, 5.0, 5.1, 8.0, 9.0, 11.0, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0), *(96.0, 97.0, 103.0, 187.0)]
 )
 PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
 UNITS = {20.0: INCH, 21.0: 1.0}
@@ -35,17 +34,29 @@ CENTRE_DISTANCES = frozenset((90.1, 91.1))
 INVERSE_TIME = 93.0
 FEED_MODES = frozenset((INVERSE_TIME, 94.0, 95.0))
 WORK_OFFSETS = {**{float(g): f"G{g}" for g in range(54, 60)}, 59.1: "G59.1", 59.2: "G59.2", 59.3: "G59.3"}
-LENGTH_CODES = frozenset((43.0, 43.4, 49.0))
-OFFSET_CODES = frozenset((54.1, *WORK_OFFSETS))
+LENGTH_CODES = frozenset((43.0, 43.4, 43.5, 49.0))
+EXTENDED = frozenset((54.1, 154.0))
+"""With P; 154 is HAAS's."""
+OFFSET_CODES = EXTENDED | WORK_OFFSETS.keys()
 FRAME_CODES = LENGTH_CODES | OFFSET_CODES
 
-NAMING = frozenset((5.1, 50.1, 92.1, 92.2))
-STANDING = NAMING | {4.0}
+COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0, 41.1, 42.1)), 40.0
+POLAR, POLAR_END = 16.0, 15.0
+SPLINE_OR_SPEED = frozenset((5.0, 5.1))
+"""Splines, or the mode of a fast path, by their words."""
+STANDING = frozenset((4.0, 5.0, 5.1))
 """Take the coordinates of their block for something else than a move."""
-LOCAL, ROTATION, ROTATION_END = 52.0, 68.0, 69.0
-PLACING = frozenset((LOCAL, ROTATION))
-"""Take the coordinates of their block for a shift, or for the centre of a rotation."""
-ONE_SHOT = STANDING | PLACING | {28.0, 30.0, 53.0}
+DATA, GIVEN_LENGTH, LOCAL, UPRIGHT = 10.0, 43.1, 52.0, 53.1
+SCALE, SCALE_END, MIRROR, MIRROR_END = 51.0, 50.0, 51.1, 50.1
+ROTATION, TILT, ROTATION_END = 68.0, 68.2, 69.0
+PRESET, PRESET_END, PRESET_OFF, PRESET_ON = 92.0, 92.1, 92.2, 92.3
+TURNS = frozenset((ROTATION, SCALE, MIRROR, TILT))
+PLACING = TURNS | {DATA, GIVEN_LENGTH, LOCAL, UPRIGHT, SCALE_END, MIRROR_END, PRESET, PRESET_END, PRESET_OFF, PRESET_ON}
+"""Change what coordinates mean, by the words of their block."""
+BESIDE_PLACING = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
+"""What may stand in a block with one of those."""
+NAMING = STANDING | PLACING
+ONE_SHOT = NAMING | {28.0, 30.0, 53.0}
 GROUPS = (
     frozenset(MOTION) | CYCLES | {CYCLE_END},
     frozenset((RETURN_TO_LEVEL, RETURN_TO_R)),
@@ -57,26 +68,25 @@ GROUPS = (
     LENGTH_CODES,
     OFFSET_CODES,
     ONE_SHOT,
+    COMPENSATION | {COMPENSATION_END},
+    frozenset((POLAR, POLAR_END)),
 )
 """A block may hold one code of a group: of two, some controls take the last, others each for what follows it."""
 
 REFUSED_G = {
-    **dict.fromkeys((5.0, 5.2, 5.3, 6.2), "splines are not corrected"),
+    **dict.fromkeys((5.2, 5.3, 6.2), "splines are not corrected"),
     7.0: "diameter programming is not corrected",
-    10.0: "sets offsets in the control while it runs",
-    **dict.fromkeys((12.0, 13.0, 12.1, 13.1, 7.1, 107.0, 112.0), "polar or cylindrical interpolation is not corrected"),
-    16.0: "polar coordinates are not corrected",
+    **dict.fromkeys((12.1, 13.1, 7.1, 107.0, 112.0, 113.0), "polar or cylindrical interpolation is not corrected"),
+    **dict.fromkeys((12.0, 13.0, 150.0), "a pocket that the control makes is not corrected"),
     **dict.fromkeys((31.0, 37.0, 38.2, 38.3, 38.4, 38.5), "where a probing move ends is not known"),
-    **dict.fromkeys((32.0, 33.0, 33.1, 76.0), "threading is not corrected"),
-    **dict.fromkeys((41.0, 42.0, 41.1, 42.1), "cutter radius compensation: the control shifts the path by itself"),
+    **dict.fromkeys((32.0, 33.0, 33.1), "threading is not corrected"),
+    76.0: 'threading on LinuxCNC, fine boring on FANUC: say family = "fanuc" in the machine file',
+    **dict.fromkeys((41.2, 42.2, 41.3, 41.4, 41.5, 42.4, 42.5), "radius compensation in space is not corrected"),
+    43.2: "a second length offset beside the first is not corrected",
     44.0: "a negative length offset is not corrected",
-    43.1: "a length offset given in the program is not corrected",
-    **dict.fromkeys((43.5, 53.1), "tool vectors are not corrected"),
-    **dict.fromkeys((51.0, 51.1), "scaling or mirroring changes what coordinates mean"),
-    **dict.fromkeys((50.0, 92.0, 92.3), "shifts or scales the coordinates"),
     **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
     **dict.fromkeys((65.0, 66.0, 66.1), "calls a macro"),
-    **dict.fromkeys((68.2, 68.3, 68.4), "turns the coordinates"),
+    **dict.fromkeys((53.6, 68.1, 68.3, 68.4), "turns the coordinates in a way that is not corrected"),
     **dict.fromkeys((87.0, 88.0), "a boring cycle that shifts the tool or waits for a hand is not corrected"),
 }
 REFUSED_M = {

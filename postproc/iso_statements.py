@@ -9,6 +9,7 @@ from typing import Any
 from lark import Token, Tree
 
 from postproc.expressions import Constant, Expression, Formula, Operation, Variable
+from postproc.iso_codes import LARGEST
 from postproc.program import Block, Word
 from postproc.statements import (
     Again,
@@ -37,8 +38,6 @@ FLOW = re.compile(
 ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
 """Local variables that take the words behind G65."""
 CALLING = frozenset((("M", 98.0), ("M", 99.0), ("G", 65.0)))
-LONGEST_NUMBER = 9999
-"""Of a subprogram; more digits hold a number of passes too, on some controls."""
 
 
 class Ambiguous(Exception):
@@ -227,10 +226,11 @@ def with_calls(block: Block) -> Block:
     if "P" not in words:
         raise block.refuse(f"{word.address}{word.value:g} without P")
     name = words.pop("P")
-    if name.value is not None and not (name.value == int(name.value) and 0 <= name.value <= LONGEST_NUMBER):
-        raise block.refuse("P with more than four digits: number of passes and of the subprogram, for some controls")
-    times = _value(words.pop("L")) if "L" in words else None
-    called = Operation("O", (_value(name),))
+    if name.value is not None and not (name.value == int(name.value) and 0 <= name.value < LARGEST):
+        raise block.refuse("P with a number that no program has")
+    packed = word.address == "M" and "L" not in words
+    times = Operation("passes", (_value(name),)) if packed else _value(words.pop("L")) if "L" in words else None
+    called = Operation("of passes" if packed else "program", (_value(name),))
     arguments = None
     if word.address == "G":
         arguments = tuple((ARGUMENTS[address], _argument(block, other)) for address, other in words.items())

@@ -21,6 +21,8 @@ LOCALS = range(1, 34)
 LINUXCNC_LOCALS = 30
 SYSTEM = 1000
 """Numbers from here on belong to the control; LinuxCNC lets programs use them up to 5000."""
+SPLIT = 10_000
+"""A P of M98 from here on holds a number of passes too, on FANUC: P51001 runs O1001 five times."""
 LINUXCNC_EQUAL = 1e-4
 """LinuxCNC takes numbers that differ by less for one."""
 
@@ -57,6 +59,20 @@ def _power(a: float, b: float) -> float:
     return math.pow(a, b)
 
 
+def _program(number: float) -> str:
+    """The label of a program."""
+    return f"O{int(number)}"
+
+
+def _short(number: float) -> str:
+    if number >= SPLIT:
+        raise NotKnown(
+            "P with more than four digits: number of passes and of the subprogram, for some controls. "
+            'Say family = "fanuc" or "linuxcnc" in the machine file'
+        )
+    return _program(number)
+
+
 OPERATIONS: Operations = {
     **ARITHMETIC,
     "**": _power,
@@ -73,7 +89,9 @@ OPERATIONS: Operations = {
     "FIX": lambda a: float(math.floor(a)) if a >= 0.0 else _differing("FIX"),
     "FUP": lambda a: float(math.ceil(a)) if a >= 0.0 else _differing("FUP"),
     "ROUND": _round,
-    "O": lambda number: f"O{int(number)}",
+    "program": _short,
+    "of passes": _short,
+    "passes": lambda _: 1.0,
     "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)) if b > 0.0 else _differing("ATAN"),
 }
 
@@ -129,3 +147,13 @@ class IsoVariables:
         if number > LINUXCNC_LOCALS and number in LOCALS and len(self.own) > 1:
             raise NotKnown(f"whether a subprogram has a #{number} of its own depends on the control")
         return f"#{number}", self.own[-1] if number in LOCALS else self.shared
+
+
+def variables_of(family: str) -> IsoVariables:
+    """The variables of a program, for controls of a family."""
+    if family == "any":
+        return IsoVariables()
+    plain = {**OPERATIONS, "program": _program, "passes": lambda _: 1.0, "of passes": _program}
+    if family == "fanuc":
+        plain |= {"passes": lambda number: float(number // SPLIT) or 1.0, "of passes": lambda n: _program(n % SPLIT)}
+    return IsoVariables(plain)

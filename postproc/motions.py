@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,9 @@ class Kind(IntEnum):
 
     CYCLE = 5
     """Of a canned cycle, to the bottom of a hole; then back, to where the next move starts."""
+
+    PRESET = 6
+    """No move: says what the place where the tool stands is called (G92), in the frame that this makes."""
 
 
 class Known(IntEnum):
@@ -74,8 +77,10 @@ class Arc(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """A hole of a canned cycle along Z; values in programmed coordinates, mm."""
+    """A hole of a canned cycle; values in programmed coordinates, mm."""
 
+    axis: int
+    """Column of the axis that drills."""
     word: int | None
     """Index of the word that says the depth, None where that of a block before still holds."""
     retract: float
@@ -85,7 +90,18 @@ class Cycle(NamedTuple):
     to_retract: bool | None
     """The cycle ends at R (G99) and not at the level before it (G98); None where the program says neither."""
     first: bool
-    """Where Z stands before it is the level before the cycle."""
+    """Where the axis stands before it is the level before the cycle."""
+
+
+class Polar(NamedTuple):
+    """The place in a plane by radius, mm, and angle, degrees, round the programmed origin."""
+
+    axes: tuple[int, int]
+    """Columns; the angle is counted from the first towards the second."""
+    radius: float
+    angle: float
+    words: tuple[int | None, int | None]
+    """Indices of the words of radius and angle, None where that of a block before still holds."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +138,12 @@ class Motions:
     """By row."""
     cycles: dict[int, Cycle] = field(default_factory=dict)
     """By row."""
+    polars: dict[int, Polar] = field(default_factory=dict)
+    """By row, of moves whose words say places in polar coordinates."""
+    contours: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """By row of a move that the control shifts by the radius of the tool: columns of the plane."""
+    still: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    """By row: columns of axes that no word of ours may name in it."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -129,7 +151,12 @@ class Motions:
     @property
     def judged(self) -> NDArrayBool:
         """Rows `(n,)` that end where the program has said all axes that place the tool: what correction answers for."""
-        return np.asarray(self._said(self.known) & (self.kind != Kind.MACHINE) & ~self.inner)
+        return np.asarray(self._said(self.known) & self.programmed & ~self.inner)
+
+    @property
+    def programmed(self) -> NDArrayBool:
+        """Rows `(n,)` that move to programmed coordinates."""
+        return ~np.isin(self.kind, (Kind.MACHINE, Kind.PRESET))
 
     @property
     def correctable(self) -> NDArrayBool:
@@ -165,18 +192,20 @@ class Motions:
     def take(self, rows: np.ndarray) -> Motions:
         """These rows, in this order; a row taken more than once shares its arc and words."""
         columns = {name: getattr(self, name)[rows] for name in COLUMNS}
-        arcs, cycles = {}, {}
-        if self.arcs or self.cycles:
-            arcs = {i: self.arcs[row] for i, row in enumerate(rows.tolist()) if row in self.arcs}
-            cycles = {i: self.cycles[row] for i, row in enumerate(rows.tolist()) if row in self.cycles}
-        words = [self.words[row] for row in rows.tolist()] if self.words else []
-        return replace(self, words=words, arcs=arcs, cycles=cycles, **columns)
+        taken = rows.tolist()
+        by_row: dict[str, Any] = {
+            name: {i: there[row] for i, row in enumerate(taken) if row in there}
+            for name in BY_ROW
+            if (there := getattr(self, name))
+        }
+        words = [self.words[row] for row in taken] if self.words else []
+        return replace(self, words=words, **columns, **by_row)
 
     @property
     def judged_ways(self) -> NDArrayBool:
         """Feed moves `(n,)`, pieces of arcs too, whose way between is known."""
         judged = self._said(self.known_start) & self._said(self.known)
-        return np.asarray(judged & ~np.isin(self.kind, (Kind.RAPID, Kind.MACHINE, Kind.TAKE_UP, Kind.CYCLE)))
+        return np.asarray(judged & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
     def _said(self, known: np.ndarray) -> NDArrayBool:
         return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
@@ -232,6 +261,8 @@ COLUMNS = (
     *("start", "target", "known_start", "known"),
 )
 """Fields of Motions with one row per move."""
+BY_ROW = ("arcs", "cycles", "polars", "contours", "still")
+"""Fields of Motions that say more of some rows."""
 
 _Places = tuple[float, ...]
 _Knowledge = tuple[Known, ...]
@@ -253,8 +284,7 @@ class Recorder:
     known: list[Known] = field(init=False)
     _rows: list[_Row] = field(init=False, default_factory=list)
     _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
-    _arcs: dict[int, Arc] = field(init=False, default_factory=dict)
-    _cycles: dict[int, Cycle] = field(init=False, default_factory=dict)
+    _by_row: dict[str, dict[int, Any]] = field(init=False)
     _frames: list[Frame] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -262,6 +292,7 @@ class Recorder:
         self.position = [h - offset for h, offset in zip(home, self.frame.offset, strict=True)]
         self.known = [Known.ASSUMED] * len(home)
         self._frames = [self.frame]
+        self._by_row = {name: {} for name in BY_ROW}
         if self.frame.tcp:
             self.position = self._stand_at(home)
 
@@ -299,28 +330,53 @@ class Recorder:
         has changed the frame.
         """
         if arc is not None:
-            self._arcs[len(self._rows)] = arc
+            self._by_row["arcs"][len(self._rows)] = arc
         before = tuple(self.known)
         for word in words:
             if not word.incremental:
                 self.known[word.axis] = Known.PROGRAM
+        polar: Polar | None = self._by_row["polars"].get(len(self._rows))
+        for axis in () if polar is None else polar.axes:
+            self.known[axis] = Known.PROGRAM
         self._record(block, kind, target, unit, (incremental, timed, settled), words, before)
 
     def drill(
-        self, block: int, target: list[float], level: float, unit: float, words: tuple[AxisWord, ...], cycle: Cycle
+        self,
+        block: int,
+        target: list[float],
+        level: float,
+        unit: float,
+        words: tuple[AxisWord, ...],
+        cycle: Cycle,
     ) -> None:
-        """A hole of a canned cycle, its depth the Z of `target`; Z comes back to `level`, all in mm and degrees."""
-        z = self.machine.index("Z")
-        before = self.known[z]
-        self._cycles[len(self._rows)] = cycle
+        """A hole of a canned cycle, its depth in `target`; the axis comes back to `level`, all in mm and degrees."""
+        before = self.known[cycle.axis]
+        self._by_row["cycles"][len(self._rows)] = cycle
         if not cycle.incremental:
-            self.known[z] = Known.PROGRAM
-        self.move(block, Kind.CYCLE, target, unit, words, incremental=any(word.incremental for word in words))
-        self.position[z] = level
+            self.known[cycle.axis] = Known.PROGRAM
+        incremental = any(word.incremental for word in words)
+        self.move(block, Kind.CYCLE, target, unit, words, incremental=incremental)
+        self.position[cycle.axis] = level
         if cycle.to_retract is None:
-            self.known[z] = Known.ASSUMED
+            self.known[cycle.axis] = Known.ASSUMED
         elif not cycle.to_retract:
-            self.known[z] = before
+            self.known[cycle.axis] = before
+
+    def say_polar(self, polar: Polar) -> None:
+        """The next move says its place in a plane so, and its words name no axis of it."""
+        self._by_row["polars"][len(self._rows)] = polar
+
+    def follow_contour(self, plane: tuple[int, int]) -> None:
+        """The next move is one that the control shifts by the radius of the tool, in a plane of these columns."""
+        self._by_row["contours"][len(self._rows)] = plane
+
+    def keep_still(self, axes: tuple[int, ...]) -> None:
+        """In the next move no word of ours may name these axes."""
+        self._by_row["still"][len(self._rows)] = axes
+
+    def call(self, block: int, unit: float, words: tuple[AxisWord, ...]) -> None:
+        """Words that say where the axes stand in the present frame, which they have made."""
+        self._record(block, Kind.PRESET, self.position, unit, (False, False, True), words, tuple(self.known))
 
     def leave_at(self, block: int, axis: int, place: float) -> None:
         """A cycle of the control leaves an axis at a programmed place, mm, which stays as it is written."""
@@ -376,8 +432,8 @@ class Recorder:
 
     def finish(self, blocks: list[Block]) -> Motions:
         """The rows recorded since the last call, which belong to these blocks."""
-        rows, words, arcs, cycles, frames = self._rows, self._words, self._arcs, self._cycles, self._frames
-        self._rows, self._words, self._arcs, self._cycles, self._frames = [], [], {}, {}, [self.frame]
+        rows, words, by_row, frames = self._rows, self._words, self._by_row, self._frames
+        self._rows, self._words, self._by_row, self._frames = [], [], {name: {} for name in BY_ROW}, [self.frame]
         n, axes = len(rows), len(self.machine.axes)
         columns = zip(*rows, strict=True) if rows else ((),) * 11
         block, kind, frame, unit, incremental, timed, settled, start, target, known_start, known = columns
@@ -398,8 +454,7 @@ class Recorder:
             np.array(known_start, int).reshape(n, axes),
             np.array(known, int).reshape(n, axes),
             words,
-            arcs,
-            cycles,
+            **by_row,
         )
 
     def _record(

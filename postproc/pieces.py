@@ -6,12 +6,13 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from kinematics.machine import NDArrayBool
 from postproc.circles import Point, quadrants, same, sweep
-from postproc.motions import Arc, Kind, Known, Motions
+from postproc.motions import BY_ROW, Arc, Kind, Known, Motions
 
 
 def arc_ends(motions: Motions, row: int) -> tuple[Point, Point]:
@@ -125,6 +126,7 @@ def with_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBool) -> Mo
     result.known[rows] = np.where(axes, Known.PROGRAM, np.minimum(result.known_start[rows], Known.MACHINE))
     gone = set(rows.tolist())
     words = [() if i in gone else words for i, words in enumerate(result.words)]
-    arcs: dict[int, Arc] = {row: arc for row, arc in result.arcs.items() if row not in gone}
-    cycles = {row: cycle for row, cycle in result.cycles.items() if row not in gone}
-    return replace(result, words=words, arcs=arcs, cycles=cycles)
+    left: dict[str, Any] = {
+        name: {row: v for row, v in getattr(result, name).items() if row not in gone} for name in BY_ROW
+    }
+    return replace(result, words=words, **left)

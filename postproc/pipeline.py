@@ -122,7 +122,7 @@ class Pipeline:
     def _correct(self, motions: Motions) -> list[str]:
         """Texts of a chunk of blocks, corrected."""
         job, report, blocks = self.job, self.report, motions.blocks
-        report.moves += len(motions)
+        report.moves += int((motions.kind != Kind.PRESET).sum())
         if job.travel_check:
             refuse_outside(motions, motions.machine_target, "as programmed")
         if not self.model.effects:
@@ -159,7 +159,7 @@ class Pipeline:
         job, report = self.job, self.report
         machine, tool = job.machine, motions.tool
         own, judged = ~motions.inner, motions.judged
-        correctable = (motions.kind != Kind.MACHINE) & own
+        correctable = motions.programmed & own
         moved = (written.ends - motions.target)[correctable]
         report.corrected += int((np.abs(moved) > 0.0).any(axis=1).sum())
         report.not_judged += int((~judged & own).sum())

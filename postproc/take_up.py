@@ -33,6 +33,7 @@ from postproc.reversals import (
     ways,
 )
 
+NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
 """M functions that every control runs before the move of their block: they may stay with the first piece of it."""
 
@@ -133,6 +134,7 @@ class TakeUps:
         wanted = (asked & linear) | together
         said = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
         ready = motions.settled & ~motions.turning
+        ready[[*motions.contours, *motions.polars, *motions.still]] = False
         for row in np.flatnonzero(motions.timed & wanted.any(axis=1)):
             ready[row] &= _has_feed(motions.blocks[motions.block[row]])
         possible = wanted & said & ready[:, None]
@@ -142,7 +144,7 @@ class TakeUps:
             why = (
                 "not an axis that is corrected"
                 if others[row, axis]
-                else "its block changes the frame, turns rotary axes alone, or has no F under G93"
+                else NOT_READY
                 if not ready[row]
                 else "the program has not said where it is"
             )
@@ -177,8 +179,8 @@ class TakeUps:
 def _obstacle(motions: Motions, row: int, block: Block) -> str:
     """Why an arc can't be written in pieces, empty when it can."""
     named = [word.axis for word in motions.words[row]]
-    if motions.frames[motions.frame[row]].tcp:
-        return "under TCP its axes are not those of the machine"
+    if motions.frames[motions.frame[row]].tcp or row in motions.contours:
+        return "under TCP its axes are not those of the machine, and radius compensation follows all its pieces"
     if any(axis not in motions.machine.translators for axis in named):
         return "other axes turn or move with it"
     if (motions.known[row, named] != Known.PROGRAM).any():

@@ -23,7 +23,7 @@ from postproc.conditions import Conditions
 from postproc.dialects import Dialect
 from postproc.execution import execution
 from postproc.judge import Judge, in_a_program, where
-from postproc.motions import COLUMNS, Kind, Motions
+from postproc.motions import BY_ROW, COLUMNS, Kind, Motions
 from postproc.notes import Notes
 from postproc.pieces import like
 from postproc.report import Statistic
@@ -130,18 +130,16 @@ def merged(parts: list[Motions]) -> Motions:
     frames = [frame for part in parts for frame in part.frames]
     starts = np.cumsum([0, *(len(part) for part in parts)])
     frame_starts = np.cumsum([0, *(len(part.frames) for part in parts)])
-    stacked = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS if name != "frame"}
+    stacked: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS if name != "frame"
+    }
     frame = np.concatenate([part.frame + offset for part, offset in zip(parts, frame_starts, strict=False)])
-    arcs = {
-        row + int(offset): arc for part, offset in zip(parts, starts, strict=False) for row, arc in part.arcs.items()
-    }
-    cycles = {
-        row + int(offset): cycle
-        for part, offset in zip(parts, starts, strict=False)
-        for row, cycle in part.cycles.items()
-    }
+    by_row: dict[str, Any] = {name: {} for name in BY_ROW}
+    for part, start in zip(parts, starts.tolist(), strict=False):
+        for name, rows in by_row.items():
+            rows.update({start + row: value for row, value in getattr(part, name).items()})
     words = [word for part in parts for word in part.words]
-    return Motions(first.machine, [], frames, frame=frame, words=words, arcs=arcs, cycles=cycles, **stacked)
+    return Motions(first.machine, [], frames, frame=frame, words=words, **by_row, **stacked)
 
 
 def _contributions(machine: Machine, model: ErrorModel, state: State, tool: Array, into: dict[str, Statistic]) -> None:

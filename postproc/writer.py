@@ -7,7 +7,6 @@ by then, a word is inserted. The writer keeps what the control will hold after r
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -28,10 +27,12 @@ from postproc.circles import (
     sweep,
 )
 from postproc.compensate import Correction
+from postproc.contours import check_turned
 from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.motions import Arc, Kind, Known, Motions
 from postproc.numbers import decimals_for, decimals_holding
 from postproc.pieces import arc_ends, arc_turned
+from postproc.polar import PolarWriter
 from postproc.program import edited
 from postproc.words import ORDER, Layout, WordEditor
 
@@ -96,12 +97,9 @@ class Writer:
         """The last move written is a take-up: where G2 or G3 is in force, it no longer is."""
         self._arcs: dict[int, Arc] = {}
         self._added = 0
+        self._polar = PolarWriter()
         self._level = self._depth = self._bottom = 0.0
         """Of canned cycles: Z before them, the depth as the program last said it, and where that is."""
-
-    @property
-    def _z(self) -> int:
-        return cartesian(self.machine)[2]
 
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
@@ -116,11 +114,13 @@ class Writer:
             starts[row] = held
             if motions.kind[row] == Kind.MACHINE:
                 self._go_to_machine_position(motions, row, held)
+            elif motions.kind[row] == Kind.PRESET:
+                self._call_here(motions, row, held)
             else:
                 self._write_row(motions, correction, row, held, bool(turning[row]))
             ends[row] = self._held = held
             if row in motions.cycles:
-                ends[row, self._z] = self._bottom
+                ends[row, motions.cycles[row].axis] = self._bottom
         editors = self._editors
         texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
         return Written(texts, starts, ends, self._arcs, self._added)
@@ -148,6 +148,14 @@ class Writer:
         for axis in moved:
             held[axis] = float(motions.target[row, axis])
 
+    def _call_here(self, motions: Motions, row: int, held: list[float]) -> None:
+        """G92: the place that the control holds is called as much another as it is another."""
+        editor = self._editor(motions, int(motions.block[row]))
+        for axis, index, _ in motions.words[row]:
+            unit = 1.0 if self.machine.rotary[axis] else float(motions.unit[row])
+            decimals = max(self._decimals(axis, unit), decimals_holding(held[axis] / unit))
+            held[axis] = editor.set(index, held[axis] / unit, decimals) * unit
+
     def _editor(self, motions: Motions, block: int) -> WordEditor:
         return self._editors.setdefault(block, WordEditor(motions.blocks[block], self._layout))
 
@@ -163,12 +171,15 @@ class Writer:
             self._put_beside(motions, row, added, math.dist(start, held))
             return
         self._layout = self._layout.after(motions.blocks[block])
-        editor = self._editor(motions, block)
+        again = block in self._begun and row in motions.cycles
+        editor = WordEditor(motions.blocks[block], self._layout) if again else self._editor(motions, block)
         if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
             editor.say_motion("G3" if motions.arcs[row].sense > 0 else "G2")
         self._write_words(motions, correction, row, held, turning, editor)
         if row in motions.cycles:
             self._write_depth(motions, correction, row, held, editor)
+        if again and sorted(editor.edits) != sorted(self._editor(motions, block).edits):
+            raise motions.blocks[block].refuse("drills several holes, which want different corrections")
         if motions.timed[row] and self._inner[row]:
             self._share_time(motions, row, editor)
         self._begun.add(block)
@@ -186,13 +197,7 @@ class Writer:
         start = list(held)
         wanted = correction.target[row].tolist()
         arc = motions.arcs.get(row)
-        kept: Sequence[int] = ()
-        if turning:
-            kept = self.machine.translators
-        elif arc is not None and arc.full:
-            kept = arc.plane[:2]
-        elif row in motions.cycles:
-            kept = (self._z,)
+        kept = self._kept(motions, row, turning)
         for axis in kept:
             # exactly: a full circle that closes but for a hair is, for the control, just that hair
             wanted[axis] = start[axis]
@@ -214,18 +219,49 @@ class Writer:
                 held[axis] = base + editor.set(index, number, decimals) * unit
             else:
                 held[axis] = float(motions.target[row, axis])
-        for axis in self._by_letter:
-            if axis not in named and said[axis]:
-                unit = 1.0 if self.machine.rotary[axis] else linear_unit
-                held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, bool(motions.incremental[row]))
+        if row in motions.polars:
+            named.update(self._write_polar(motions, row, wanted, held, editor))
+        incremental = bool(motions.incremental[row])
+        for axis in (axis for axis in self._by_letter if axis not in named and said[axis]):
+            unit = 1.0 if self.machine.rotary[axis] else linear_unit
+            held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, incremental)
         if arc is not None:
             self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row], editor)
+        if row in motions.contours:
+            i, j = motions.contours[row]
+            nominal = motions.start[row].tolist(), motions.target[row].tolist()
+            before, after = (((a[i], a[j]), (b[i], b[j])) for a, b in (nominal, (start, held)))
+            check_turned(motions.blocks[motions.block[row]], before, after)
+
+    def _kept(self, motions: Motions, row: int, turning: bool) -> tuple[int, ...]:
+        """Axes that have to end where they start, to the last digit."""
+        arc, still = motions.arcs.get(row), motions.still.get(row, ())
+        if turning:
+            return (*self.machine.translators, *still)
+        if arc is not None and arc.full:
+            return (*arc.plane[:2], *still)
+        return (motions.cycles[row].axis, *still) if row in motions.cycles else still
+
+    def _write_polar(
+        self, motions: Motions, row: int, wanted: list[float], held: list[float], editor: WordEditor | AddedBlock
+    ) -> tuple[int, int]:
+        """Say a place by radius and angle; the axes that this places."""
+        assert isinstance(editor, WordEditor)  # beside polar coordinates none of our own stands
+        polar = motions.polars[row]
+        i, j = polar.axes
+        place = (wanted[i], wanted[j]) if self._said[row][i] and self._said[row][j] else motions.target[row, [i, j]]
+        names = self.machine.names[i], self.machine.names[j]
+        resolution = self.machine.axes[i].resolution
+        unit = float(motions.unit[row])
+        held[i], held[j] = self._polar.write(editor, polar, names, (place[0], place[1]), unit, resolution)
+        return i, j
 
     def _write_depth(
         self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
     ) -> None:
         """Say the depth of a hole, where it is another than the one that still holds; leaves Z where the cycle does."""
-        cycle, z, unit = motions.cycles[row], self._z, float(motions.unit[row])
+        cycle, unit = motions.cycles[row], float(motions.unit[row])
+        z = cycle.axis
         if cycle.first:
             self._level = held[z]
         base = self._level + cycle.retract if cycle.incremental else 0.0

@@ -21,7 +21,7 @@ M30
 X7.
 """
 BAD = """G0 X1. Y1. Z1.
-G41 D1 X5.
+G31 F10 X5.
 X2. Y2. Z2.
 X3. (a (b))
 G91 X1.
@@ -50,9 +50,9 @@ def test_every_line_that_is_refused(command, tmp_path):
     assert done.status == 2
     refused = json.loads((tmp_path / "out.json").read_text())["refused"]
     assert [(found["line"], found["text"]) for found in refused] == [
-        (4, "X3. (a (b))"), (2, "G41 D1 X5."), (6, "G999"),
+        (4, "X3. (a (b))"), (2, "G31 F10 X5."), (6, "G999"),
     ]  # fmt: skip
-    assert b"refused      line 2: 'G41 D1 X5.': G41 cutter radius compensation" in done.out
+    assert b"refused      line 2: 'G31 F10 X5.': G31 where a probing move ends" in done.out
 
 
 def test_json_alone_on_standard_output(command, tmp_path):

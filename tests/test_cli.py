@@ -56,7 +56,7 @@ BAD_FILES = {
     "folder.nc": Path,
     "siemens.mpf": b"N10 G0 X1 Y1\nCYCLE97(1)\n",
     "siemens.nc": b"TRANS X1\nN10 G0 X=R10 Y1\n",
-    "refused.nc": b"G0 X1 Y1 Z1\nG41 X5\n",
+    "refused.nc": b"G0 X1 Y1 Z1\nG31 X5\n",
     "outside.nc": b"G0 X5000.5 Y1 Z1\n",
     "outside_after.nc": b"G0 X5000 Y1 Z1\n",
     "marked.nc": b"(NCOMP 0.1.0 MACHINE GANTRY CALIBRATION ABC123 PROGRAM 123)\nG0 X1 Y1 Z1\n",
@@ -75,7 +75,7 @@ BAD_FILE_WORDS = {
     "folder.nc": "Is a directory",
     "siemens.mpf": "siemens.mpf:2: 'CYCLE97.1.': CYCLE97 is not known",
     "siemens.nc": "siemens.nc:2: 'N10 G0 X=R10 Y1': X=R10: R10 is not set by the program",
-    "refused.nc": "refused.nc:2: 'G41 X5': G41 cutter radius compensation",
+    "refused.nc": "refused.nc:2: 'G31 X5': G31 where a probing move ends",
     "outside.nc": "outside.nc:1: 'G0 X5000.5 Y1 Z1': X would go to 5000.5000 mm as programmed",
     "outside_after.nc": "outside_after.nc:1: 'G0 X5000 Y1 Z1': X would go to 5000.0100 mm after correction",
     "marked.nc": "marked.nc:1: .*already corrected by ncomp .calibration ABC123.; --force",
@@ -240,9 +240,9 @@ def test_standard_input_and_output(ncomp):
     result = ncomp("-", *GANTRY, "-o", "out.nc", stdin=b"")
     assert result.status == 2
     assert "program <stdin> is empty" in result.err
-    result = ncomp("-", *GANTRY, stdin=b"G41\n")
+    result = ncomp("-", *GANTRY, stdin=b"G31\n")
     assert result.status == 2
-    assert "<stdin>:1: 'G41'" in result.err
+    assert "<stdin>:1: 'G31'" in result.err
 
 
 def test_without_errors_byte_for_byte(ncomp):
@@ -454,7 +454,7 @@ def test_as_a_process(tmp_path):
     assert (refused.returncode, refused.stdout) == (2, b"")
     assert (
         refused.stderr.decode()
-        == "ncomp: <stdin>:1: 'G41': G41 cutter radius compensation: the control shifts the path by itself\n"
+        == "ncomp: <stdin>:1: 'G31': G41 cutter radius compensation: the control shifts the path by itself\n"
     )
     long = GOOD.replace("M30", "G1 X100.0\nX200.0\n" * 20_000 + "M30").encode()
     (tmp_path / "long.nc").write_bytes(long)

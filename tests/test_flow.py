@@ -216,13 +216,13 @@ def test_turned_coordinates(angle):
 @pytest.mark.parametrize(
     ("block", "reason"),
     [
-        ("G91 G52 X1.", "need G90"),
-        ("G52 X1. M8", "beside something else"),
-        ("G68 X1. R5.", "G68 needs X, Y and R"),
-        ("G68 X1. Y1. R5.\nG54", "a work offset while G52 or G68 is on"),
-        ("G68 X1. Y1. R5.\nG52 X1.", "while G68 is on"),
-        ("G68 R5.", "G68 needs X, Y and R"),
-        ("G92 X1.", "shifts or scales the coordinates"),
+        ("G91\nG52 X1.", "G52 needs G90"),
+        ("G52 X1. M8", "G52 and something beside it"),
+        ("G68 X1. R5.", "needs X and Y: without, the centre depends on where the tool is"),
+        ("G68 X1. Y1. R5.\nG54", "a work offset while G52, G92 or a turn of the coordinates is on"),
+        ("G68 X1. Y1. R5.\nG52 X1.", "G52 while the coordinates are turned"),
+        ("G68 R5.", "needs X and Y"),
+        ("G28 X0\nG92 X1.", "the program has not said where"),
     ],
 )
 def test_places_that_controls_read_differently(block, reason):

@@ -1,0 +1,62 @@
+"""Arcs of a block: the circle that its start, its end and what it says of the radius or the centre make."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from postproc.circles import Point, centre_from_radius, radius_fault, same
+from postproc.motions import Arc, Recorder
+from postproc.program import Block
+
+
+class Ends(NamedTuple):
+    """Where an arc begins and ends in its plane, mm, programmed coordinates."""
+
+    plane: tuple[int, int, int]
+    """Columns of the first, second and normal axis."""
+    sense: int
+    """+1 counter-clockwise seen from the normal axis' positive end."""
+    start: Point
+    end: Point
+
+
+def begin_arc(block: Block, recorder: Recorder, plane: str, sense: int, target: list[float]) -> Ends:
+    """The ends of an arc from where the control stands to `target`; Refusal where the start is not known.
+
+    plane: the letters of first, second and normal axis.
+    """
+    first, second, normal = (recorder.machine.index(letter) for letter in plane)
+    if not (recorder.known[first] and recorder.known[second]):
+        raise block.refuse("an arc from a position that the program has not said")
+    start = recorder.position[first], recorder.position[second]
+    return Ends((first, second, normal), sense, start, (target[first], target[second]))
+
+
+def arc_by_radius(block: Block, ends: Ends, radius: float, word: int, form: str = "radius") -> Arc:
+    """The arc with this radius, mm, negative for the longer way round; Refusal where there is none."""
+    centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
+    if centre is None:
+        raise block.refuse("no circle of this radius joins start and end")
+    return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
+
+
+def arc_by_centre(
+    block: Block,
+    ends: Ends,
+    said: tuple[float, float],
+    words: tuple[int | None, int | None],
+    *,
+    absolute: bool,
+    hint: str = "",
+) -> Arc:
+    """The arc round the centre that the block says, mm, as a place or from the start; Refusal for what is no circle.
+
+    hint: what the refusal says besides.
+    """
+    x, y = (0.0, 0.0) if absolute else ends.start
+    centre = (x + said[0], y + said[1])
+    fault = radius_fault(ends.start, ends.end, centre)
+    if fault is not None:
+        raise block.refuse(fault + hint)
+    form = "absolute" if absolute else "incremental"
+    return Arc(ends.plane, ends.sense, centre, same(ends.start, ends.end), form, words)

@@ -1,0 +1,82 @@
+"""Where the origin of ISO coordinates is: work offsets, G10, G52 and G92."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from postproc.iso_codes import WORK_OFFSETS
+from postproc.program import Block
+from postproc.setup import Setup
+
+Shifts = dict[int, float]
+"""By axis, mm or degrees."""
+NUMBERED = dict(enumerate([*(f"G{g}" for g in range(54, 60)), "G59.1", "G59.2", "G59.3"], start=1))
+"""Work offsets by the P of G10 L2."""
+
+
+@dataclass
+class Offsets:
+    """The work offset in force, and what the program adds to it."""
+
+    setup: Setup
+    name: str = "G54"
+    said: bool = False
+    """The program has said which one is in force."""
+    local: Shifts = field(default_factory=dict)
+    """G52."""
+    preset: Shifts | None = None
+    """G92; None before the first one."""
+    suspended: bool = False
+    """G92.2."""
+    entered: dict[str, Shifts] = field(default_factory=dict)
+    """What G10 has made of work offsets."""
+
+    def total(self) -> list[float]:
+        """The offset of every axis, mm or degrees: what is added to a programmed position."""
+        found = list(self.setup.work_offset(self.name))
+        for axis, value in self.entered.get(self.name, {}).items():
+            found[axis] = value
+        for shifts in (self.local, {} if self.suspended else self.preset or {}):
+            for axis, value in shifts.items():
+                found[axis] += value
+        return found
+
+    @property
+    def moved(self) -> bool:
+        """True while G52 or G92 shifts an axis."""
+        return any(self.local.values()) or any((self.preset or {}).values())
+
+    def select(self, code: float, extended: int | None) -> None:
+        """Take a work offset: by its code, or by the P of G54.1."""
+        self.name = WORK_OFFSETS[code] if extended is None else f"G54.1P{extended}"
+        self.said = True
+
+    def enter(self, name: str, values: Shifts) -> None:
+        """Set a work offset, of axes that the block says."""
+        self.entered.setdefault(name, {}).update(values)
+
+    def entered_value(self, axis: int) -> float:
+        """The work offset of an axis without what G52 and G92 add to it."""
+        return self.entered.get(self.name, {}).get(axis, self.setup.work_offset(self.name)[axis])
+
+    def call(self, block: Block, here: Shifts, said: Shifts) -> None:
+        """G92: the places `here` are called `said` from now on."""
+        if any(self.local.values()):
+            raise block.refuse("G92 while G52 is on: one store on some controls, two on others")
+        preset = {} if self.suspended or self.preset is None else self.preset
+        for axis, value in said.items():
+            preset[axis] = preset.get(axis, 0.0) + here[axis] - value
+        self.preset, self.suspended = preset, False
+
+    def uncall(self, axes: Iterable[int]) -> None:
+        """G92.1: as if G92 and G52 had not been, for these axes."""
+        for axis in axes:
+            self.local.pop(axis, None)
+            (self.preset or {}).pop(axis, None)
+
+    def suspend(self, block: Block, suspended: bool) -> None:
+        """G92.2: no G92 for a while; G92.3: again."""
+        if not suspended and self.preset is None:
+            raise block.refuse("brings back what a G92 of another program has left")
+        self.suspended = suspended
