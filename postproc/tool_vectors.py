@@ -24,7 +24,7 @@ def turned_to(block: Block, recorder: Recorder, target: Sequence[float], vector:
     shifted = np.asarray(target) + np.asarray(frame.offset)
     start = to_machine(machine, frame, np.array([recorder.position]))[0]
     found = inverse(machine, shifted[None, cartesian(machine)], [vector], frame.tool, start=start)
-    if not np.isfinite(found.q).all() or not bool(found.reachable[0]):
+    if not np.isfinite(found.q).all():
         raise block.refuse("a tool axis that the machine does not reach")
     places = found.q[0] / machine.scale - np.asarray(frame.offset)
     return {int(axis): float(places[axis]) for axis in np.flatnonzero(machine.rotary)}
