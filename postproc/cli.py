@@ -22,6 +22,7 @@ from postproc.commands import (
     plan,
     predict,
     simulate,
+    simulate_continuous,
     study,
     three_points,
     verify,
@@ -68,6 +69,7 @@ app.command("continuous", epilog=continuous.EPILOG)(continuous.continuous)
 app.command("plan", epilog=plan.EPILOG)(plan.plan)
 app.command("predict", epilog=predict.EPILOG)(predict.predict)
 app.command("simulate", epilog=simulate.EPILOG)(simulate.simulate)
+app.command("simulate-continuous", epilog=simulate_continuous.EPILOG)(simulate_continuous.simulate_continuous)
 app.command("study", epilog=study.EPILOG)(study.study)
 app.command("three-points", epilog=three_points.EPILOG)(three_points.three_points)
 

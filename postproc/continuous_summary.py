@@ -86,7 +86,7 @@ def show(found: Estimate, data: Data, to: Console) -> None:
     for each in found.ways.values():
         for course, noise in zip(each.courses, each.noises, strict=True):
             to.print(
-                f"run          {course.record.name} {WAYS[course.record.direction]}: {len(course.raw_x)} samples at "
+                f"run          {course.record.name}: {len(course.raw_x)} samples at "
                 f"constant velocity, {course.feed:.6g} mm/min, {course.x.min():.3f} to {course.x.max():.3f} mm; "
                 f"noise {noise.total:.3g} um"
             )

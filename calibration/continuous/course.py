@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.continuous.clock import raster
 from calibration.continuous.records import QuasiStatic, Record
 from calibration.continuous.segment import Segment, noise_of
 from kinematics.errors import UserError
@@ -73,16 +74,15 @@ def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
     curve = quasi.curve(record.direction)
     shift, notes = _shift(record, segment, curve)
     rows = slice(segment.first, segment.stop)
-    time, told = _clock(record.time[rows], record.displacement[rows], segment.sample_s)
-    place = record.displacement[rows] + shift
+    time, place = record.time[rows], record.displacement[rows] + shift
+    slots, period = raster(time)
     kept = ~_spikes(time, place)
-    time, place = time[kept] - time[0], place[kept]
+    time, place, slots = time[kept] - time[0], place[kept], slots[kept]
     rough = place - np.interp(place, *curve) * 1e-3
     speed, x0 = np.polyfit(time - time.mean(), rough, 1).tolist()
     x = x0 + speed * (time - time.mean())
     error = (place - x) * 1e3
     factor = math.ceil(len(x) / BLOCKS)
-    slots = _slots(time, segment.sample_s)
     block = slots // factor
     firsts = np.flatnonzero(np.diff(block, prepend=-1))
     count = np.diff(np.append(firsts, len(block)))
@@ -92,14 +92,14 @@ def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
         np.add.reduceat(x, firsts) / count,
         np.add.reduceat(error, firsts) / count,
         block[firsts],
-        factor * segment.sample_s,
+        factor * period,
         count,
         x,
         error,
         abs(speed) * 60.0,
         int(np.count_nonzero(~kept)),
-        int(slots[-1] + 1 - len(np.unique(slots))),
-        (*notes, *told),
+        int(slots[-1] + 1 - slots[0] - len(slots) - np.count_nonzero(~kept)),
+        tuple(notes),
     )
 
 
@@ -141,31 +141,10 @@ def _rests(record: Record, segment: Segment) -> tuple[float | None, float | None
     return found[0], found[1]
 
 
-def _clock(time: Array, displacement: Array, sample: float) -> tuple[Array, list[str]]:
-    """The times of samples: as stamped, or those of an even clock where that makes the motion smoother."""
-    slots = _slots(time, sample)
-    sample, begin = np.polyfit(slots, time, 1).tolist()
-    even = begin + sample * slots
-    if np.abs(even - time).max() > sample:
-        return time, []
-    speed = (displacement[-1] - displacement[0]) / (time[-1] - time[0])
-    stamped, clocked = (noise_of(displacement - speed * each) for each in (time, even))
-    if clocked < 0.8 * stamped:
-        jitter = float(np.std(even - time)) * 1e6
-        return even, [f"time stamps scatter by {jitter:.3g} us about an even clock, which is used instead"]
-    return time, []
-
-
-def _slots(time: Array, sample: float) -> np.ndarray:
-    """Places `(n,)` of samples in an even raster of time, from 0."""
-    steps = np.maximum(np.round(np.diff(time) / sample), 1.0)
-    return np.concatenate([[0], np.cumsum(steps.astype(int))])
-
-
 def _spikes(time: Array, place: Array) -> np.ndarray:
     """Samples `(n,)` far off the median of their neighbours."""
     level = place - np.polyval(np.polyfit(time - time.mean(), place, 1), time - time.mean())
     around = np.lib.stride_tricks.sliding_window_view(np.pad(level, NEIGHBOURS // 2, mode="edge"), NEIGHBOURS)
     off = np.abs(level - np.median(around, axis=1))
-    scale = max(1.4826 * float(np.median(off)), 1e-7)
+    scale = max(noise_of(level), 1.4826 * float(np.median(off)), 1e-7)
     return np.asarray(off > SPIKE * scale)

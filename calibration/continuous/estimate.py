@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from calibration.continuous.clock import clocked
 from calibration.continuous.comparators import Comparison, compared
 from calibration.continuous.course import Course, course_of
 from calibration.continuous.features import Found, features, pitch_of, without_jumps, without_waves
@@ -111,6 +112,9 @@ class Estimate:
         direction = direction or self.direction
         error, covariance = self.curve(direction)
         x, u = self.fused.positions, np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        for way in self.ways:
+            if direction in ("mean", WAYS[way]) or len(self.ways) == 1:
+                u = np.hypot(u, self.ways[way].shape.doubt(x) * (0.5 if direction == "mean" else 1.0))
         beyond = _outside(self.fused, direction)
         x, error, u = (np.concatenate(pair) for pair in zip((x, error, u), beyond, strict=True))
         order = np.argsort(x)
@@ -181,9 +185,10 @@ def _one_way(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
     """What the runs of one direction show."""
     courses = []
     for record in records:
-        segment = constant_velocity(record)
-        course = course_of(record, segment, quasi)
-        notes += [*segment.notes, *course.notes]
+        timed, told = clocked(record)
+        segment = constant_velocity(timed)
+        course = course_of(timed, segment, quasi)
+        notes += [*told, *segment.notes, *course.notes]
         courses.append(course)
     low = max(float(course.x.min()) for course in courses)
     high = min(float(course.x.max()) for course in courses)
@@ -250,7 +255,10 @@ def _jumps(shape: Shape) -> Jumps:
     count = len(shape.extra.jumps)
     u = np.sqrt(np.diag(shape.amount_covariance())[:count])
     return Jumps(
-        shape.extra.jumps, tuple(shape.amounts[:count].tolist()), tuple(u.tolist()), pitch_of(shape.extra.jumps)
+        shape.extra.jumps,
+        tuple(shape.amounts[:count].tolist()),
+        tuple(u.tolist()),
+        pitch_of(shape.extra.jumps, shape.grain),
     )
 
 

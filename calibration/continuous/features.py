@@ -23,7 +23,6 @@ JUMP = 7.0
 MOST_JUMPS = 400
 WAVES = 8.0
 """An error that repeats fewer times over the travel is a matter of the curve, not a cyclic one."""
-MOST_WAVES = 12
 FALSE_ALARM = 1e-4
 """Probability that noise shows a wave."""
 BESIDE = 12
@@ -31,10 +30,13 @@ BESIDE = 12
 NARROW = (4, 8)
 """Bins from a line where its power must have fallen."""
 FALLEN = 5.0
-SAME = 0.02
-"""Relative difference of two periods that are one."""
-APART = 25.0
-"""Of the squared difference of a wave in two runs, in its variances, that is none of the axis."""
+TRIES = 24
+PARTS = 6
+"""Parts of the travel that a wave is looked at in."""
+CHANCE = 0.01
+"""Probability that random phases pass for a wave."""
+APART = 10.0
+"""Variance of a wave between runs, in terms of that within, from which it does not belong to the axis."""
 REGULAR = 0.1
 """Share of a pitch by which jumps may miss their lattice."""
 LEAST_REGULAR = 4
@@ -52,20 +54,30 @@ class Found(NamedTuple):
 
 
 def features(courses: Sequence[Course]) -> Found:
-    """Jumps and waves of the courses of one direction; those of the longest course, checked in the others."""
+    """Jumps and waves of the courses of one direction; those of the longest course, checked in all."""
     main = max(courses, key=len)
     places = jumps(main)
-    left = without_jumps(main, places)
-    periods = waves(main, left)
-    kept, loose = [], []
-    for period in periods:
-        amounts = [_amount(course, without_jumps(course, places), period) for course in courses]
-        mean = np.mean([value for value, _ in amounts])
-        misfit = sum(abs(value - mean) ** 2 / variance for value, variance in amounts)
-        if len(courses) > 1 and misfit > APART * (len(courses) - 1):
-            loose.append((main.speed / period, float(np.mean([abs(value) for value, _ in amounts]))))
-        else:
+    bare = [without_jumps(course, places) for course in courses]
+    left = bare[courses.index(main)]
+    length = float(np.ptp(main.x))
+    kept: list[float] = []
+    loose: list[tuple[float, float]] = []
+    barred: list[float] = []
+    for _ in range(TRIES):
+        number = _line(main, left, barred)
+        if number is None:
+            break
+        barred.append(number)
+        period = _refined([(main, left)], length / number, length)
+        period = _refined(list(zip(courses, bare, strict=True)), period, length)
+        parts = np.array([_parts(*each, period) for each in zip(courses, bare, strict=True)])
+        if not _keeps_phase(parts):
+            continue
+        left = _without(main, left, period)
+        if _keeps_place(parts):
             kept.append(period)
+        else:
+            loose.append((main.speed / period, float(np.mean(np.abs(parts.mean(axis=1))))))
     return Found(places, tuple(kept), tuple(loose))
 
 
@@ -111,25 +123,11 @@ def without_waves(course: Course, error: Array, found: Found) -> Array:
     return error
 
 
-def waves(course: Course, error: Array) -> list[float]:
-    """Periods, mm, of waves in errors `(n,)`, um, strongest first."""
-    found: list[float] = []
-    length = float(np.ptp(course.x))
-    left = error
-    for _ in range(MOST_WAVES):
-        number = _line(course, left)
-        if number is None:
-            break
-        period = _refined(course, left, length / number, length)
-        left = _without(course, left, period)
-        if any(abs(period / other - 1.0) < min(SAME, 2.0 * period / length) for other in found):
-            break
-        found.append(period)
-    return found
+def pitch_of(places: Sequence[float], grain: float) -> tuple[float, float] | None:
+    """Pitch and its standard uncertainty, mm, of jumps on a lattice; None where they lie on none.
 
-
-def pitch_of(places: Sequence[float]) -> tuple[float, float] | None:
-    """Pitch and its standard uncertainty, mm, of jumps on a lattice; None where they lie on none."""
+    grain: length, mm, within which the place of a jump is not known.
+    """
     if len(places) < LEAST_REGULAR:
         return None
     at = np.array(places)
@@ -140,7 +138,7 @@ def pitch_of(places: Sequence[float]) -> tuple[float, float] | None:
     off = at - begin - pitch * numbers
     if np.mean(np.abs(off) < REGULAR * pitch) < 0.8:
         return None
-    spread = float(np.sqrt(np.mean(off**2) / (np.sum((numbers - numbers.mean()) ** 2))))
+    spread = float(np.sqrt((np.mean(off**2) + grain**2 / 12.0) / np.sum((numbers - numbers.mean()) ** 2)))
     return float(pitch), spread
 
 
@@ -162,8 +160,40 @@ def _hann(course: Course) -> Array:
     return np.asarray(np.sin(np.pi * share) ** 2 + 1e-9)
 
 
-def _line(course: Course, error: Array) -> float | None:
-    """Number of waves over the travel of the strongest line; None where there is none."""
+def _parts(course: Course, error: Array, period: float) -> list[complex]:
+    """Amplitudes of a wave in parts of the travel, um, with their phases over position."""
+    values = []
+    for rows in np.array_split(np.arange(len(course)), PARTS):
+        x, level = course.x[rows], error[rows]
+        scaled = (x - x.mean()) / np.ptp(x)
+        level = level - np.polyval(np.polyfit(scaled, level, 3), scaled)
+        weights = np.hanning(len(rows))
+        values.append(2.0 * complex(np.sum(weights * level * np.exp(2j * np.pi * x / period)) / weights.sum()))
+    return values
+
+
+def _keeps_phase(parts: np.ndarray) -> bool:
+    """True where parts `(runs, parts)` agree about the phase more than random ones would, once in 1 / CHANCE.
+
+    Those of one run at least: a vibration loses its phase.
+    """
+    share = np.abs(parts.sum(axis=1)) ** 2 / (PARTS * np.sum(np.abs(parts) ** 2, axis=1))
+    together = abs(parts.sum()) ** 2 / (parts.size * np.sum(np.abs(parts) ** 2))
+    return bool(
+        share.max() > 1.0 - CHANCE ** (1.0 / (PARTS - 1)) or together > 1.0 - CHANCE ** (1.0 / (parts.size - 1))
+    )
+
+
+def _keeps_place(parts: np.ndarray) -> bool:
+    """True where the runs `(runs, parts)` agree about amplitude and phase over position, as far as their parts do."""
+    runs = len(parts)
+    means = parts.mean(axis=1)
+    variance = np.mean(np.abs(parts - means[:, None]) ** 2) / (PARTS - 1)
+    return runs == 1 or float(np.sum(np.abs(means - means.mean()) ** 2)) < APART * (runs - 1) * float(variance)
+
+
+def _line(course: Course, error: Array, barred: Sequence[float]) -> float | None:
+    """Number of waves over the travel of the strongest line; None where there is none besides the barred ones."""
     n = len(course)
     raster = np.linspace(course.x.min(), course.x.max(), n)
     order = np.argsort(course.x)
@@ -180,40 +210,33 @@ def _line(course: Course, error: Array) -> float | None:
     fallen = power > FALLEN * np.max(far, axis=0)
     strong = np.where(fallen & (power > threshold * level), power / level, 0.0)
     strong[:first] = strong[last:] = 0.0
+    for number in barred:
+        strong[max(round(number) - 2, 0) : round(number) + 3] = 0.0
     best = int(np.argmax(strong))
     return float(best) if strong[best] > 0.0 else None
 
 
-def _refined(course: Course, error: Array, period: float, length: float) -> float:
-    """The period, mm, of most power within what the travel resolves."""
+def _refined(runs: Sequence[tuple[Course, Array]], period: float, length: float) -> float:
+    """The period, mm, of most power in all runs together, within what the travel resolves."""
     step = 1.0
     number = length / period
     for _ in range(12):
         tried = number + step * np.array([-1.0, 0.0, 1.0])
-        power = [abs(_amount(course, error, length / each)[0]) for each in tried.tolist()]
+        power = [abs(sum(_amount(*run, length / each) for run in runs)) for each in tried.tolist()]
         number = float(tried[int(np.argmax(power))])
         step /= 2.0
     return length / number
 
 
 def _without(course: Course, error: Array, period: float) -> Array:
-    value, _ = _amount(course, error, period)
+    value = _amount(course, error, period)
     phase = 2.0 * np.pi * course.x / period
     return np.asarray(error - value.real * np.cos(phase) - value.imag * np.sin(phase))
 
 
-def _amount(course: Course, error: Array, period: float) -> tuple[complex, float]:
-    """Amplitude of a wave, um, cosine and sine part as real and imaginary, and the variance of each part."""
+def _amount(course: Course, error: Array, period: float) -> complex:
+    """Amplitude of a wave, um: cosine and sine part as real and imaginary."""
     weights = _hann(course)
-    weights = weights / weights.sum()
-    length = float(np.ptp(course.x))
-    scaled = (course.x - course.x.mean()) / length
+    scaled = (course.x - course.x.mean()) / np.ptp(course.x)
     level = error - np.polyval(np.polyfit(scaled, error, 3), scaled)
-
-    def part(number: float) -> complex:
-        return 2.0 * complex(np.sum(weights * level * np.exp(2j * np.pi * number * course.x / length)))
-
-    number = length / period
-    value = part(number)
-    beside = [abs(part(number + each)) ** 2 for each in (-6, -5, -4, 4, 5, 6)]
-    return value, max(float(np.median(beside)) / (2.0 * math.log(2.0)), 1e-12)
+    return 2.0 * complex(np.sum(weights * level * np.exp(2j * np.pi * course.x / period)) / weights.sum())

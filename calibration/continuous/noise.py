@@ -21,7 +21,7 @@ from kinematics.transforms import Array
 PARTS = 8
 """Parts that a course is cut into, at least, for its spectrum."""
 LONGEST_PART = 2048
-HIGHEST_ORDER = 16
+ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 FLAT = 2.0
 """Times the level of the flat part, below which the spectrum belongs to it."""
 ABOVE = 3.0
@@ -69,7 +69,7 @@ def noise_of_course(course: Course, error: Array, difference: Array | None = Non
     density = np.where(frequency < edge, level, density)
     if difference is not None:
         own = _spectrum(_even(course, difference), course.period_s)[1]
-        density = np.where(frequency < edge, np.maximum(density, float(np.mean(own[frequency < edge]))), density)
+        density = np.where(frequency < edge, np.maximum(density, own), density)
     low = float(density[: max(int(np.searchsorted(frequency, edge)), 1)].mean())
     covariance = np.fft.irfft(density, 2 * (len(density) - 1)) / (2.0 * course.period_s)
     coefficients, variance = _autoregression(covariance, len(course))
@@ -108,7 +108,7 @@ def _edge(frequency: Array, density: Array, flat: float) -> float:
 def _autoregression(covariance: Array, n: int) -> tuple[Array, float]:
     """Filter and variance of its outcome, of the order of least BIC."""
     found: list[tuple[float, Array, float]] = []
-    for order in range(HIGHEST_ORDER + 1):
+    for order in ORDERS:
         filter_, variance = np.ones(1), float(covariance[0])
         if order:
             inner = solve_toeplitz(covariance[:order], covariance[1 : order + 1])

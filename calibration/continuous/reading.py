@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from calibration.continuous.records import QuasiStatic, Record
+from calibration.continuous.records import WAYS, QuasiStatic, Record
 from calibration.places import DIRECTIONS
 from calibration.readers import iso230_table, renishaw
 from calibration.readers.text import given_entries, old_text
@@ -165,7 +165,6 @@ def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
         rows = np.flatnonzero((run == name) & (direction == way))
         if not len(rows):
             continue
-        both = np.any((run == name) & (direction == -way))
         time = columns["time_s"][rows]
         back = np.flatnonzero(np.diff(time) <= 0.0)
         if len(back):
@@ -175,7 +174,7 @@ def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
                 f"{time[back[0] + 1]:g} does not follow {time[back[0]]:g} (runs in one file need a column run)",
             )
         yield Record(
-            f"{prefix}{name}{'' if not both else ' forward' if way > 0 else ' backward'}",
+            f"{prefix}{name} {WAYS[way]}",
             way,
             time,
             columns["displacement_mm"][rows],

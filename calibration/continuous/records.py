@@ -17,7 +17,7 @@ class Record:
     """One traverse of the axis: what a laser showed, sample by sample."""
 
     name: str
-    """Of the run, for messages."""
+    """Of the run with its direction, for messages."""
     direction: int
     """1 or -1: the sign of the motion along the axis."""
     time: Array

@@ -29,6 +29,7 @@ LEAST_NODES = 64
 WIDEST = {1: (-8.0, 16.0), 2: (-8.0, 28.0)}
 """Of the natural logarithm of the prior's precision, by its order, in units of the noise's."""
 TRIED = 13
+RIDGE = 1e-13
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ class Shape:
     order: int
     finest_mm: float
     """Wavelength at which the process and the noise weigh the same: finer detail is not told from noise."""
+    grain: float
+    """Between the blocks, mm: a jump lies anywhere between two."""
     noise_scale: float
     """What the noise turned out to be in terms of what its spectrum says."""
 
@@ -91,6 +94,13 @@ class Shape:
         inner = hats @ cho_solve_banded((self.factor, True), hats.T)
         lever = self.extra.columns(x) @ np.eye(self.extra.size, self.left.shape[0]) - hats @ self.beside
         return np.asarray(inner + lever @ self.left @ lever.T)
+
+    def doubt(self, x: Array) -> Array:
+        """Standard uncertainty `(n,)`, um, close to jumps: on which side of one a position lies."""
+        if not self.extra.jumps:
+            return np.zeros(len(x))
+        near = np.abs(x[:, None] - np.array(self.extra.jumps)) <= self.grain
+        return np.asarray(np.max(near * np.abs(self.amounts[: len(self.extra.jumps)]) / 2.0, axis=1))
 
     def amount_covariance(self) -> Array:
         """Of jumps and waves `(k, k)`, um2."""
@@ -119,6 +129,7 @@ def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -
         best.amounts,
         order,
         float(finest),
+        float(np.median(np.abs(np.diff(courses[0].x)))),
         best.scale,
     )
 
@@ -219,7 +230,9 @@ def _prior(equations: _Equations, order: int) -> Array:
 def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -> _Solved:
     """The curve where the prior's precision is exp(logarithm) times `prior`, and the log evidence of that."""
     m, k = equations.beside.shape
-    factor = cholesky_banded(equations.band + np.exp(logarithm) * prior, lower=True)
+    whole = equations.band + np.exp(logarithm) * prior
+    whole[0] += RIDGE * whole[0].max()  # nodes without a block are held by the prior alone
+    factor = cholesky_banded(whole, lower=True)
     columns = cho_solve_banded((factor, True), np.column_stack([equations.beside, equations.right]))
     schur = equations.own - equations.beside.T @ columns[:, :k]
     left = np.asarray(np.linalg.pinv(schur, rcond=1e-12, hermitian=True), float) if k else np.zeros((0, 0))

@@ -1,0 +1,66 @@
+"""When samples were taken: as stamped, or by the even clock behind stamps that scatter.
+
+At 10,000 mm/min a stamp that is 1 ms late is an error of 167 um. A laser samples by a clock of its own; where stamps
+scatter about an even clock by less than half a sample, its times are the better ones, if they make the motion smoother.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.continuous.records import Record
+from calibration.continuous.segment import noise_of
+from kinematics.transforms import Array
+
+FIRST, GROWS, TRIED, WIDEST = 32, 4, 17, 0.1
+"""Stamps that the period is first looked for in, how their number grows, periods tried, and how far off the first."""
+AROUND = 15
+"""Neighbours whose median tells a lost sample from a late stamp."""
+SMOOTHER = 0.8
+"""Times the noise by the stamps, below which the even clock is better."""
+FEW = 20
+
+
+def clocked(record: Record) -> tuple[Record, list[str]]:
+    """The record with the better times, and a note where they are not those of the stamps."""
+    time, way = record.time, record.displacement
+    if len(time) < FEW:
+        return record, []
+    slots, period = raster(time)
+    period, begin = np.polyfit(slots, time, 1).tolist()
+    even = begin + period * slots
+    late = time - even
+    if np.any(np.diff(slots) < 1) or np.median(np.abs(late)) > 0.25 * period:
+        return record, []
+    speed = (way[-1] - way[0]) / (time[-1] - time[0])
+    stamped, clocked_noise = (noise_of(way - speed * each) for each in (time, even))
+    if clocked_noise >= SMOOTHER * stamped:
+        return record, []
+    note = f"run {record.name}: time stamps scatter by {np.std(late) * 1e6:.3g} us about an even clock: that is used"
+    return replace(record, time=even), [note]
+
+
+def raster(time: Array) -> tuple[np.ndarray, float]:
+    """Places `(n,)` of samples in an even raster of time, from 0, and its period, s."""
+    period = _period(time)
+    lost = (time - time[0]) / period - np.arange(len(time))
+    lost -= np.angle(np.mean(np.exp(2j * np.pi * lost))) / (2.0 * np.pi)  # the first stamp scatters too
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(lost, AROUND // 2, mode="edge"), AROUND)
+    whole = np.maximum.accumulate(np.round(np.median(around, axis=1)).astype(int))
+    return np.arange(len(time)) + whole - whole[0], period
+
+
+def _period(time: Array) -> float:
+    """The period, s, that most stamps keep to, lost samples or not: first over a few of them, at last over all."""
+    period, size = float(np.median(np.diff(time))), FIRST
+    width = WIDEST
+    while True:
+        part = time[:size] - time[0]
+        tried = period * (1.0 + width * np.linspace(-1.0, 1.0, TRIED))
+        kept = [abs(np.sum(np.exp(2j * np.pi / each * part))) for each in tried.tolist()]
+        period = float(tried[int(np.argmax(kept))])
+        if size >= len(time):
+            return period
+        size, width = size * GROWS, 1.0 / size

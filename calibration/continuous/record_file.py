@@ -1,0 +1,35 @@
+"""Continuous runs as a file (contract 4.2)."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import BinaryIO
+
+from calibration.continuous.records import Record
+
+CHUNK = 50_000
+
+
+def write_records(records: Sequence[Record], axis: str, machine: str, file: BinaryIO) -> None:
+    """Write runs over one way; read again, they are the same. Several runs stand in columns `run` and `direction`."""
+    first = records[0]
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+    for key, value in (
+        ("machine", machine),
+        ("axis", axis),
+        ("start_mm", f"{first.start:g}"),
+        ("end_mm", f"{first.end:g}"),
+        ("feed_mm_min", f"{first.feed:g}"),
+    ):
+        text.write(f"# {key}: {value}\n")
+    several = len(records) > 1
+    text.write("time_s,displacement_mm,run,direction\n" if several else "time_s,displacement_mm\n")
+    for record in records:
+        tail = f",{record.name.split()[0]},{'+' if record.direction > 0 else '-'}" if several else ""
+        for start in range(0, len(record), CHUNK):
+            rows = slice(start, start + CHUNK)
+            pairs = zip(record.time[rows].tolist(), record.displacement[rows].tolist(), strict=True)
+            text.writelines(f"{time:.6f},{shown:.6f}{tail}\n" for time, shown in pairs)
+    text.flush()
+    text.detach()

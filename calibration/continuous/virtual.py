@@ -1,0 +1,287 @@
+"""A virtual laser that follows one axis in motion, and stands with it at targets.
+
+The axis is told a way of limited acceleration and jerk, follows it with a lag, errs by the exact kinematics of its
+machine, vibrates where its acceleration jumps and all the time, and is sampled by a laser with noise, whose time stamps
+may scatter and whose samples may be lost. All error effects act as they do anywhere else: backlash by the way it came,
+following errors by its speed, growth by time and temperature. The laser reads zero where its first run begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+from calibration.continuous.records import WAYS, Record
+from calibration.instruments import Interferometer
+from calibration.measurement import Measurement
+from calibration.simulate import observe, read_out
+from kinematics.basis import BSpline
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects.base import own_component
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+
+FINE_S = 2.5e-4
+"""Step of the motion, at most; the sampling's, over FINER, where that is shorter."""
+FINER = 4
+MOST_SAMPLES = 5_000_000
+PAUSE_S = 60.0
+"""Between the quasi-static measurement and the continuous runs."""
+END_NODES = 400
+"""Of the table that an end effect is written as."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the axis is told to move."""
+
+    start: float
+    """mm."""
+    end: float
+    feed: float
+    """mm/min."""
+    acceleration: float = 1000.0
+    """mm/s2."""
+    jerk: float = 50_000.0
+    """mm/s3."""
+    lag: float = 0.02
+    """Time constant of the position loop, s; 0 follows at once."""
+    rest: float = 1.0
+    """Before and after, s."""
+
+
+@dataclass(frozen=True)
+class Laser:
+    """How the axis is sampled, and what disturbs that."""
+
+    rate: float = 100.0
+    """Hz."""
+    noise: float = 0.1
+    """um."""
+    vibrations: tuple[tuple[float, float], ...] = ()
+    """Frequency, Hz, and amplitude, um, all the time, with a random phase that wanders."""
+    settling: tuple[float, float, float] | None = None
+    """Frequency, Hz, amplitude, um, and time constant, s, of what dies away wherever the acceleration changes."""
+    jitter: float = 0.0
+    """Standard deviation of time stamps, s."""
+    dropped: float = 0.0
+    """Share of samples that are not there."""
+
+
+@dataclass(frozen=True)
+class Targets:
+    """The quasi-static measurement."""
+
+    spacing: float
+    """mm."""
+    runs: int = 1
+    both: bool = True
+    """There and back."""
+    dwell: float = 4.0
+    """s."""
+    overrun: float = 1.0
+    """Beyond the ends, before turning round, mm."""
+
+
+class Measured(NamedTuple):
+    """What the virtual laser saw."""
+
+    records: tuple[Record, ...]
+    quasi: Measurement
+
+
+def measure(
+    machine: Machine,
+    model: ErrorModel,
+    axis: str,
+    motion: Motion,
+    laser: Laser,
+    targets: Targets,
+    instrument: Interferometer,
+    rng: np.random.Generator,
+    *,
+    passes: int = 1,
+    both: bool = False,
+    temperatures: Mapping[str, tuple[float, float]] | None = None,
+) -> Measured:
+    """The quasi-static measurement of an axis, and then `passes` continuous runs, there or there and back (both).
+
+    temperatures: start and end, K from 20 degC, of courses that run straight over all of it.
+    """
+    low, high = sorted((motion.start, motion.end))
+    stood = _standing(machine, axis, low, high, motion.feed, targets)
+    ways = [way for _ in range(passes) for way in ((1, -1) if both else (1 if motion.end > motion.start else -1,))]
+    profile = _profile(motion, laser.rate)
+    if len(profile.time) * len(ways) > MOST_SAMPLES:
+        raise UserError(f"{len(profile.time) * len(ways)} samples, more than {MOST_SAMPLES}")
+    length = float(profile.time[-1]) + 1.0
+    assert stood.time is not None
+    begin = float(stood.time[-1]) + PAUSE_S
+    moved = [_moving(machine, axis, motion, profile, way, begin + i * length) for i, way in enumerate(ways)]
+    total = begin + len(ways) * length
+    courses = temperatures or {}
+    stood, *moved = (_warmed(state, courses, total) for state in (stood, *moved))
+    quasi = _observed(machine, model, axis, stood, instrument, rng)
+    exact = Interferometer(u_um=1.0)
+    records, shift = [], None
+    for i, (way, state) in enumerate(zip(ways, moved, strict=True)):
+        seen = observe(
+            machine, model, state, exact, rng, axis=np.full(len(state), axis), run=np.full(len(state), "1"),
+            noise_scale=0.0,
+        )  # fmt: skip
+        place = state.position(machine, axis)
+        displacement = place + seen.observed[:, 0]
+        if shift is None:
+            shift = displacement[0]
+        records.append(_record(f"{i // (1 + both) + 1}", way, motion, profile, displacement - shift, laser, rng))
+    return Measured(tuple(records), quasi)
+
+
+def end_effect(machine: Machine, axis: str, low: float, high: float, size: float, length: float) -> Effect:
+    """An error that changes fast at both ends: -size exp(-(x - low) / length) + size exp(-(high - x) / length), um.
+
+    As a table; Miller et al. 2017, Fig. 5, have its like.
+    """
+    nodes = np.linspace(low, high, END_NODES)
+    values = -size * np.exp(-(nodes - low) / length) + size * np.exp(-(high - nodes) / length)
+    machine.index(axis)
+    return ErrorMotion(own_component(axis), axis, BSpline(tuple(nodes.tolist()), 1), tuple(values.tolist()))
+
+
+class _Profile(NamedTuple):
+    """The motion from 0 to the whole way, at the samples."""
+
+    time: Array
+    place: Array
+    """mm from the start."""
+    speed: Array
+    acceleration: Array
+    changes: Array
+    """Moments when the acceleration changes, s."""
+
+
+def _profile(motion: Motion, rate: float) -> _Profile:
+    """The motion as a trapezoid of speed, smoothed by a box as long as the jerk needs, and followed with the lag."""
+    way = abs(motion.end - motion.start)
+    top = min(motion.feed / 60.0, np.sqrt(way * motion.acceleration))
+    ramp, rounding = top / motion.acceleration, motion.acceleration / motion.jerk
+    cruise = way / top - ramp
+    step = min(FINE_S, 1.0 / (FINER * rate))
+    total = motion.rest + 2.0 * ramp + cruise + rounding + motion.rest + 10.0 * motion.lag
+    if total / step > 8 * MOST_SAMPLES or total * rate > MOST_SAMPLES:
+        raise UserError(f"a run of {total:.0f} s at {rate:g} Hz: more than {MOST_SAMPLES} samples")
+    fine = np.arange(0.0, total, step)
+    since = fine - motion.rest
+    speed = np.clip(np.minimum(since, 2.0 * ramp + cruise - since) * motion.acceleration, 0.0, top)
+    box = max(round(rounding / step), 1)
+    sums = np.concatenate([np.zeros(box), np.cumsum(speed)])
+    speed = (sums[box:] - sums[:-box]) / box
+    if motion.lag > 0.0:
+        share = float(np.exp(-step / motion.lag))
+        speed = lfilter([1.0 - share], [1.0, -share], speed)
+    place = np.cumsum(speed) * step
+    place *= way / place[-1]
+    time = np.arange(0.0, total, 1.0 / rate)
+    changes = motion.rest + np.array([0.0, ramp, ramp + cruise, 2.0 * ramp + cruise])
+    return _Profile(
+        time,
+        np.interp(time, fine, place),
+        np.interp(time, fine, speed),
+        np.interp(time, fine, np.gradient(speed, step)),
+        changes,
+    )
+
+
+def _moving(machine: Machine, axis: str, motion: Motion, profile: _Profile, way: int, begin: float) -> State:
+    """The states of the machine at the samples of one run."""
+    low, high = sorted((motion.start, motion.end))
+    place = low + profile.place if way > 0 else high - profile.place
+    positions = _at(machine, axis, place)
+    own = machine.index(axis)
+    velocity, acceleration, approach = (np.zeros(positions.shape) for _ in range(3))
+    velocity[:, own], acceleration[:, own] = way * profile.speed, way * profile.acceleration
+    approach[:, own] = way
+    return State(
+        positions, approach=approach, last_move=approach * (high - low), velocity=velocity, acceleration=acceleration,
+        time=begin + profile.time, cycle=np.zeros(len(place)),
+    )  # fmt: skip
+
+
+def _standing(machine: Machine, axis: str, low: float, high: float, feed: float, targets: Targets) -> State:
+    """The states at the targets, run by run, there and back."""
+    count = round((high - low) / targets.spacing)
+    if count < 1 or abs(low + count * targets.spacing - high) > 1e-6:
+        raise UserError(f"{high - low:g} mm are no whole number of {targets.spacing:g} mm between targets")
+    there = low + targets.spacing * np.arange(count + 1)
+    one = np.concatenate([there, there[::-1]]) if targets.both else there
+    ways = np.repeat([1.0, -1.0], count + 1) if targets.both else np.ones(count + 1)
+    place, approach = np.tile(one, targets.runs), np.tile(ways, targets.runs)
+    moves = np.abs(np.diff(place, prepend=place[0]))
+    moves[1:][approach[1:] != approach[:-1]] += 2.0 * targets.overrun
+    time = np.cumsum(moves / feed * 60.0 + targets.dwell)
+    sides = np.zeros((len(place), len(machine.axes)))
+    sides[:, machine.index(axis)] = approach
+    cycle = np.repeat(np.arange(float(targets.runs)), len(one))
+    return State(_at(machine, axis, place), approach=sides, last_move=sides * targets.spacing, time=time, cycle=cycle)
+
+
+def _at(machine: Machine, axis: str, place: Array) -> Array:
+    """Positions `(n, axes)`: one axis at `place`, mm, the others at home."""
+    positions = np.tile(np.array([each.home for each in machine.axes]) * machine.scale, (len(place), 1))
+    positions[:, machine.index(axis)] = place
+    return positions
+
+
+def _warmed(state: State, courses: Mapping[str, tuple[float, float]], total: float) -> State:
+    assert state.time is not None
+    share = state.time / total
+    return replace(state, temperatures={name: a + share * (b - a) for name, (a, b) in courses.items()})
+
+
+def _observed(
+    machine: Machine, model: ErrorModel, axis: str, state: State, instrument: Interferometer, rng: np.random.Generator
+) -> Measurement:
+    """The readings at targets: one datum for all runs, which keep their names."""
+    names, n = np.full(len(state), axis), len(state)
+    measured = observe(machine, model, state, instrument, rng, axis=names, run=np.full(n, "1"))
+    assert state.cycle is not None
+    return read_out(replace(measured, run=(state.cycle.astype(int) + 1).astype(str)))
+
+
+def _record(
+    name: str, way: int, motion: Motion, profile: _Profile, displacement: Array, laser: Laser, rng: np.random.Generator
+) -> Record:
+    """What the laser shows of a run: noise, vibration, stamps that scatter, samples that are lost."""
+    time, n = profile.time, len(profile.time)
+    off = laser.noise * rng.standard_normal(n)
+    for frequency, amplitude in laser.vibrations:
+        wander = np.cumsum(rng.standard_normal(n)) * np.sqrt(frequency / laser.rate) * 0.3
+        off += amplitude * np.sin(2.0 * np.pi * frequency * time + rng.uniform(0.0, 2.0 * np.pi) + wander)
+    if laser.settling is not None:
+        frequency, amplitude, constant = laser.settling
+        for moment in profile.changes.tolist():
+            since = time - moment
+            dies = np.exp(-np.maximum(since, 0.0) / constant) * np.sin(2.0 * np.pi * frequency * since)
+            off += np.where(since > 0.0, amplitude * dies, 0.0)
+    stamps = time + laser.jitter * rng.standard_normal(n)
+    kept = rng.random(n) >= laser.dropped
+    low, high = sorted((motion.start, motion.end))
+    shown = np.round(displacement + 1e-3 * off, 6)
+    order = np.argsort(stamps[kept], kind="stable")
+    return Record(
+        f"{name} {WAYS[way]}",
+        way,
+        np.round(stamps[kept][order], 6),
+        shown[kept],
+        low if way > 0 else high,
+        high if way > 0 else low,
+        motion.feed,
+        f"virtual run {name} {WAYS[way]}",
+    )
