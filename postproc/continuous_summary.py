@@ -10,14 +10,20 @@ import numpy as np
 from calibration.continuous.records import WAYS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.console import Console
 
     from calibration.continuous.course import Course
-    from calibration.continuous.estimate import Estimate, OneWay
+    from calibration.continuous.estimate import Estimate, OneWay, Wave
     from calibration.continuous.noise import Noise
     from calibration.continuous.reading import Data
     from kinematics.transforms import Array
 
+MOST_WAVES = 6
+"""That are printed; all are in the JSON."""
+HARMONIC = 2e-3
+"""Relative, by which a harmonic may miss its place."""
 HINT = "ncomp diagnose, with the quasi-static data or a finer run of targets, tells which part of the drive it is"
 
 
@@ -125,11 +131,15 @@ def _show_drift(found: Estimate, to: Console) -> None:
 
 
 def _show_features(direction: str, each: OneWay, to: Console) -> None:
-    for wave in each.waves:
+    families = with_harmonics(each.waves)
+    for wave, harmonics in families[:MOST_WAVES]:
+        numbers = f", harmonics {', '.join(map(str, harmonics))}" if harmonics else ""
         to.print(
             f"cyclic       {direction}: period {wave.period_mm:.4g} mm (u {wave.u_period_mm:.2g}), amplitude "
-            f"{wave.amplitude_um:.3g} um (u {wave.u_amplitude_um:.2g}); {wave.frequency_hz:.3g} Hz at this feed"
+            f"{wave.amplitude_um:.3g} um (u {wave.u_amplitude_um:.2g}){numbers}; {wave.frequency_hz:.3g} Hz here"
         )
+    if len(families) > MOST_WAVES:
+        to.print(f"             {len(families) - MOST_WAVES} more, weaker ones (--json)")
     jumps = each.jumps
     if jumps.places_mm:
         sizes = np.abs(jumps.sizes_um)
@@ -147,6 +157,18 @@ def _show_features(direction: str, each: OneWay, to: Console) -> None:
         )
     for frequency, amplitude in vibrations(each):
         to.print(f"vibration    {direction}: {frequency:.3g} Hz, amplitude {amplitude:.2g} um; not in the table")
+
+
+def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
+    """Waves, strongest first, each with the numbers of its harmonics, which are then no waves of their own."""
+    left, found = list(waves), []
+    while left:
+        wave = left.pop(0)
+        numbers = {other: wave.period_mm / other.period_mm for other in left if other.period_mm < wave.period_mm / 1.5}
+        own = {other: round(ratio) for other, ratio in numbers.items() if abs(ratio / round(ratio) - 1.0) < HARMONIC}
+        left = [other for other in left if other not in own]
+        found.append((wave, sorted(own.values())))
+    return found
 
 
 def vibrations(each: OneWay) -> list[tuple[float, float]]:

@@ -10,7 +10,7 @@ show.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,6 +59,21 @@ class Course:
     missing: int
     """Samples that the raster of time expects and the record lacks."""
     notes: tuple[str, ...]
+
+    def moved(self, offset: float, slope: float) -> Course:
+        """The course whose errors are larger by a line, um and um per mm: its positions are smaller by as much.
+
+        Displacement is position and error together.
+        """
+        line, raw = offset + slope * self.x, offset + slope * self.raw_x
+        return replace(
+            self,
+            x=self.x - line * 1e-3,
+            error=self.error + line,
+            raw_x=self.raw_x - raw * 1e-3,
+            raw_error=self.raw_error + raw,
+            feed=self.feed * (1.0 - slope * 1e-3),
+        )
 
     @property
     def speed(self) -> float:
@@ -118,8 +133,8 @@ def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tupl
     if found:
         return float(np.mean(found)), []
     low, high = sorted((record.start, record.end))
-    inside = (record.displacement >= low - AGREE_MM) & (record.displacement <= high + AGREE_MM)
-    if not inside.all():
+    places = record.displacement - np.interp(record.displacement, *curve) * 1e-3
+    if np.any((places < low - AGREE_MM) | (places > high + AGREE_MM)):
         raise UserError(
             f"{record.source}: run {record.name} rests neither before nor after its motion, and its displacement is "
             f"not that from {low:g} to {high:g} mm: where along the axis it lay is not known"

@@ -27,6 +27,8 @@ ROWS = 500
 MOST_ROWS = 4000
 LEAST_TARGETS = 2
 """Inside the segment: a straight line is to be found."""
+PASSES, MATTERS = 8, 0.05
+"""Positions follow from errors and errors from positions: how often at most, and what is near enough, um."""
 FEED_OFF = 0.05
 """Share by which the feed may differ from the programmed one without a word."""
 AGREES = 1.5
@@ -141,14 +143,19 @@ def estimate(
     """
     notes: list[str] = []
     used = _with_readings(records, quasi, notes)
-    ways = {way: _one_way([r for r in used if r.direction == way], quasi, notes) for way in WAYS if _has(used, way)}
-    shapes = {way: each.shape for way, each in ways.items()}
-    inside = _inside(shapes, quasi)
-    low, high = _common(shapes)
-    if positions is None:
-        positions = _positions(low, high, spacing)
-    asked = tuple(way for way in WAYS if np.any(inside & (quasi.direction == way)))
-    found = fused(shapes, quasi, inside, positions, asked)
+    courses = {way: _courses([r for r in used if r.direction == way], quasi, notes) for way in WAYS if _has(used, way)}
+    for _ in range(PASSES):
+        ways = {way: _one_way(own) for way, own in courses.items()}
+        shapes = {way: each.shape for way, each in ways.items()}
+        inside = _inside(shapes, quasi)
+        at = _positions(*_common(shapes), spacing) if positions is None else positions
+        asked = tuple(way for way in WAYS if np.any(inside & (quasi.direction == way)))
+        found = fused(shapes, quasi, inside, at, asked)
+        if _settled(shapes, found):
+            break
+        courses = {way: tuple(course.moved(*found.lines[way]) for course in own) for way, own in courses.items()}
+    else:
+        notes.append("the error changes too fast along the axis for its positions to be sure: u_um does not hold that")
     chosen = _direction(direction, ways, found)
     for course in (course for each in ways.values() for course in each.courses):
         notes += _feed_notes(course)
@@ -181,8 +188,8 @@ def _with_readings(records: Sequence[Record], quasi: QuasiStatic, notes: list[st
     return used
 
 
-def _one_way(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) -> OneWay:
-    """What the runs of one direction show."""
+def _courses(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) -> tuple[Course, ...]:
+    """The runs of one direction at constant velocity."""
     courses = []
     for record in records:
         timed, told = clocked(record)
@@ -193,6 +200,22 @@ def _one_way(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
     low = max(float(course.x.min()) for course in courses)
     high = min(float(course.x.max()) for course in courses)
     _check_targets(records[0], quasi, low, high)
+    return tuple(courses)
+
+
+def _settled(shapes: Mapping[int, Shape], found: Fused) -> bool:
+    """True where the lines that the curves lacked move their positions by less than matters."""
+    for way, shape in shapes.items():
+        offset, slope = found.lines[way]
+        ends = np.array(shape.interval)
+        moved = float(np.abs(offset + slope * ends).max()) * 1e-3
+        if moved * shape.steepest > MATTERS:
+            return False
+    return True
+
+
+def _one_way(courses: tuple[Course, ...]) -> OneWay:
+    """What the runs of one direction show."""
     found = features(courses)
     bare = [without_waves(course, without_jumps(course, found.jumps), found) for course in courses]
     noises = tuple(
@@ -200,7 +223,7 @@ def _one_way(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
         for i, (course, error) in enumerate(zip(courses, bare, strict=True))
     )
     shape = shape_of(courses, noises, Extra(found.jumps, found.periods))
-    return OneWay(tuple(courses), noises, shape, found, _waves(courses[0], shape), _jumps(shape))
+    return OneWay(courses, noises, shape, found, _waves(courses[0], shape), _jumps(shape))
 
 
 def _check_targets(record: Record, quasi: QuasiStatic, low: float, high: float) -> None:

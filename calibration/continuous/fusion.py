@@ -73,6 +73,8 @@ class Fused:
     """By direction: targets outside the segment, mm, errors there, um, and their standard uncertainties."""
     spread: Spread
     drift: tuple[Drift, ...]
+    lines: Mapping[int, tuple[float, float]]
+    """By direction of the curves: what they lacked, um and um per mm from position 0."""
     residual: Array
     """Reading minus estimate `(m,)`, um, of readings inside."""
     inside: np.ndarray
@@ -132,6 +134,7 @@ def fused(
         solved.outside(cells, fixed.shape[1]),
         spread,
         _drifts(quasi, solved, spread, centre, half),
+        _lines(shapes, solved.fixed, centre, half),
         residual,
         np.flatnonzero(inside),
     )
@@ -168,6 +171,11 @@ def _curves(shapes: Mapping[int, Shape], places: _Places) -> tuple[Array, Array]
         mean[rows] = shape.at(where)[which]
         covariance[np.ix_(rows, rows)] = shape.covariance(where)[np.ix_(which, which)]
     return mean, covariance
+
+
+def _lines(shapes: Mapping[int, Shape], fixed: Array, centre: float, half: float) -> dict[int, tuple[float, float]]:
+    slopes = {way: float(fixed[2 * i + 1]) / half for i, way in enumerate(shapes)}
+    return {way: (float(fixed[2 * i]) - slopes[way] * centre, slopes[way]) for i, way in enumerate(shapes)}
 
 
 def _outside_columns(read: _Places, inside: np.ndarray) -> tuple[Array, list[tuple[float, int]]]:

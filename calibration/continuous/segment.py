@@ -1,10 +1,11 @@
 """Where the axis moved at constant velocity: the part of a record without ramps, their tails, and settling vibration.
 
-Speeds are differences of means over a span of samples, long enough for the noise to be small against the feed. The
-plateau is the longest stretch within a tolerance of the usual speed; where it begins, what is left of the ramp is
-taken to die away with the time constant that the speed shows between FAR and the tolerance, and the segment begins when
-that is below TAIL_MM; where it ends, as long before the tolerance is reached as the speed takes from there to FAR. What
-still vibrates more than the middle at either end is then left out. Against Miller et al. 2017, 4.1, whose test (all
+Speeds are differences of means over a span of samples, long enough for the noise, and the axis' own short waves, to be
+small against the feed. The plateau is the longest stretch within a tolerance of the usual speed; where it begins, what
+is left of the ramp is taken to die away with the time constant that the speed shows between FAR and the tolerance, and
+the segment begins when that is below TAIL_MM; where it ends, as long before the tolerance is reached as the speed takes
+from there to FAR. What still vibrates more than the middle at either end is then left out.
+Against Miller et al. 2017, 4.1, whose test (all
 samples within two standard deviations) no normal noise passes, and which knows no tails.
 """
 
@@ -34,8 +35,12 @@ RESTLESS = 2.5
 SETTLES = 0.25
 """Share of the plateau at either end in which that is looked for."""
 LEAST_SAMPLES = 100
-MOST_SPANS = 50
-"""The span is at most the record's length over this."""
+BRIDGED = 200
+"""Share of the record, one in so many, that an interruption of the plateau may last; or four spans."""
+MOST_SPANS, FEWEST_SPANS = 50, 20
+"""The span is at most the record's length over the first; where the axis itself moves unevenly, over the second."""
+CALM = 0.02
+"""Spread of the relative speed that a longer span is not asked for."""
 CALM_S = 0.01
 """Half-length of the second difference that shows vibration."""
 
@@ -61,19 +66,23 @@ def constant_velocity(record: Record) -> Segment:
         raise UserError(f"{record.source}: {len(record)} samples of run {record.name}, at least {LEAST_SAMPLES} needed")
     sample = float(np.median(np.diff(time)))
     span = _span(record, way, sample)
-    speed = _speeds(time, way, span)
-    usual = _usual(speed, record)
-    off = np.abs(speed / usual - 1.0)
-    spread = 1.4826 * float(np.median(off[off < FAR]))
+    while True:
+        speed = _speeds(time, way, span)
+        usual = _usual(speed, record)
+        off = np.abs(speed / usual - 1.0)
+        spread = 1.4826 * float(np.median(off[speed > usual / 2.0]))
+        if spread < CALM or 2 * span > len(record) // FEWEST_SPANS:
+            break
+        span *= 2
     tolerance = min(max(LEAST_TOLERANCE, 4.0 * spread), MOST_TOLERANCE)
-    first, stop = _longest(off <= tolerance, 4 * span)
+    first, stop = _longest(off <= tolerance, max(4 * span, len(off) // BRIDGED))
     notes = []
     moving = np.flatnonzero(speed > 0.02 * usual)
     elsewhere = np.count_nonzero(off <= tolerance) - (stop - first)
     if elsewhere > 0.05 * (stop - first):
         notes.append(f"run {record.name}: the feed changes on the way; only its longest constant stretch is used")
     first, stop = _without_ramps(time, off, first, stop, (tolerance, usual), span, sample)
-    first, stop, settling = _settled(way, first, stop, sample)
+    first, stop, settling = _settled(way - usual * time, first, stop, sample)
     if settling:
         notes.append(f"run {record.name}: {settling}")
     if stop - first < LEAST_SAMPLES:
@@ -154,14 +163,17 @@ def _without_ramps(
     return first, max(stop, first)
 
 
-def _settled(way: Array, first: int, stop: int, sample: float) -> tuple[int, int, str]:
-    """The stretch without ends that vibrate more than its middle, and what was left out, in words."""
+def _settled(course: Array, first: int, stop: int, sample: float) -> tuple[int, int, str]:
+    """The stretch without ends that vibrate more than its middle, and what was left out, in words.
+
+    course: displacement less the motion at constant speed.
+    """
     n = stop - first
     half, window = max(round(CALM_S / sample), 1), max(50, n // 100)
     if n < 8 * window:
         return first, stop, ""
-    course = way[first:stop]
-    bend = course[2 * half :] - 2.0 * course[half:-half] + course[: -2 * half]
+    inner = course[first:stop]
+    bend = inner[2 * half :] - 2.0 * inner[half:-half] + inner[: -2 * half]
     sums = np.concatenate([[0.0], np.cumsum(bend**2)])
     energy = (sums[window::window] - sums[:-window:window]) / window
     calm = energy <= RESTLESS * np.median(energy)
@@ -170,8 +182,8 @@ def _settled(way: Array, first: int, stop: int, sample: float) -> tuple[int, int
     end = _restless(calm[::-1][:most]) * window
     if not begin and not end:
         return first, stop, ""
-    lost = float(way[first + begin] - way[first] + way[stop - 1] - way[stop - 1 - end])
-    return first + begin, stop - end, f"{lost:.3g} mm at the ends left out, where the axis still vibrates"
+    lost = (begin + end) * sample
+    return first + begin, stop - end, f"{lost:.3g} s at the ends left out, where the axis still vibrates"
 
 
 def _restless(calm: np.ndarray) -> int:

@@ -95,6 +95,15 @@ class Shape:
         lever = self.extra.columns(x) @ np.eye(self.extra.size, self.left.shape[0]) - hats @ self.beside
         return np.asarray(inner + lever @ self.left @ lever.T)
 
+    @property
+    def steepest(self) -> float:
+        """Largest slope of the curve between its jumps, um per mm."""
+        x = np.linspace(*self.interval, 4 * len(self.nodes))
+        rows = np.array([0] * len(self.extra.jumps) + [1] * (self.extra.size - len(self.extra.jumps)))
+        smooth = _hats(self.nodes, x) @ self.values
+        smooth = smooth + self.extra.columns(x) @ (rows * self.amounts[: self.extra.size])
+        return float(np.abs(np.diff(smooth)).max() / (x[1] - x[0]))
+
     def doubt(self, x: Array) -> Array:
         """Standard uncertainty `(n,)`, um, close to jumps: on which side of one a position lies."""
         if not self.extra.jumps:
