@@ -154,12 +154,6 @@ def _disagreement(error: Array, side: int) -> Array:
     return size
 
 
-def _hann(course: Course) -> Array:
-    """Weights `(n,)` over the travel."""
-    share = (course.x - course.x.min()) / np.ptp(course.x)
-    return np.asarray(np.sin(np.pi * share) ** 2 + 1e-9)
-
-
 def _parts(course: Course, error: Array, period: float) -> list[complex]:
     """Amplitudes of a wave in parts of the travel, um, with their phases over position."""
     values = []
@@ -218,25 +212,30 @@ def _line(course: Course, error: Array, barred: Sequence[float]) -> float | None
 
 def _refined(runs: Sequence[tuple[Course, Array]], period: float, length: float) -> float:
     """The period, mm, of most power in all runs together, within what the travel resolves."""
+    weighted = [(course.x, _weighted(course, error)) for course, error in runs]
     step = 1.0
     number = length / period
     for _ in range(12):
         tried = number + step * np.array([-1.0, 0.0, 1.0])
-        power = [abs(sum(_amount(*run, length / each) for run in runs)) for each in tried.tolist()]
+        power = [abs(sum(_amount(*run, length / each) for run in weighted)) for each in tried.tolist()]
         number = float(tried[int(np.argmax(power))])
         step /= 2.0
     return length / number
 
 
 def _without(course: Course, error: Array, period: float) -> Array:
-    value = _amount(course, error, period)
+    value = _amount(course.x, _weighted(course, error), period)
     phase = 2.0 * np.pi * course.x / period
     return np.asarray(error - value.real * np.cos(phase) - value.imag * np.sin(phase))
 
 
-def _amount(course: Course, error: Array, period: float) -> complex:
-    """Amplitude of a wave, um: cosine and sine part as real and imaginary."""
-    weights = _hann(course)
+def _weighted(course: Course, error: Array) -> Array:
+    """Errors `(n,)` without a cubic trend, weighted over the travel (Hann), the weights adding to 2."""
     scaled = (course.x - course.x.mean()) / np.ptp(course.x)
-    level = error - np.polyval(np.polyfit(scaled, error, 3), scaled)
-    return 2.0 * complex(np.sum(weights * level * np.exp(2j * np.pi * course.x / period)) / weights.sum())
+    weights = np.cos(np.pi * (course.x - course.x.min() - np.ptp(course.x) / 2.0) / np.ptp(course.x)) ** 2
+    return np.asarray(2.0 * weights / weights.sum() * (error - np.polyval(np.polyfit(scaled, error, 3), scaled)))
+
+
+def _amount(x: Array, weighted: Array, period: float) -> complex:
+    """Amplitude of a wave, um: cosine and sine part as real and imaginary."""
+    return complex(weighted @ np.exp(2j * np.pi / period * x))

@@ -4,9 +4,8 @@ Speeds are differences of means over a span of samples, long enough for the nois
 small against the feed. The plateau is the longest stretch within a tolerance of the usual speed; where it begins, what
 is left of the ramp is taken to die away with the time constant that the speed shows between FAR and the tolerance, and
 the segment begins when that is below TAIL_MM; where it ends, as long before the tolerance is reached as the speed takes
-from there to FAR. What still vibrates more than the middle at either end is then left out.
-Against Miller et al. 2017, 4.1, whose test (all
-samples within two standard deviations) no normal noise passes, and which knows no tails.
+from there to FAR. What still vibrates more than the middle at either end is then left out. Against Miller et al. 2017,
+4.1, whose test (all samples within two standard deviations) no normal noise passes, and which knows no tails.
 """
 
 from __future__ import annotations
