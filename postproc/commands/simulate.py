@@ -218,6 +218,8 @@ def _plan(
     from calibration.plan_file import read_plan
     from postproc.terminal import say
 
+    if strategy == "continuous":
+        raise UserError("laser runs in motion are simulated by: ncomp simulate-continuous")
     if strategy.lower().endswith(".csv") or Path(strategy).is_file():
         if not Path(strategy).exists():
             raise UserError(f"--strategy {strategy}: there is no such file")
