@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from postproc.iso_codes import DISTANCES, FEED_MODES, UNITS
 from postproc.program import Block
-from postproc.words import ORDER, Layout
+from postproc.words import Layout, place
 
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
@@ -70,6 +70,10 @@ class AddedBlock:
         """True as long as it names no axis."""
         return not self._words
 
+    def names(self, axis: str) -> bool:
+        """True when it says where an axis goes."""
+        return any(address == axis for address, _ in self._words)
+
     def insert(self, address: str, value: float, decimals: int) -> None:
         """Add a word."""
         self._words.append((address, self.layout.numbers.write(value, decimals)))
@@ -92,12 +96,17 @@ class AddedBlock:
         body = " ".join(address + self.layout.numbers.write(value, decimals) for address, value in words)
         self.preface = f"CC {body}"
 
+    def end_by_angle(self, axes: list[str], angle: float, decimals: int) -> None:
+        """Klartext: say the end of an arc by an angle about its pole in the place of axes, as a helix has to."""
+        self._words = [word for word in self._words if word[0] not in axes]
+        self.insert("PA", angle, decimals)
+
     def lines(self, comment: str) -> list[str]:
         """The block, and the one before it, without ends of line; `comment` with a place for the tag."""
-        ordered = [address + number for address, number in sorted(self._words, key=lambda w: ORDER.index(w[0][0]))]
+        ordered = [address + number for address, number in sorted(self._words, key=lambda w: place(w[0]))]
         if self.klartext:
-            by_radius = any(address == "R" for address, _ in self._words)
-            head = "L" if not self.sense else "CR" if by_radius else "C"
+            heads = {"R": "CR", "PA": "CP"}
+            head = next((heads[address] for address, _ in self._words if address in heads), "C" if self.sense else "L")
             ordered += ["DR+" if self.sense > 0 else "DR-"] if self.sense else []
         else:
             head = "G1" if not self.sense else "G3" if self.sense > 0 else "G2"

@@ -20,9 +20,13 @@ from postproc.setup import Setup
 class Interpreter(Protocol):
     """Meaning of a dialect: blocks in, moves out, modal state kept from chunk to chunk."""
 
-    ended: bool
-    """The program has come to its end."""
-    recorder: Recorder
+    @property
+    def ended(self) -> bool:
+        """The program has come to its end."""
+
+    @property
+    def recorder(self) -> Recorder:
+        """Where the axes are."""
 
     @property
     def scope(self) -> Variables:

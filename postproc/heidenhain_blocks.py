@@ -24,7 +24,7 @@ _PLAIN = re.compile(
     rf"[ \t]*(?:\d+[ \t]*)?(L(?:[ \t]*(?>{_PARTS.pattern}))*+)?[ \t]*(?:;[^\n]*)?[\r\n]*", re.IGNORECASE
 )
 _NUMBER = re.compile(_VALUE)
-_VALUED = re.compile(rf"(DR2(?=[ \t]*[+-])|[A-Z]+?)[ \t]*({_VALUE}|[+-]?[ \t]*Q[LR]?\d+)", re.IGNORECASE)
+_VALUED = re.compile(rf"(DR2(?=[ \t]*[+-])|P[123][XYZ]|[A-Z]+?)[ \t]*({_VALUE}|[+-]?[ \t]*Q[LR]?\d+)", re.IGNORECASE)
 _PARAMETER = re.compile(r"(Q\d+)[ \t]*=[ \t]*(.*?)[ \t]*", re.IGNORECASE)
 
 

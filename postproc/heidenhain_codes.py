@@ -38,9 +38,12 @@ HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *r
 )
 REFUSED_CYCLES = {
     12: "calls a program",
-    220: "pattern cycles run where they are defined",
-    221: "pattern cycles run where they are defined",
 }
+PATTERN_CYCLES = {
+    220: frozenset(("Q216", "Q217", "Q244", "Q245", "Q246", "Q247", "Q241", "Q200", "Q203", "Q204")),
+    221: frozenset(("Q225", "Q226", "Q237", "Q238", "Q242", "Q243", "Q224", "Q200", "Q203", "Q204")),
+}
+"""Run where they are defined; with what they have to say."""
 FRAME_CYCLES = {
     7: ("I?[XYZABCUVW]", 0.0, "shifts the datum"),
     8: ("", 0.0, "mirrors the coordinates"),
@@ -73,12 +76,21 @@ REFUSED_FN = {
 }
 
 HARMLESS_KINDS = frozenset(("blank", "blank_form", "definition", "control", "text_assignment"))
-MOVING_KINDS = frozenset(("line", "circle", "circle_radius"))
+MOVING_KINDS = frozenset(
+    (
+        "line",
+        "circle",
+        "circle_radius",
+        "tangent",
+        "polar_line",
+        "polar_circle",
+        "polar_tangent",
+        "approach",
+        "departure",
+    )
+)
 REFUSED_KINDS = {
     "normal_line": "surface normals (LN) are not corrected",
-    "polar": "polar coordinates are not corrected",
-    "tangent": "an arc given by its tangent is not corrected",
-    "approach": "the control works out the way to the contour by itself",
     "free_contour": "free contours (FK) are not corrected",
     "program_call": "other programs are not followed",
     "selection": "what it selects is not known",

@@ -20,6 +20,9 @@ HARMLESS_FN = frozenset((14, 15, 16, 19, 20, 26, 27, 29, 37, 38))
 """That set no parameter."""
 _Q = re.compile(r"([+-]?)[ \t]*(Q[LR]?)(\d+)", re.IGNORECASE)
 _SETTING = re.compile(r"FN ?\d+ ?:? ?(?:SYSREAD|TABREAD) ?(Q[LR]?\d+) ?=.*", re.IGNORECASE)
+_SYSREAD = re.compile(
+    r"FN ?18 ?:? ?SYSREAD ?Q[LR]?\d+ ?= ?ID ?(\d+) ?NR ?(\d+)(?: ?IDX ?([+-]?(?:\d+|Q[LR]?\d+)))?", re.IGNORECASE
+)
 OWN = re.compile(r"QL4[5-9]\d(?!\d)", re.IGNORECASE)
 """Parameters that ncomp takes for corrected coordinates."""
 
@@ -121,9 +124,18 @@ def setting(kind: str, detail: str, words: tuple[Word, ...]) -> list[Step]:
     if match is not None:
         variable = parameter(match[1])
         assert isinstance(variable, Variable)
-        return [Assign(variable, Operation("what the control reads", ()))]
+        return [Assign(variable, _read(detail))]
     number = re.match(r"FN ?(\d+)", detail, re.IGNORECASE)
     return [] if number and int(number[1]) in HARMLESS_FN else [Forget(f"{detail[:20]} may set parameters")]
+
+
+def _read(detail: str) -> Expression:
+    """What SYSREAD or TABREAD gives: of the tool table it can be known."""
+    match = _SYSREAD.fullmatch(detail)
+    if match is None:
+        return Operation("what the control reads", ())
+    values = [text for text in match.groups() if text is not None]
+    return Operation("SYSREAD", tuple(parameter(v) if "Q" in v.upper() else Constant(float(v)) for v in values))
 
 
 def _cycle_parameter(word: Word) -> Step:

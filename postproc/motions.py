@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -29,9 +30,11 @@ class Kind(IntEnum):
 
     CYCLE = 5
     """Of a canned cycle, to the bottom of a hole; then back, to where the next move starts."""
-
     PRESET = 6
     """No move: says what the place where the tool stands is called (G92), in the frame that this makes."""
+
+    PATTERN = 7
+    """To a hole of a pattern behind its first: it goes with that one."""
 
 
 class Known(IntEnum):
@@ -51,7 +54,7 @@ class AxisWord(NamedTuple):
 
     axis: int
     word: int
-    """Index into the words of the block."""
+    """Index into the words of the block; -1 where it says the axis in another way."""
     incremental: bool
 
 
@@ -66,14 +69,32 @@ class Arc(NamedTuple):
     full: bool
     """True when start and end coincide and the move goes once round."""
     form: str
-    """How the program gives the circle: `incremental` or `absolute` (I J K), `pole` (Klartext CC), `radius`, or
-    `radius-absolute` where I J K in its place would be positions."""
+    """How the program gives the circle: `incremental` or `absolute` (I J K), `radius`, or `radius-absolute` where I J K
+    in its place would be positions; in Klartext `pole` (CC), `polar` (CC, and the end by an angle), or `tangent`."""
     words: tuple[int | None, int | None]
     """Indices of the centre words in the block; of the radius word, and None, for both kinds of `radius`."""
     pole_block: int = -1
-    """For `pole`: the block of the chunk that holds the CC, -1 when it came earlier."""
+    """For `pole` and `polar`: the block of the chunk that holds the CC, -1 when it came earlier."""
     turns: int = 0
     """Whole turns of a helix besides the arc from start to end, or besides the full circle."""
+    pole: int = 0
+    """Number of the pole among those of the program, 0 for none."""
+
+
+class PolarEnd(NamedTuple):
+    """How a Klartext block says its end: by an angle about a pole and, unless it is an arc, the distance from it."""
+
+    plane: tuple[int, int, int]
+    pole: tuple[float, float]
+    """In programmed coordinates, mm."""
+    number: int
+    """Of the pole, among those of the program."""
+    sure: bool
+    """The control holds the pole as it is here, as long as no arc of ncomp's has moved it."""
+    radius: int | None
+    """Index of the word PR or IPR."""
+    angle: int | None
+    """Of PA or IPA."""
 
 
 class Cycle(NamedTuple):
@@ -144,6 +165,8 @@ class Motions:
     """By row of a move that the control shifts by the radius of the tool: columns of the plane."""
     still: dict[int, tuple[int, ...]] = field(default_factory=dict)
     """By row: columns of axes that no word of ours may name in it."""
+    polar_ends: dict[int, PolarEnd] = field(default_factory=dict)
+    """By index of the block."""
 
     def __len__(self) -> int:
         return len(self.block)
@@ -285,7 +308,11 @@ class Recorder:
     _rows: list[_Row] = field(init=False, default_factory=list)
     _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
     _by_row: dict[str, dict[int, Any]] = field(init=False)
+    _polar_ends: dict[int, PolarEnd] = field(init=False, default_factory=dict)
+    """By block, since the last call of `finish`."""
     _frames: list[Frame] = field(init=False)
+    _last: tuple[Frame, _Places, _Places, Arc | None] | None = field(init=False, default=None)
+    """The last move: its frame, start and end, and its circle."""
 
     def __post_init__(self) -> None:
         home = [axis.home for axis in self.machine.axes]
@@ -339,6 +366,8 @@ class Recorder:
         for axis in () if polar is None else polar.axes:
             self.known[axis] = Known.PROGRAM
         self._record(block, kind, target, unit, (incremental, timed, settled), words, before)
+        *_, start, end, _, _ = self._rows[-1]
+        self._last = (self.frame, start, end, arc)
 
     def drill(
         self,
@@ -365,6 +394,10 @@ class Recorder:
     def say_polar(self, polar: Polar) -> None:
         """The next move says its place in a plane so, and its words name no axis of it."""
         self._by_row["polars"][len(self._rows)] = polar
+
+    def say_end(self, block: int, end: PolarEnd) -> None:
+        """A block says its end about a pole."""
+        self._polar_ends[block] = end
 
     def follow_contour(self, plane: tuple[int, int]) -> None:
         """The next move is one that the control shifts by the radius of the tool, in a plane of these columns."""
@@ -395,6 +428,7 @@ class Recorder:
         self.doubt(self._coupled())
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
         self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), words, before)
+        self._last = None
 
     def axis(self, block: Block, name: str) -> int:
         """Column of an axis that a block names; Refusal when the machine has none of that name."""
@@ -415,6 +449,21 @@ class Recorder:
                 raise block.refuse(f"an increment of {name} from a position that the program has not said")
         return target
 
+    def heading(self, plane: tuple[int, int, int]) -> tuple[float, float] | None:
+        """The unit direction in which the last move arrived, in a plane; None where there is none in this frame."""
+        if self._last is None or self._last[0] is not self.frame:
+            return None
+        _, start, end, arc = self._last
+        i, j, _ = plane
+        if arc is None:
+            x, y = end[i] - start[i], end[j] - start[j]
+        elif arc.plane == plane:
+            x, y = -arc.sense * (end[j] - arc.centre[1]), arc.sense * (end[i] - arc.centre[0])
+        else:
+            return None
+        length = math.hypot(x, y)
+        return (x / length, y / length) if length > SAME else None
+
     def doubt(self, axes: Iterable[int] | None = None) -> None:
         """These axes, or all, may stand elsewhere than the program has said: not named until it says so again."""
         for axis in range(len(self.known)) if axes is None else axes:
@@ -422,6 +471,7 @@ class Recorder:
 
     def forget(self, axes: list[int]) -> None:
         """The axes now stand somewhere the program does not say; taken at home."""
+        self._last = None
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
         for axis in axes:
             q[axis] = self.machine.axes[axis].home * self.machine.scale[axis]
@@ -434,6 +484,7 @@ class Recorder:
         """The rows recorded since the last call, which belong to these blocks."""
         rows, words, by_row, frames = self._rows, self._words, self._by_row, self._frames
         self._rows, self._words, self._by_row, self._frames = [], [], {name: {} for name in BY_ROW}, [self.frame]
+        polar_ends, self._polar_ends = self._polar_ends, {}
         n, axes = len(rows), len(self.machine.axes)
         columns = zip(*rows, strict=True) if rows else ((),) * 11
         block, kind, frame, unit, incremental, timed, settled, start, target, known_start, known = columns
@@ -454,6 +505,7 @@ class Recorder:
             np.array(known_start, int).reshape(n, axes),
             np.array(known, int).reshape(n, axes),
             words,
+            polar_ends=polar_ends,
             **by_row,
         )
 

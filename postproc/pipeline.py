@@ -74,7 +74,12 @@ class Pipeline:
         self.take_ups = TakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
         self.before = Judge(self.model, job.machine, job.conditions, job.tolerance_um)
         self.after = Judge(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
-        self.writer = Writer(job.machine, orientation=self.orientation, comment=job.dialect.comment)
+        self.writer = Writer(
+            job.machine,
+            orientation=self.orientation,
+            comment=job.dialect.comment,
+            tolerance_um=job.tolerance_um,
+        )
         self.report = _new_report(job)
         self.report.notes = standing_notes(job.model, job.conditions)
         self._marked = False

@@ -10,10 +10,16 @@ from postproc.program import Block, Edit, Word
 ORDER = "XYZABCUVWIJKR"
 
 
-CARRIERS = {letter: 450 + i for i, letter in enumerate(ORDER)}
+CARRIERS = {address: 450 + i for i, address in enumerate((*ORDER, "PR", "PA", "Q216", "Q217", "Q225", "Q226"))}
 """Klartext: numbers of the QL parameters that take corrected coordinates."""
 _RANKS = {letter: i for i, letter in enumerate(ORDER)}
 _RANKS.update({f"I{letter}": i for i, letter in enumerate(ORDER) if letter not in "IJKR"})
+_RANKS.update({"PR": -2, "IPR": -2, "PA": -1, "IPA": -1})
+
+
+def place(address: str) -> int:
+    """Where a word of ncomp's own stands among coordinates."""
+    return _RANKS[address if address in _RANKS else address[0]]
 
 
 def rank(word: Word) -> int | None:
@@ -75,10 +81,11 @@ class WordEditor:
         return original if abs(number - original) < 0.5 * 10.0**-decimals else number
 
     def insert(self, address: str, value: float, decimals: int) -> None:
-        """Add a word at its place in the order X Y Z A B C U V W I J K R."""
-        place = ORDER.index(address[0])
+        """Add a word at its place in the order PR PA X Y Z A B C U V W I J K R."""
         ranked = [(r, word) for word in self.block.words if (r := rank(word)) is not None]
-        before = [word for r, word in ranked if r < place]
+        before = [word for r, word in ranked if r < place(address)]
+        if not ranked:
+            raise self.block.refuse(f"{address} has to be put right here, and the block names no axis")
         neighbour = before[-1] if before else ranked[0][1]
         text = self._like(neighbour, address, value, decimals)
         blank = " " if self.layout.blank else ""
@@ -90,6 +97,16 @@ class WordEditor:
         word = self.block.words[index]
         texts = [self._like(word, address, value, decimals) for address, value in words]
         self.edits.append(Edit(word.at, word.end + word.tail, (" " if self.layout.blank else "").join(texts)))
+
+    def remove(self, index: int) -> None:
+        """Take a word away, and the blanks before it."""
+        word = self.block.words[index]
+        before = self.block.text[: word.at]
+        self.edits.append(Edit(len(before.rstrip(" \t")), word.end + word.tail, ""))
+
+    def put(self, start: int, end: int, text: str) -> None:
+        """Put another text in the place of a part of the block's."""
+        self.edits.append(Edit(start, end, text))
 
     def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
         """Klartext: put the pole of an arc before it."""

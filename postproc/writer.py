@@ -33,6 +33,7 @@ from postproc.motions import Arc, Kind, Known, Motions
 from postproc.numbers import decimals_for, decimals_holding
 from postproc.pieces import arc_ends, arc_turned
 from postproc.polar import PolarWriter
+from postproc.pole_writer import PoleWriter
 from postproc.program import edited
 from postproc.words import ORDER, Layout, WordEditor
 
@@ -78,8 +79,10 @@ def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shi
 class Writer:
     """Turns corrections into text, chunk after chunk."""
 
-    def __init__(self, machine: Machine, *, orientation: bool = False, comment: str = "({})") -> None:
-        self.machine, self.comment = machine, comment
+    def __init__(
+        self, machine: Machine, *, orientation: bool = False, comment: str = "({})", tolerance_um: float = 1.0
+    ) -> None:
+        self.machine, self.comment, self.tolerance_um = machine, comment, tolerance_um
         corrected = [
             i for i in range(len(machine.axes)) if i in machine.translators or (orientation and machine.rotary[i])
         ]
@@ -100,6 +103,7 @@ class Writer:
         self._polar = PolarWriter()
         self._level = self._depth = self._bottom = 0.0
         """Of canned cycles: Z before them, the depth as the program last said it, and where that is."""
+        self._poles = PoleWriter(machine)
 
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
@@ -116,6 +120,8 @@ class Writer:
                 self._go_to_machine_position(motions, row, held)
             elif motions.kind[row] == Kind.PRESET:
                 self._call_here(motions, row, held)
+            elif motions.kind[row] == Kind.PATTERN:
+                self._follow(motions, correction, row, held, ends[row - 1] - motions.target[row - 1])
             else:
                 self._write_row(motions, correction, row, held, bool(turning[row]))
             ends[row] = self._held = held
@@ -155,6 +161,19 @@ class Writer:
             unit = 1.0 if self.machine.rotary[axis] else float(motions.unit[row])
             decimals = max(self._decimals(axis, unit), decimals_holding(held[axis] / unit))
             held[axis] = editor.set(index, held[axis] / unit, decimals) * unit
+
+    def _follow(self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array) -> None:
+        """A hole of a pattern goes by `shift` `(axes,)` as its first one does; Refusal where that is not its own."""
+        own = (correction.target - motions.target)[row]
+        named = [axis for axis in cartesian(self.machine)[:2] if self._said[row][axis]]
+        apart = max((abs(float(own[axis] - shift[axis])) for axis in named), default=0.0) * 1e3
+        if apart > self.tolerance_um:
+            raise motions.blocks[motions.block[row]].refuse(
+                f"the holes of this pattern want corrections that differ by {apart:.1f} um, more than --tolerance-um, "
+                "and it has one place to say them: give the holes one by one"
+            )
+        for axis in cartesian(self.machine)[:2]:
+            held[axis] = float(motions.target[row, axis] + shift[axis])
 
     def _editor(self, motions: Motions, block: int) -> WordEditor:
         return self._editors.setdefault(block, WordEditor(motions.blocks[block], self._layout))
@@ -210,6 +229,8 @@ class Writer:
             named.add(axis)
             if not said[axis]:
                 held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
+            elif index < 0:
+                held[axis] = wanted[axis]
             elif axis in self._by_letter:
                 unit = 1.0 if self.machine.rotary[axis] else linear_unit
                 base = start[axis] if incremental else 0.0
@@ -221,6 +242,8 @@ class Writer:
                 held[axis] = float(motions.target[row, axis])
         if row in motions.polars:
             named.update(self._write_polar(motions, row, wanted, held, editor))
+        elif arc is None and isinstance(editor, WordEditor) and int(motions.block[row]) in motions.polar_ends:
+            self._poles.write_line(motions, row, (start, held), said, editor)
         incremental = bool(motions.incremental[row])
         for axis in (axis for axis in self._by_letter if axis not in named and said[axis]):
             unit = 1.0 if self.machine.rotary[axis] else linear_unit
@@ -326,8 +349,11 @@ class Writer:
         turned = arc_turned(motions, row)
         centre = _new_centre(motions, row, start, end, middle_shift)
         unit = float(motions.unit[row])
-        if arc.form == "pole":
-            centre = self._write_pole(motions, int(motions.block[row]), arc, centre, unit, editor)
+        if arc.form in ("pole", "polar", "tangent"):
+            centre = self._poles.write_arc(
+                motions, row, arc._replace(centre=centre), ends, self._pole_editor(motions, row), editor
+            )
+            end = (ends[1][i], ends[1][j])
         elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
             centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
         else:
@@ -339,6 +365,12 @@ class Writer:
         ):
             raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
         self._arcs[row] = arc._replace(centre=centre)
+
+    def _pole_editor(self, motions: Motions, row: int) -> WordEditor | None:
+        """Klartext: where the pole of an arc can be said, in a CC right before it."""
+        arc = motions.arcs[row]
+        own = arc.pole_block == motions.block[row] - 1 and None not in arc.words
+        return self._editor(motions, arc.pole_block) if own else None
 
     def _centre_letter(self, axis: int) -> str:
         return "IJK"["XYZ".index(self.machine.names[axis][0])]
@@ -398,18 +430,6 @@ class Writer:
         """Distance of the middles of two arcs with the same ends."""
         middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
         return math.dist(*middles)
-
-    def _write_pole(
-        self, motions: Motions, block: int, arc: Arc, centre: Point, unit: float, editor: WordEditor | AddedBlock
-    ) -> Point:
-        """Klartext: change a CC that stands right before its arc, else put one of our own there."""
-        if arc.pole_block == block - 1 and None not in arc.words:
-            return self._write_centre(self._editor(motions, arc.pole_block), arc, (0.0, 0.0), centre, unit)
-        names = [self.machine.names[axis] for axis in arc.plane[:2]]
-        decimals = self._decimals(arc.plane[0], unit)
-        values = [round(place / unit, decimals) for place in centre]
-        editor.centre_before(list(zip(names, values, strict=True)), decimals)
-        return values[0] * unit, values[1] * unit
 
     # ---- blocks of our own
 

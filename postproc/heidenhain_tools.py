@@ -1,0 +1,108 @@
+"""Tools of Klartext: TOOL CALL, TOOL DEF, and what Q parameters tell of the tool in the spindle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from postproc.expressions import NotKnown
+from postproc.frames import cartesian
+from postproc.heidenhain_control import Control, value_of
+from postproc.program import Block, Word
+
+RADIUS, LENGTH = 108.0, 114.0
+"""Q parameters that the control sets to the active radius, and to the length."""
+
+
+@dataclass
+class Tools:
+    """The tool of one control."""
+
+    control: Control
+    key: str = "0"
+    """Number or name of the tool in the spindle."""
+    length: float = 0.0
+    """Without oversizes, mm."""
+    more: float = 0.0
+    """Oversize of its radius by TOOL CALL, mm."""
+
+    def __post_init__(self) -> None:
+        scope = self.control.scope
+        scope.operations = {**scope.operations, "SYSREAD": self.read_system}
+
+    def call(self, block: Block) -> None:
+        """TOOL CALL: another tool, or oversizes of the present one."""
+        words = {word.address: word for word in block.words}
+        other_axis = [axis for axis in "XYUVW" if axis in words]
+        if other_axis:
+            raise block.refuse(f"tool axis {other_axis[0]}: only tools along Z are corrected")
+        control = self.control
+        oversize, more = (
+            value_of(block, words[name]) * control.unit if name in words else 0.0 for name in ("DL", "DR")
+        )
+        if "T" in words:
+            self._change(block, words["T"])
+        elif "DL" not in words and control.oversize:
+            raise block.refuse("whether DL stays in force when no tool is named depends on the control")
+        control.oversize, control.tool_length, self.more = oversize, self.length, more
+        self._tell()
+        control.change_frame(cartesian(control.machine)[2:])
+
+    def _change(self, block: Block, word: Word) -> None:
+        control = self.control
+        if control.tcp:
+            raise block.refuse("a tool call while M128 is on: HEIDENHAIN asks for M129 before it")
+        self.key = self._named(block, word)
+        self.length = control.setup.tool_length(self.key) if self.key != "0" else 0.0
+        control.forget(control.machine.control.tool_change_moves)
+
+    def define(self, block: Block) -> None:
+        """TOOL DEF."""
+        words, control = {word.address: word for word in block.words}, self.control
+        if not words.keys() & {"L", "R"}:
+            return
+        if "T" not in words:
+            raise block.refuse("a tool length without a tool number")
+        key = self._named(block, words["T"])
+        if "L" in words:
+            control.setup.tools = {**control.setup.tools, key: value_of(block, words["L"]) * control.unit}
+        if "R" in words:
+            control.setup.radii = {**control.setup.radii, key: value_of(block, words["R"]) * control.unit}
+
+    def _named(self, block: Block, word: Word) -> str:
+        """The tool that a word names, as tables have it."""
+        text = block.text[word.at : word.end]
+        key = text.strip('"').upper() if text.startswith('"') else f"{value_of(block, word):.10g}"
+        if not key.isdecimal() and not self.control.setup.knows(key):
+            what = "named" if text.startswith('"') else "indexed"
+            raise block.refuse(f"tool {text}: lengths of {what} tools come from a tool table (--tool-table)")
+        return key
+
+    def radius(self) -> float | NotKnown:
+        """Of the tool in the spindle, mm, with its oversize; or why it is not known."""
+        if self.key == "0":
+            return self.more
+        radius = self.control.setup.tool_radius(self.key)
+        if radius is None:
+            return NotKnown(f"the radius of tool {self.key} is given by no tool table (--tool-table)")
+        return radius + self.more
+
+    def _tell(self) -> None:
+        radius, unit = self.radius(), self.control.unit
+        scope = self.control.scope
+        scope.set("Q", (RADIUS,), radius if isinstance(radius, NotKnown) else radius / unit)
+        known = self.key == "0" or self.control.setup.knows(self.key)
+        missing = NotKnown(f"the length of tool {self.key} is not given (--tool-length, --tool-table)")
+        scope.set("Q", (LENGTH,), (self.length + self.control.oversize) / unit if known else missing)
+
+    # ---- what a program reads of the tool table
+
+    def read_system(self, group: float, number: float, index: float | None = None) -> float:
+        """SYSREAD ID50 NR1 and NR2: length and radius of a tool, in units of the program; NotKnown for all else."""
+        if group != 50.0 or number not in (1.0, 2.0):
+            raise NotKnown("what the control reads")
+        setup, key = self.control.setup, self.key if index is None else f"{index:.10g}"
+        found = setup.tool_radius(key) if number == 2.0 else setup.tool_length(key) if setup.knows(key) else None
+        if found is None:
+            what = "radius" if number == 2.0 else "length"
+            raise NotKnown(f"the {what} of tool {key} is given by no tool table (--tool-table)")
+        return found / self.control.unit
