@@ -67,13 +67,14 @@ class SiemensInterpreter:
         self.cycles = Cycles(self.scope, self.notes)
         self.selected_tool: int | str = 0
         self.spindle_tool: int | str | None = None
-        self.edge = 1
+        self.edge, self.length = 1, 0.0
         self.tcp = self.machine.control.tcp_at_start
         self.machine_vectors = False
         """ORIMKS: vectors are those of the machine."""
         self.compensated = self.rounded = self.cornered = False
         """The control shifts the path by the radius of the tool, rounds every corner, rounds the one behind a block."""
         self.recorder = Recorder(self.machine, self._frame())
+        self._columns = {name: i for i, name in enumerate(self.machine.names)}
 
     def read(self, blocks: Iterable[Block]) -> Motions:
         """The moves of a chunk of blocks, each read before the next is asked for.
@@ -101,7 +102,7 @@ class SiemensInterpreter:
         self.begun = True
         frame = self.recorder.frame
         self._functions(block, content)
-        claimed = self._modes(block, content)
+        claimed = self._modes(block, content) if content.g or content.names else None
         corner = self._corner(block, content)
         if content.frames:
             self._change_frame(block, content)
@@ -120,7 +121,7 @@ class SiemensInterpreter:
             if corner or self.compensated:
                 block = block._replace(alone=True)
             self.cycles.run_modal(index, block, self.recorder, self.unit, self.plane[2])
-        self.ended = ends(block) and not self.scope.depth
+        self.ended = bool(content.m or content.names) and ends(block) and not self.scope.depth
         return block
 
     def _corner(self, block: Block, content: Content) -> bool:
@@ -137,7 +138,7 @@ class SiemensInterpreter:
     # ---- tools and functions
 
     def _functions(self, block: Block, content: Content) -> None:
-        before = self._tool_key()
+        before = self._tool_key(), self.length
         if "T" in content.other:
             word = block.words[content.other["T"]]
             self.selected_tool = word.mode or whole_of(block, word)
@@ -149,7 +150,9 @@ class SiemensInterpreter:
                 self._change_tool(block)
         if "D" in content.other:
             self.edge = whole_of(block, block.words[content.other["D"]])
-        if self._tool_key() != before:
+        if "D" in content.other or TOOL_CHANGE in content.m:
+            self.length = self._tool_length()
+        if (self._tool_key(), self.length) != before:
             self._note_edge(block)
             x_y_z = cartesian(self.machine)
             self.recorder.set_frame(self._frame(), x_y_z if self.recorder.frame.tcp else x_y_z[2:])
@@ -185,7 +188,7 @@ class SiemensInterpreter:
             if code in MACHINE or code in REFERENCE or code in POLES or code == DWELL:
                 claimed = code
             elif code in WORK_OFFSETS:
-                self._set_work_offset(f"G{code:.0f}")
+                self._set_work_offset(block, f"G{code:.0f}")
             elif code in COMPENSATION:
                 self._compensate(block)
             elif not self._take_mode(code) and code not in HARMLESS_G:
@@ -216,7 +219,9 @@ class SiemensInterpreter:
             return False
         return True
 
-    def _set_work_offset(self, name: str) -> None:
+    def _set_work_offset(self, block: Block, name: str) -> None:
+        if self.places.swivelled is not None and name != self.work_offset:
+            raise block.refuse("another work offset in a plane of CYCLE800")
         data = self.scope.data
         if name in data.offsets:
             before = dict(self.setup.work_offsets.get(name, self.machine.work_offsets.get(name, {})))
@@ -235,6 +240,8 @@ class SiemensInterpreter:
         arguments = block.words[content.names["TRAORI" if on else "TRAFOOF"]].arguments
         if any(argument != EMPTY for argument in arguments or ()):
             raise block.refuse("TRAORI with a number: which transformation that is, is not known")
+        if on and self.places.swivelled is not None:
+            raise block.refuse("TRAORI in a plane of CYCLE800")
         if on:
             text = "TRAORI: X Y Z taken as the tool point in the workpiece frame that turns with a table"
             self.notes.add(text, block.line)
@@ -277,7 +284,7 @@ class SiemensInterpreter:
         offset = list(self.setup.work_offset(self.work_offset))
         for axis, shift in self.places.turning.items():
             offset[self.machine.index(axis)] += shift
-        length, x_y_z, placed = self._tool_length(), cartesian(self.machine), self.places.placement
+        length, x_y_z, placed = self.length, cartesian(self.machine), self.places.placement
         for column, shift in zip(x_y_z, placed.shift, strict=True):
             offset[column] += shift
         on_the_tip = self.tcp or self.places.swivelled is not None
@@ -296,7 +303,9 @@ class SiemensInterpreter:
         result = []
         for i in content.axes:
             word = block.words[i]
-            axis = self.recorder.axis(block, word.address)
+            axis = self._columns.get(word.address)
+            if axis is None:
+                axis = self.recorder.axis(block, word.address)
             rotary = self.machine.axes[axis].rotary
             if word.mode in ("DC", "ACP", "ACN") and not rotary:
                 raise block.refuse(f"{word.mode} for an axis that does not turn")
@@ -318,7 +327,7 @@ class SiemensInterpreter:
             raise block.refuse("machine coordinates while TRAORI or MCALL is on")
         if words:
             x_y_z = cartesian(self.machine)
-            length = self._tool_length()
+            length = self.length
             targets = {w.axis: value + (length if w.axis == x_y_z[2] else 0.0) for w, value in words}
             self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
             self.polar.forget()
@@ -330,11 +339,12 @@ class SiemensInterpreter:
             self.motion = 1.0
         kind, turn = MOTION[self.motion], self._turn
         said = Said(block, self._axis_words(block, content), {})
-        self._check_increments(block, said)
+        if any(word.incremental for word, _ in said.words):
+            self._check_increments(block, said)
         polar = not POLAR.isdisjoint(content.other)
         if polar:
             said = self.polar.coordinates(block, content, self.recorder, turn, said, self.absolute)
-        elif any(self.machine.names[word.axis] in self.plane[:2] for word, _ in said.words):
+        elif self.polar.radius is not None and any(block.words[i].address in self.plane[:2] for i in content.axes):
             self.polar.forget()
         if kind is not Kind.ARC and content.other.keys() & ARC_WORDS:
             raise block.refuse("a centre, a radius or turns without an arc")

@@ -58,11 +58,13 @@ def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, targe
         return _by_centre(block, content, turn, plane, (start, end))._replace(turns=int(turns))
     if content.other.keys() & set(CENTRES):
         raise block.refuse("an arc by its radius and its centre at once")
+    if turns:
+        raise block.refuse("TURN beside a radius, or beside an angle and an end")
     index = content.other["CR"]
     centre = centre_from_radius(start, end, value_of(block, block.words[index]) * turn.unit, turn.sense)
     if centre is None:
         raise block.refuse("no circle of this radius joins start and end")
-    return Arc(plane, turn.sense, centre, False, "radius", (index, None), turns=int(turns))
+    return Arc(plane, turn.sense, centre, False, "radius", (index, None))
 
 
 def _by_centre(

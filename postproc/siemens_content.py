@@ -23,6 +23,8 @@ from postproc.siemens_codes import (
 )
 
 AXES = "XYZABCUVWEQ"
+ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | {"T", "D"}
+"""Addresses that may stand in any block."""
 _SPINDLE_M = re.compile(r"M\d+")
 _SPINDLE_S = re.compile(r"[SH]\d+")
 _MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
@@ -50,26 +52,27 @@ class Content:
     @property
     def frames(self) -> set[str]:
         """The statements of the programmable frame."""
-        return self.names.keys() & FRAME_NAMES
+        return self.names.keys() & FRAME_NAMES if self.names else set()
 
 
 def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
     """The words of a block by what they are; those of `passive` axes are left out."""
-    content = Content()
+    content, axes = Content(), ""
     for i, word in enumerate(block.words):
         address = word.address
         if address in passive:
             continue
         if word.arguments is not None or word.start == word.end:
             content.names[address] = i
+        elif address in AXES:
+            if address in axes:
+                raise block.refuse(f"two {address} words")
+            axes += address
+            content.axes.append(i)
         elif address == "G":
             content.g.append(word.value or 0.0)
-        elif address == "M" or _SPINDLE_M.fullmatch(address):
+        elif address[0] == "M" and (address == "M" or _SPINDLE_M.fullmatch(address)):
             content.m.append(word.value or 0.0)
-        elif address in AXES:
-            if any(block.words[j].address == address for j in content.axes):
-                raise block.refuse(f"two {address} words")
-            content.axes.append(i)
         elif address in content.other:
             raise block.refuse(f"two {address} words")
         else:
@@ -79,24 +82,29 @@ def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
 
 def check(block: Block, content: Content) -> None:
     """Refuse words that are not known, and those that do not go together."""
-    active = content.moves or content.g or content.names or not {"T", "D"}.isdisjoint(content.other)
-    if block.skippable and (active or not SKIPPABLE_M.issuperset(content.m)):
-        raise block.refuse("whether it runs depends on the block-skip switch")
+    if block.skippable:
+        active = content.moves or content.g or content.names or not {"T", "D"}.isdisjoint(content.other)
+        if active or not SKIPPABLE_M.issuperset(content.m):
+            raise block.refuse("whether it runs depends on the block-skip switch")
     for name, i in content.names.items():
         _check_name(block, name, block.words[i])
-    allowed = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | {"T", "D"}
-    if content.frames:
-        allowed |= {"RPL"}
-    machine_axes = set(filter(_MACHINE_AXIS.fullmatch, content.other)) if REFERENCE & set(content.g) else set()
-    for address in sorted(content.other.keys() - machine_axes - allowed):
-        if not _SPINDLE_S.fullmatch(address):
-            raise block.refuse(_strange(address))
-    for group in GROUPS:
+    if not ALLOWED.issuperset(content.other):
+        _check_others(block, content)
+    for group in GROUPS if len(content.g) > 1 else ():
         clash = sorted(group.intersection(content.g))
         if len(clash) > 1:
             raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
     if content.frames and (content.g or content.m or len(content.names) > 1 or content.other.keys() - {"N", "RPL"}):
         raise block.refuse("a frame and something beside it")
+
+
+def _check_others(block: Block, content: Content) -> None:
+    """Words that are not known to stand anywhere: numbers of spindles, RPL in a frame, machine axes in G74 and G75."""
+    machine_axes = set(filter(_MACHINE_AXIS.fullmatch, content.other)) if REFERENCE & set(content.g) else set()
+    rotation = {"RPL"} if content.frames else set()
+    for address in sorted(content.other.keys() - ALLOWED - machine_axes - rotation):
+        if not _SPINDLE_S.fullmatch(address):
+            raise block.refuse(_strange(address))
 
 
 def _check_name(block: Block, name: str, word: Word) -> None:
