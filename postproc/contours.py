@@ -8,11 +8,20 @@ from __future__ import annotations
 
 import math
 
-from postproc.circles import SAME, Point
+from postproc.circles import SAME, Point, same
+from postproc.motions import Arc, Recorder
 from postproc.program import Block
 
 MOST_TURNED = 0.01
 """rad: 0.5 um off the path for a tool of 10 mm radius."""
+
+
+def follow_contour(recorder: Recorder, plane: tuple[int, int], target: list[float], arc: Arc | None) -> None:
+    """The control shifts the next move; one that stays in the plane must not become a contour by a word of ours."""
+    i, j = plane
+    recorder.follow_contour(plane)
+    if arc is None and same((recorder.position[i], recorder.position[j]), (target[i], target[j])):
+        recorder.keep_still(plane)
 
 
 def check_turned(block: Block, before: tuple[Point, Point], after: tuple[Point, Point]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
-from postproc.circles import same
+from postproc.contours import follow_contour
 from postproc.frames import cartesian
 from postproc.iso_arcs import read_arc
 from postproc.iso_codes import (
@@ -46,7 +46,7 @@ from postproc.iso_placing import extended_offset, place
 from postproc.iso_polar import PolarPlaces, place_of
 from postproc.iso_values import Values
 from postproc.iso_variables import IsoVariables, variables_of
-from postproc.motions import Arc, AxisWord, Kind, Motions, Polar
+from postproc.motions import AxisWord, Kind, Motions, Polar
 from postproc.notes import Notes
 from postproc.program import Block
 from postproc.setup import Setup
@@ -294,7 +294,9 @@ class IsoInterpreter:
         if self.modes.unsaid:
             self.modes.note_unsaid(content.block.line, kind)
         if self.compensated:
-            self._follow_contour(target, arc)
+            self.alone = True
+            plane = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
+            follow_contour(self.recorder, plane, target, arc)
         modes = {"incremental": not self.modes.absolute, "timed": self.modes.timed, "settled": settled}
         self.recorder.move(index, kind, target, self.modes.unit, tuple(named), arc, **modes)
 
@@ -322,15 +324,6 @@ class IsoInterpreter:
             target[axis] = value
         self.alone = True
         return [AxisWord(axis, -1, True) for axis in places]
-
-    def _follow_contour(self, target: list[float], arc: Arc | None) -> None:
-        """A move that the control shifts; where it stays in the plane, no word of ours may make it a contour."""
-        i, j = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
-        self.alone = True
-        self.recorder.follow_contour((i, j))
-        here = self.recorder.position
-        if arc is None and same((here[i], here[j]), (target[i], target[j])):
-            self.recorder.keep_still((i, j))
 
     # ---- canned cycles
 

@@ -6,13 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
+from postproc.contours import follow_contour
 from postproc.frames import Frame, cartesian
 from postproc.iso_codes import HARMLESS_M, TOOL_CHANGE
 from postproc.motions import Arc, AxisWord, Kind, Known, Motions, Recorder
 from postproc.notes import Notes
 from postproc.program import Block
 from postproc.setup import Setup
-from postproc.siemens_arcs import ARC_WORDS, Said, Turn, arc_of, check_start, with_angle
+from postproc.siemens_arcs import ARC_WORDS, Said, Turn, arc_of, with_angle
 from postproc.siemens_calls import ends
 from postproc.siemens_codes import (
     COMPENSATION,
@@ -117,8 +118,9 @@ class SiemensInterpreter:
         elif self.cycles.read(index, block, content, self.recorder, self.unit, self.plane[2]):
             self.polar.forget()
         elif content.moves and claimed != DWELL:
-            block = self._move(index, block, content, frame == self.recorder.frame)
-            if corner or self.compensated:
+            drills = self.cycles.modal is not None
+            block = self._move(index, block, content, frame == self.recorder.frame and not drills)
+            if corner or self.compensated or drills:
                 block = block._replace(alone=True)
             self.cycles.run_modal(index, block, self.recorder, self.unit, self.plane[2])
         self.ended = bool(content.m or content.names) and ends(block) and not self.scope.depth
@@ -348,14 +350,14 @@ class SiemensInterpreter:
             self.polar.forget()
         if kind is not Kind.ARC and content.other.keys() & ARC_WORDS:
             raise block.refuse("a centre, a radius or turns without an arc")
-        if kind is Kind.ARC:
-            check_start(block, self.recorder, turn)
-            if "AR" in content.other:
-                said = with_angle(block, content, self.recorder, turn, said, self.absolute)
+        if kind is Kind.ARC and "AR" in content.other:
+            said = with_angle(block, content, self.recorder, turn, said, self.absolute)
         target = said.target(self.recorder)
         if not content.other.keys().isdisjoint(VECTOR):
             self._point(block, content, target)
         arc = self._arc(said.block, content, turn, target, polar) if kind is Kind.ARC else None
+        if self.compensated:
+            follow_contour(self.recorder, turn.columns(self.recorder)[:2], target, arc)
         named = tuple(word for word, _ in said.words)
         modes = {"incremental": not self.absolute, "timed": self.timed, "settled": settled}
         self.recorder.move(index, kind, target, self.unit, named, arc, **modes)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from postproc.circles import Point, centre_from_radius, point_at, radius_fault, same
+from postproc.arcs import Ends, arc_by_centre, arc_by_radius, begin_arc
+from postproc.circles import Point, point_at
 from postproc.motions import Arc, AxisWord, Known, Recorder
 from postproc.program import Block
 from postproc.siemens_codes import CENTRES
@@ -24,16 +25,14 @@ class Turn(NamedTuple):
     unit: float
     """mm per unit of its words."""
 
+    def ends(self, block: Block, recorder: Recorder, target: list[float]) -> Ends:
+        """Start and end in the plane; Refusal for a start that the program has not said."""
+        return begin_arc(block, recorder, self.plane, self.sense, target)
+
     def columns(self, recorder: Recorder) -> tuple[int, int, int]:
         """Of the axes of the plane."""
         first, second, normal = (recorder.machine.index(axis) for axis in self.plane)
         return first, second, normal
-
-    def ends(self, recorder: Recorder, target: list[float]) -> tuple[Point, Point]:
-        """Start and end in the plane."""
-        first, second, _ = self.columns(recorder)
-        position = recorder.position
-        return (position[first], position[second]), (target[first], target[second])
 
     @property
     def letters(self) -> list[str]:
@@ -41,53 +40,36 @@ class Turn(NamedTuple):
         return [CENTRES["XYZ".index(axis)] for axis in self.plane[:2]]
 
 
-def check_start(block: Block, recorder: Recorder, turn: Turn) -> None:
-    """Refuse an arc from where the program has not put the tool."""
-    first, second, _ = turn.columns(recorder)
-    if not (recorder.known[first] and recorder.known[second]):
-        raise block.refuse("an arc from a position that the program has not said")
-
-
 def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float]) -> Arc:
     """The circle of an arc to `target`, programmed coordinates, mm; Refusal where the words give none."""
-    plane, (start, end) = turn.columns(recorder), turn.ends(recorder, target)
+    ends = turn.ends(block, recorder, target)
     turns = value_in(block, content, "TURN") or 0.0
     if turns != int(turns) or turns < 0.0:
         raise block.refuse(f"TURN={turns:g} is no number of turns")
     if "CR" not in content.other:
-        return _by_centre(block, content, turn, plane, (start, end))._replace(turns=int(turns))
+        return _by_centre(block, content, turn, ends)._replace(turns=int(turns))
     if content.other.keys() & set(CENTRES):
         raise block.refuse("an arc by its radius and its centre at once")
     if turns:
         raise block.refuse("TURN beside a radius, or beside an angle and an end")
     index = content.other["CR"]
-    centre = centre_from_radius(start, end, value_of(block, block.words[index]) * turn.unit, turn.sense)
-    if centre is None:
-        raise block.refuse("no circle of this radius joins start and end")
-    return Arc(plane, turn.sense, centre, False, "radius", (index, None))
+    return arc_by_radius(block, ends, value_of(block, block.words[index]) * turn.unit, index)
 
 
-def _by_centre(
-    block: Block, content: Content, turn: Turn, plane: tuple[int, int, int], ends: tuple[Point, Point]
-) -> Arc:
+def _by_centre(block: Block, content: Content, turn: Turn, ends: Ends) -> Arc:
     letters = turn.letters
     stray = [a for a in CENTRES if a in content.other and a not in letters]
     if any(value_of(block, block.words[content.other[a]]) for a in stray):
         raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(turn.plane[:2])}")
-    indices = [content.other.get(letter) for letter in letters]
-    if indices == [None, None]:
+    indices = content.other.get(letters[0]), content.other.get(letters[1])
+    if indices == (None, None):
         raise block.refuse(f"an arc without {' or '.join(letters)} or CR")
-    start, end = ends
-    centre, absolute = _centre(block, content, turn, start)
-    fault = radius_fault(start, end, centre)
-    if fault is not None:
-        raise block.refuse(fault)
-    form = "absolute" if absolute else "incremental"
-    return Arc(plane, turn.sense, centre, same(start, end), form, (indices[0], indices[1]))
+    said, absolute = _centre(block, content, turn)
+    return arc_by_centre(block, ends, said, indices, absolute=absolute)
 
 
-def _centre(block: Block, content: Content, turn: Turn, start: Point) -> tuple[Point, bool]:
-    """The centre, and whether its words say where it is and not how far from the start."""
+def _centre(block: Block, content: Content, turn: Turn) -> tuple[Point, bool]:
+    """What the words of a centre say, mm, and whether that is where it is and not how far from the start."""
     indices = [content.other.get(letter) for letter in turn.letters]
     words = [None if i is None else block.words[i] for i in indices]
     modes = {word.mode for word in words if word is not None}
@@ -96,9 +78,8 @@ def _centre(block: Block, content: Content, turn: Turn, start: Point) -> tuple[P
     absolute = modes == {"AC"}
     if absolute and None in indices:
         raise block.refuse(f"an absolute centre takes both {' and '.join(turn.letters)}")
-    values = [0.0 if word is None else value_of(block, word) * turn.unit for word in words]
-    base = (0.0, 0.0) if absolute else start
-    return (base[0] + values[0], base[1] + values[1]), absolute
+    first, second = (0.0 if word is None else value_of(block, word) * turn.unit for word in words)
+    return (first, second), absolute
 
 
 # ---- AR: the angle of an arc, with its end or with its centre
@@ -131,11 +112,13 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
     if not 0.0 < angle < 360.0:
         raise block.refuse(f"an arc of {angle:g} degrees")
     first, second, _ = turn.columns(recorder)
-    start, end = turn.ends(recorder, said.target(recorder))
+    _, _, start, end = turn.ends(block, recorder, said.target(recorder))
     if not any(word.axis in (first, second) for word, _ in said.words):
         if recorder.known[first] != Known.PROGRAM or recorder.known[second] != Known.PROGRAM:
             raise block.refuse("an arc from a position that the program has not said in this frame")
-        centre, _ = _centre(block, content, turn, start)
+        shift, placed = _centre(block, content, turn)
+        base = (0.0, 0.0) if placed else start
+        centre = (base[0] + shift[0], base[1] + shift[1])
         end = point_at(start, centre, turn.sense * math.radians(angle))
         value = end[0] - (0.0 if absolute else start[0])
         coordinate = given_as(block.words[index], turn.plane[0], value / turn.unit)

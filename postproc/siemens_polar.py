@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from postproc.circles import Point, radius_fault, same
+from postproc.arcs import arc_by_centre
+from postproc.circles import Point, same
 from postproc.motions import Arc, AxisWord, Known, Recorder
 from postproc.program import Block, Word
 from postproc.siemens_arcs import Said, Turn
@@ -103,15 +104,12 @@ class Polar:
 
     def arc(self, block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float]) -> Arc:
         """The arc round the pole to polar coordinates."""
-        plane, (start, end) = turn.columns(recorder), turn.ends(recorder, target)
+        ends = turn.ends(block, recorder, target)
         if content.other.keys() & {"I", "J", "K", "CR", "AR", "TURN"}:
             raise block.refuse("an arc round the pole, and another circle")
-        if same(start, end):
+        if same(ends.start, ends.end):
             raise block.refuse("an arc round the pole that ends where it starts")
-        fault = radius_fault(start, end, self.pole)
-        if fault is not None:
-            raise block.refuse(fault)
-        return Arc(plane, turn.sense, self.pole, False, "incremental", (None, None))
+        return arc_by_centre(block, ends, self.pole, (None, None), absolute=True)._replace(form="incremental")
 
 
 def _around(pole: Point, radius: float, degrees: float) -> Point:

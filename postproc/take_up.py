@@ -33,6 +33,8 @@ from postproc.reversals import (
     ways,
 )
 
+TURN_WORDS = frozenset(("P", "TURN"))
+"""ISO and Siemens: how many turns a helix has."""
 NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
 """M functions that every control runs before the move of their block: they may stay with the first piece of it."""
@@ -179,17 +181,18 @@ class TakeUps:
 def _obstacle(motions: Motions, row: int, block: Block) -> str:
     """Why an arc can't be written in pieces, empty when it can."""
     named = [word.axis for word in motions.words[row]]
-    if motions.frames[motions.frame[row]].tcp or row in motions.contours:
-        return "under TCP its axes are not those of the machine, and radius compensation follows all its pieces"
-    if any(axis not in motions.machine.translators for axis in named):
-        return "other axes turn or move with it"
-    if (motions.known[row, named] != Known.PROGRAM).any():
-        return "an increment from where the program has not said"
-    if not START_M.issuperset(word.value or 0.0 for word in block.words if word.address == "M"):
-        return "an M function in its block may run before or after it"
-    if motions.timed[row] and not _has_feed(block):
-        return "no F under G93"
-    return ""
+    codes = {word.value or 0.0 for word in block.words if word.address == "M"}
+    says_turns = any(word.address in TURN_WORDS for word in block.words)
+    obstacles = {
+        "under TCP its axes are not those of the machine": motions.frames[motions.frame[row]].tcp,
+        "radius compensation follows all its pieces": row in motions.contours,
+        "other axes turn or move with it": any(axis not in motions.machine.translators for axis in named),
+        "its block says how often it turns": motions.arcs[row].turns and says_turns,
+        "an increment from where the program has not said": (motions.known[row, named] != Known.PROGRAM).any(),
+        "an M function in its block may run before or after it": not START_M.issuperset(codes),
+        "no F under G93": motions.timed[row] and not _has_feed(block),
+    }
+    return next((obstacle for obstacle, stands in obstacles.items() if stands), "")
 
 
 def _has_feed(block: Block) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kinematics.inverse import inverse
-from postproc.frames import cartesian, to_machine
+from postproc.frames import in_workpiece, to_machine
 from postproc.motions import Recorder
 from postproc.program import Block
 
@@ -21,9 +21,9 @@ def turned_to(block: Block, recorder: Recorder, target: Sequence[float], vector:
     machine, frame = recorder.machine, recorder.frame
     if not np.linalg.norm(vector):
         raise block.refuse("a tool axis of length 0")
-    shifted = np.asarray(target) + np.asarray(frame.offset)
+    place = in_workpiece(machine, frame, np.array([target]))
     start = to_machine(machine, frame, np.array([recorder.position]))[0]
-    found = inverse(machine, shifted[None, cartesian(machine)], [vector], frame.tool, start=start)
+    found = inverse(machine, place, [vector], frame.tool, start=start)
     if not np.isfinite(found.q).all():
         raise block.refuse("a tool axis that the machine does not reach")
     places = found.q[0] / machine.scale - np.asarray(frame.offset)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, random_model, setup_of, shifted
+from programs import load, model_of, random_model, setup_of, shifted
 from siemens_programs import SIEMENS, correct, corrected, ends, judged, places, read
 
+from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from kinematics.forward import forward
 from postproc.motions import Kind
@@ -293,3 +294,33 @@ def test_words_of_passive_axes_pass():
 
 def test_ends_of_conditions_that_read_alike_either_way():
     assert ends("G1 X0\nR1=1 R2=0\nIF R1==1 AND R2==1\nX9\nENDIF\nIF R1==1 AND NOT R2\nX2\nENDIF\n") == [0, 2]
+
+
+# ---- play
+
+
+PLAY = model_of(load("gantry"), Backlash("X", 20.0), Backlash("Y", 10.0))
+
+
+def test_a_helix_of_several_turns_stays_in_one_piece():
+    written, notes = corrected(HEAD + "G3 I10 TURN=2 Z-5\nG1 X5\n", model=PLAY)
+    assert written.count("TURN=2") == 1
+    assert "NCOMP ARC" not in written
+    assert any("its block says how often it turns" in note for note in notes)
+
+
+def test_no_block_comes_between_holes():
+    """Every move would drill."""
+    text = HEAD + "X10 Y10\nMCALL CYCLE81(10,0,2,-5)\nG1 X30\nX5\nMCALL\nG1 X1\n"
+    written, _ = corrected(text, model=PLAY)
+    assert "NCOMP" not in written.partition("MCALL C")[2].partition("MCALL\n")[0]
+    assert "NCOMP TAKE-UP" in corrected(HEAD + "G1 X30\nX5\n", model=PLAY)[0]
+
+
+@pytest.mark.parametrize(
+    "block", ["G111 X10 Y0\nG1 AP=180 RP=20\nG2 AP=10\nG3 AP=180 RP=20 Z5", "G3 X10 Y10 AR=270\nG3 I10 AR=200"]
+)
+def test_arcs_in_other_words_are_cut_where_an_axis_turns_back(block):
+    written, motions = judged(f"{HEAD}{block}\nG1 X1 Y1\n", PLAY, least=5.0)
+    assert "NCOMP ARC" in written
+    assert (motions.kind == Kind.ARC).sum() == 2
