@@ -352,7 +352,8 @@ class IsoInterpreter:
         if len(times) > 1 or any(not 1 <= n <= MOST_HOLES for n in times):
             raise content.refuse("a canned cycle that runs no or very many times, or K and L at once")
         words, polar = self._places(content)
-        retract = self.values.number(block, content.other["R"], self.modes.unit) if "R" in content.other else None
+        i = content.other.get("R")
+        retract = None if i is None else (i, self.values.number(block, i, self.modes.unit))
         if self.modes.unsaid:
             self.modes.note_unsaid(block.line, Kind.CYCLE)
         # of holes at one place all but the first change nothing

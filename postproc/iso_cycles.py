@@ -44,16 +44,16 @@ class CannedCycle:
         block: Block,
         recorder: Recorder,
         words: list[tuple[AxisWord, float]],
-        retract: float | None,
+        retract: tuple[int, float] | None,
         to_retract: bool | None,
     ) -> Hole:
         """The next hole.
 
-        words: the axis words of the block with their values; retract: its R. Values in mm.
+        words: the axis words of the block with their values; retract: its R, index and value. Values in mm.
         """
         axis = self.axis
         said = {word.axis: (word.word, value) for word, value in words}
-        self.retract = self.retract if retract is None else retract
+        self.retract = self.retract if retract is None else retract[1]
         self.depth = said[axis][1] if axis in said else self.depth
         if self.retract is None or self.depth is None:
             raise block.refuse(f"a canned cycle without {recorder.machine.names[axis]} or R")
@@ -66,8 +66,8 @@ class CannedCycle:
         places = [(word, value) for word, value in words if word.axis != axis]
         target = recorder.target(block, places)
         target[axis] = level + self.depth if self.incremental else self.depth
-        index = said[axis][0] if axis in said else None
-        cycle = Cycle(axis, index, self.retract, self.incremental, to_retract, not self.begun)
+        index, retract_word = said[axis][0] if axis in said else None, None if retract is None else retract[0]
+        cycle = Cycle(axis, index, retract_word, level, self.incremental, to_retract, not self.begun)
         self.begun = True
         return Hole(target, level if to_retract else self.level, tuple(word for word, _ in places), cycle)
 

@@ -24,8 +24,9 @@ def set_data(content: Content, shifts: Shifts, frames: Frames, values: Values, u
         raise content.refuse("G10 without L and P")
     kind, number = values.whole(content.block, other["L"]), values.whole(content.block, other["P"])
     if kind == WORK_OFFSET or (kind == WORK_OFFSET_HERE and family == "fanuc"):
-        _refuse_but(content, "LP")
-        frames.enter_offset(content.block, _name(content, kind, number), shifts)
+        _refuse_but(content, "LP" if family == "fanuc" else "LPR")
+        turn = values.number(content.block, other["R"], 1.0) if "R" in other else None
+        frames.enter_offset(content.block, _name(content, kind, number), shifts, turn)
     elif kind == WORK_OFFSET_HERE and family == "linuxcnc":
         _refuse_but(content, "LP")
         if number and NUMBERED.get(number) != frames.offsets.name:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.forward import forward
 from kinematics.machine import Machine
-from postproc.frames import Frame, Placement, cartesian, to_machine
+from postproc.frames import Frame, Placement, cartesian, rotated, shifted, to_machine
 from postproc.iso_codes import MIRROR, SCALE, TILT
 from postproc.iso_lengths import TCP_CODES, Lengths
 from postproc.iso_offsets import Offsets, Shifts
@@ -44,13 +44,14 @@ class Frames:
 
     def frame(self) -> Frame:
         """The frame that coordinates are programmed in now."""
-        offset, x_y_z = self.offsets.total(), cartesian(self.machine)
-        for axis, shift in zip(x_y_z, self.place.shift, strict=True):
+        offset, added, x_y_z = self.offsets.work(), self.offsets.added(), cartesian(self.machine)
+        placed = rotated(self.offsets.turn).then(shifted(*(added.pop(axis, 0.0) for axis in x_y_z))).then(self.place)
+        for axis, shift in (*zip(x_y_z, placed.shift, strict=True), *added.items()):
             offset[axis] += shift
         length, tcp = self.lengths.offset(), self.lengths.tcp or self.tilted
         if length is not None and not tcp:
             offset[x_y_z[2]] += length
-        return Frame(tuple(offset), self.lengths.tool(), tcp, self.place.frame_turn)
+        return Frame(tuple(offset), self.lengths.tool(), tcp, placed.frame_turn)
 
     # ---- work offsets and lengths
 
@@ -75,7 +76,7 @@ class Frames:
 
     def select_length(self, block: Block, code: float, number: int | None) -> None:
         """G43, G43.4, G43.5, G49."""
-        if code in TCP_CODES and self.placed_by:
+        if code in TCP_CODES and (self.placed_by or self.offsets.turn):
             raise block.refuse(f"G{code:g} while the coordinates are turned: not corrected")
         self.lengths.select(block, code, number)
 
@@ -110,20 +111,25 @@ class Frames:
         self.offsets.call(block, self._standing(block, values), values)
         self.recorder.set_frame(self.frame(), ())
 
-    def enter_offset(self, block: Block, name: str, values: Shifts) -> None:
-        """G10 L2: a work offset of the table."""
+    def enter_offset(self, block: Block, name: str, values: Shifts, turn: float | None) -> None:
+        """G10 L2: a work offset of the table, and by how many degrees it turns X and Y."""
         if self.placed_by and name == self.offsets.name:
             raise block.refuse("changes the work offset in force while the coordinates are turned")
         self.offsets.enter(name, values)
         self.notes.add(f"{name} as G10 sets it", block.line)
+        changed = set(values)
+        if turn is not None:
+            self.offsets.turned[name] = turn
+            changed.update(cartesian(self.machine)[:2])
         if name == self.offsets.name:
-            self.recorder.set_frame(self.frame(), values)
+            self.recorder.set_frame(self.frame(), changed)
 
     def enter_here(self, block: Block, values: Shifts) -> None:
         """G10 L20 of LinuxCNC: the work offset in force becomes what calls the place where the axes stand so."""
         self._refuse_turned(block)
         here = self._standing(block, values)
-        entered = {axis: self.offsets.entered_value(axis) + here[axis] - value for axis, value in values.items()}
+        work = self.offsets.work()
+        entered = {axis: work[axis] + here[axis] - value for axis, value in values.items()}
         self.offsets.enter(self.offsets.name, entered)
         self.recorder.set_frame(self.frame(), ())
 
@@ -144,7 +150,7 @@ class Frames:
             self.recorder.set_frame(frame, axes)
 
     def _refuse_turned(self, block: Block) -> None:
-        if self.placed_by or self.lengths.tcp:
+        if self.placed_by or self.lengths.tcp or self.offsets.turn:
             raise block.refuse("says where the tool stands while the coordinates are turned or the table turns them")
 
     def _standing(self, block: Block, axes: Iterable[int]) -> Shifts:
@@ -161,6 +167,8 @@ class Frames:
         """G68, G51, G51.1, G68.2."""
         if self.placed_by and not (code == MIRROR == self.placed_by):
             raise said.block.refuse(f"G{code:g} while G{self.placed_by:g} is on")
+        if self.offsets.turn:
+            raise said.block.refuse(f"G{code:g} within a work offset that turns the coordinates")
         if code == TILT and (self.offsets.moved or self.lengths.tcp):
             raise said.block.refuse("a tilted plane while G52, G92 or TCP is on: not corrected")
         if code == MIRROR:

@@ -31,16 +31,27 @@ class Offsets:
     """G92.2."""
     entered: dict[str, Shifts] = field(default_factory=dict)
     """What G10 has made of work offsets."""
+    turned: dict[str, float] = field(default_factory=dict)
+    """Degrees by which G10 has turned X and Y of work offsets (LinuxCNC)."""
 
-    def total(self) -> list[float]:
-        """The offset of every axis, mm or degrees: what is added to a programmed position."""
+    def work(self) -> list[float]:
+        """The work offset of every axis, mm or degrees."""
         found = list(self.setup.work_offset(self.name))
         for axis, value in self.entered.get(self.name, {}).items():
             found[axis] = value
-        for shifts in (self.local, {} if self.suspended else self.preset or {}):
-            for axis, value in shifts.items():
-                found[axis] += value
         return found
+
+    def added(self) -> Shifts:
+        """What G52 and G92 add, inside the work offset and its turn."""
+        found = dict(self.local)
+        for axis, value in ({} if self.suspended else self.preset or {}).items():
+            found[axis] = found.get(axis, 0.0) + value
+        return found
+
+    @property
+    def turn(self) -> float:
+        """Degrees by which the work offset in force turns X and Y."""
+        return self.turned.get(self.name, 0.0)
 
     @property
     def moved(self) -> bool:
@@ -55,10 +66,6 @@ class Offsets:
     def enter(self, name: str, values: Shifts) -> None:
         """Set a work offset, of axes that the block says."""
         self.entered.setdefault(name, {}).update(values)
-
-    def entered_value(self, axis: int) -> float:
-        """The work offset of an axis without what G52 and G92 add to it."""
-        return self.entered.get(self.name, {}).get(axis, self.setup.work_offset(self.name)[axis])
 
     def call(self, block: Block, here: Shifts, said: Shifts) -> None:
         """G92: the places `here` are called `said` from now on."""

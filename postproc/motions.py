@@ -104,8 +104,10 @@ class Cycle(NamedTuple):
     """Column of the axis that drills."""
     word: int | None
     """Index of the word that says the depth, None where that of a block before still holds."""
-    retract: float
-    """Level of R; with increments, above the level before the cycle."""
+    retract_word: int | None
+    """Index of R, likewise."""
+    clear: float
+    """The level that R says, where the feed begins."""
     incremental: bool
     """The depth counts from R, and R from the level before the cycle."""
     to_retract: bool | None

@@ -29,6 +29,7 @@ from postproc.circles import (
 from postproc.compensate import Correction
 from postproc.contours import check_turned
 from postproc.frames import Frame, cartesian, to_machine, to_program
+from postproc.holes import Depth, HoleWriter
 from postproc.motions import Arc, Kind, Known, Motions
 from postproc.numbers import decimals_for, decimals_holding
 from postproc.pieces import arc_ends, arc_turned
@@ -101,9 +102,10 @@ class Writer:
         self._arcs: dict[int, Arc] = {}
         self._added = 0
         self._polar = PolarWriter()
-        self._level = self._depth = self._bottom = 0.0
-        """Of canned cycles: Z before them, the depth as the program last said it, and where that is."""
         self._poles = PoleWriter(machine)
+        self._holes = HoleWriter()
+        self._bottom = 0.0
+        """Of the last hole."""
 
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
@@ -282,22 +284,12 @@ class Writer:
     def _write_depth(
         self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
     ) -> None:
-        """Say the depth of a hole, where it is another than the one that still holds; leaves Z where the cycle does."""
+        """Say depth and R of a hole, where they are others than those that hold; leaves Z where the cycle does."""
         cycle, unit = motions.cycles[row], float(motions.unit[row])
         z = cycle.axis
-        if cycle.first:
-            self._level = held[z]
-        base = self._level + cycle.retract if cycle.incremental else 0.0
-        wanted = (float(correction.target[row, z]) - base) / unit
-        decimals = self._decimals(z, unit)
-        if cycle.word is not None:
-            said = editor.block.words[cycle.word].value or 0.0
-            self._depth = editor.set(cycle.word, wanted, decimals) if self._said[row][z] else said
-        elif self._said[row][z] and round(wanted - self._depth, decimals) != 0.0:
-            self._depth = round(wanted, decimals)
-            editor.insert(self.machine.names[z], self._depth, decimals)
-        self._bottom = base + self._depth * unit
-        held[z] = base + cycle.retract if cycle.to_retract else self._level
+        depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), self._said[row][z])
+        decimals, name = self._decimals(z, unit), self.machine.names[z]
+        self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, held[z], unit, decimals)
 
     def _round_off(self, motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
         """Move the wanted end of a nearly full circle in or out where it would be too far from round.

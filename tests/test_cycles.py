@@ -26,6 +26,9 @@ PROGRAMS = {
     "boring": "M3 S100\nG86 X10. Y5. Z-20. R2. P1. F100\nX20.\nG89 X20. Y20. Z-20. R2. P1.\n",
     "inches": "G20\nG81 X1. Y.5 Z-.5 R.1 F10\nX2.\n",
     "formulas": "#1=10 #2=-20\nG81 X#1 Y5. Z[#2-1] R2. F100\nX[#1+10]\n",
+    "L": "G81 X10. Y5. Z-20. R2. L3 F100\nX20. L2\n",
+    "another plane": "G18\nG0 Y90.\nG81 X10. Z5. Y-20. R2. F100\nX20.\nG98 Z7. Y-4. R1.\n",
+    "the third plane": "G19\nG0 X90.\nG83 Z10. Y5. X-20. R2. Q5. F100\nY20.\n",
     "a loop": "#1=0\no1 while [#1 lt 3]\nG81 X[#1*10] Y5. Z-20. R2. F100\n#1=[#1+1]\no1 endwhile\n",
     "between moves": "G1 Z50. F100\nG81 X10. Y5. Z-20. R2. F100\nG0 X20.\nZ60.\nG81 Z-5. R1. F100\nX30.\n",
 }  # fmt: skip
@@ -35,8 +38,8 @@ def holes(motions):
     return np.flatnonzero(motions.kind == Kind.CYCLE)
 
 
-def bottoms(moves: list[Move], lines: list[int], rows: np.ndarray) -> list[tuple[float, ...]]:
-    """Lowest places of LinuxCNC's moves in the blocks that drill, in order."""
+def bottoms(moves: list[Move], lines: list[int], rows: np.ndarray, axis: int = 2) -> list[tuple[float, ...]]:
+    """Lowest places of LinuxCNC's moves in the blocks that drill along an axis, in order."""
     wanted = {lines[row] for row in rows}
     found: list[tuple[float, ...]] = []
     last = None
@@ -45,12 +48,13 @@ def bottoms(moves: list[Move], lines: list[int], rows: np.ndarray) -> list[tuple
             last = None
             continue
         place = move.machine[:3]
-        if (move.line, place[:2]) != last:
+        hole = (move.line, [place[i] for i in range(3) if i != axis])
+        if hole != last:
             found.append(place)
-            last = (move.line, place[:2])
-        elif place[2] < found[-1][2]:
+            last = hole
+        elif place[axis] < found[-1][axis]:
             found[-1] = place
-    return [place for place in found if place[2] < 40.0]
+    return [place for place in found if place[axis] < 40.0]
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -64,9 +68,10 @@ def test_linuxcnc_drills_the_same_holes(linuxcnc, name):
         motions, lines = read_lines(program, machine)
         rows = holes(motions)
         assert len(rows) > 1
-        np.testing.assert_allclose(bottoms(seen.moves, lines, rows), motions.machine_target[rows], atol=1e-6)
+        axis = motions.cycles[rows[0]].axis
+        np.testing.assert_allclose(bottoms(seen.moves, lines, rows, axis), motions.machine_target[rows], atol=1e-6)
         after = [move for move in seen.moves if move.line == lines[rows[-1]]][-1]
-        assert after.machine[2] == pytest.approx(motions.in_machine(motions.start)[rows[-1] + 1, 2], abs=1e-6)
+        assert after.machine[axis] == pytest.approx(motions.in_machine(motions.start)[rows[-1] + 1, axis], abs=1e-6)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -97,7 +102,7 @@ def test_what_is_written():
     text = HEAD + "G81X10.Y5.Z-20.R2.F100\nX20.\nG99X30.\nG80\nG0 X1. Y1.\n"
     written = correct(text, machine, shifted(machine, X=3.0, Z=5.5), travel_check=False).text
     assert written.splitlines()[3:] == [
-        "G81X9.9970Y5.Z-20.0055R2.F100", "X19.9970", "G99X29.9970", "G80", "G0 X0.9970 Y1. Z1.9945",
+        "G81X9.9970Y5.Z-20.0055R1.9945F100", "X19.9970", "G99X29.9970", "G80", "G0 X0.9970 Y1.",
     ]  # fmt: skip
 
 
@@ -106,7 +111,24 @@ def test_play_is_taken_up_on_the_way_to_a_hole():
     model = model_of(machine, Backlash("X", 20.0), Backlash("Z", 10.0))
     result = correct(text, machine, model, travel_check=False)
     assert result.report.added_blocks == 0
-    assert result.text.splitlines()[3:6] == ["G81 X10.0100 Y5. Z-20.0050 R2. F100", "X20.0100", "X14.9900"]
+    assert result.text.splitlines()[3:6] == ["G81 X10.0100 Y5. Z-20.0050 R1.9950 F100", "X20.0100", "X14.9900"]
+
+
+def test_repeats_by_increments(linuxcnc):
+    """One block drills several holes; each is put right as long as they want the same words."""
+    machine = load("gantry")
+    text = HEAD + "G91 G81 X10. Y-3. Z-20. R-90. L4 F100\nX5. L2\n" + TAIL.replace("G80", "G80\nG90")
+    motions, lines = read_lines(text, machine)
+    rows = holes(motions)
+    assert motions.machine_target[rows, 0].tolist() == [10, 20, 30, 40, 45, 50]
+    model = shifted(machine, X=3.0, Y=-4.2, Z=5.5)
+    written = correct(text, machine, model, travel_check=False).text
+    for program in (text, written):
+        seen = linuxcnc.run(program)
+        motions, lines = read_lines(program, machine)
+        np.testing.assert_allclose(bottoms(seen.moves, lines, rows), motions.machine_target[rows], atol=1e-6)
+    with pytest.raises(UserError, match="drills several holes, which want different corrections"):
+        correct(text, machine, random_model(machine, 5), travel_check=False)
 
 
 REFUSED = {
