@@ -160,3 +160,48 @@ def test_bad_tool_table(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(UserError, match=f"^tool table .*{name}"):
         read_tool_table(tmp_path / name)
+
+
+FANUC = {
+    "G10": (
+        "%\nO9999 (OFFSETS)\nG90 G21\nN1 G10 L2 P1 X10. Y-20. Z-300.5 C30.\nG10 L20 P7 X5.\nG10 L10 P1 R120.5\n"
+        "G10 L11 P1 R-.02 (WEAR)\nG10L12P1R5.\nG10 L13 P1 R.01\nG11\nM30\n%\n",
+        {"1": 120.48}, {"1": 5.01}, {"G54": {"X": 10, "Y": -20, "Z": -300.5, "C": 30}, "G54.1P7": {"X": 5}},
+    ),
+    "inches": ("G10 L10 P2 R10.\nG20 G10 L10 P1 R1.5\nG10 L2 P6 X1.\n", {"2": 10, "1": 38.1}, {}, {"G59": {"X": 25.4}}),
+    "a list": ("(length wear)\nH1 120.5 -0.02\nH02 98.25\nD1 5.0 ; radius\nd2 .5 .1\n", {"1": 120.48, "2": 98.25}, {"1": 5, "2": 0.6}, {}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FANUC)
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_fanuc(tmp_path, name, end):
+    text, lengths, radii, offsets = FANUC[name]
+    path = tmp_path / "OFFSETS.NC"
+    path.write_bytes(text.replace("\n", end).encode())
+    table = read_tool_table(path)
+    assert table.tools == pytest.approx(lengths)
+    assert table.radii == pytest.approx(radii)
+    assert table.work_offsets == offsets
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("G10 L10 P1 R1. X5.", "what it sets is not known"),
+        ("G10 L2 P0 X1.", "what it sets is not known"),
+        ("G10 L2 P1 R5.", "what it sets is not known"),
+        ("G10 L10 R5.", "without L and P"),
+        ("G10 L50 P1 R5.", "what it sets is not known"),
+        ("G0 X5.", "G0 in a list of offsets"),
+        ("X5.", "no G10"),
+        ("H1 twelve", "is none of"),
+        ("G10 L10 P1 P2 R5.", "one address twice"),
+        ("H1 5.", "1 is said twice"),
+    ],
+)
+def test_fanuc_lines_that_are_refused(tmp_path, line, reason):
+    path = tmp_path / "OFFSETS.NC"
+    path.write_text(f"H1 5.\n{line}\n")
+    with pytest.raises(UserError, match=f"OFFSETS.NC:2: .*{re.escape(reason)}"):
+        read_tool_table(path)

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from kinematics.errors import UserError
 from kinematics.files import read_input
-from postproc.tool_tables import heidenhain, json_form, linuxcnc, siemens
+from postproc.tool_tables import fanuc, heidenhain, json_form, linuxcnc, siemens
 from postproc.tool_tables.table import ToolTable, checked, joined
 
-FORMS = (json_form, heidenhain, siemens, linuxcnc)
+FORMS = (json_form, heidenhain, siemens, fanuc, linuxcnc)
 """Asked in this order."""
 
 __all__ = ["ToolTable", "read_tool_table", "read_tool_tables"]
