@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from calibration.diagnosis import selection
 from calibration.diagnosis.library import Candidate
-from calibration.diagnosis.scans import finer
+from calibration.diagnosis.scans import finer, joined
 from calibration.diagnosis.selection import Judged, chosen_of, judge, passing, predicts, siblings
 from kinematics.basis import Fourier
-from kinematics.effects import Backlash, ErrorMotion, ThermalDrift
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, ThermalDrift
 
 BACKLASH = Backlash("X", 12.0)
 SECOND = Backlash("Z", 16.0)
@@ -83,6 +83,34 @@ def test_a_ripple_is_to_the_finer_motions_credit():
     stage = made.stage([(one, np.zeros(len(one.effect.parameters)))])
     assert stage.accepted[0].score.delta_bic < -50.0
     assert made.pruned(stage) is stage
+
+
+def test_a_harmonic_that_comes_later_joins_its_wave():
+    truth = Cyclic(component="X", axis="X", period=40.0, sine=(14.0, 0.0, 5.0), cosine=(0.0, 0.0, 0.0))
+    made = selector(data_with(truth, n=160))
+    one, third = (
+        Candidate(Cyclic(component="X", axis="X", period=period, sine=(0.0,), cosine=(0.0,)), 1, 1000.0)
+        for period in (40.0, 40.0 / 3)
+    )
+    other = Candidate(Cyclic(component="Y", axis="X", period=20.0, sine=(0.0,), cosine=(0.0,)), 1, 1000.0)
+    apart = made.stage([(each, np.ones(2)) for each in (one, third, other)])
+    (_, whole) = made.joined(apart).accepted
+    assert whole.candidate.effect.period == pytest.approx(40.0, rel=5e-3)
+    assert len(whole.candidate.effect.sine) == 3
+
+
+def test_waves_that_are_no_harmonics_stay_apart():
+    def wave(component, period, harmonics=1):
+        zero = (0.0,) * harmonics
+        return Cyclic(component=component, axis="X", period=period, sine=zero, cosine=zero)
+
+    assert joined(wave("X", 12.0), wave("X", 6.0)) == wave("X", 12.0, 2)
+    assert joined(wave("X", 4.0), wave("X", 12.0)) == wave("X", 12.0, 3)
+    assert joined(wave("X", 6.0, 2), wave("X", 12.0, 3)) == wave("X", 12.0, 4)
+    assert joined(wave("X", 12.0), wave("Y", 6.0)) is None
+    assert joined(wave("X", 12.0), wave("X", 12.05)) is None
+    assert joined(wave("X", 12.0), wave("X", 6.5)) is None
+    assert joined(wave("X", 12.0), wave("X", 6.0, 5)) is None
 
 
 def test_what_is_hardly_visible_shields_others_from_blame():

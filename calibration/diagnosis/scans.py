@@ -110,6 +110,22 @@ def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
     return Candidate(best, candidate.shapes, candidate.trials)
 
 
+def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
+    """One cyclic error, at zero, for two, the shorter of which is a harmonic of the longer; None where it is not."""
+    longer, shorter = sorted((one, other), key=lambda effect: -effect.period)
+    number = round(longer.period / shorter.period)
+    harmonics = max(len(longer.sine), number * len(shorter.sine))
+    same = abs(longer.period / shorter.period / number - 1.0) < SAME
+    if (
+        number < 2
+        or not same
+        or harmonics > MOST_HARMONICS
+        or (longer.axis, longer.component) != (shorter.axis, shorter.component)
+    ):
+        return None
+    return _wave(longer.component, longer.axis, longer.period, harmonics)
+
+
 def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
     """The strongest saw tooth along each linear axis; where it pays, its place is closed in on in the `whole` frame.
 

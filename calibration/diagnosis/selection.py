@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from calibration.diagnosis.library import Candidate, at_zero
 from calibration.fit import Fit
 from calibration.measurement import Measurement
 from calibration.outliers import Variance
+from kinematics.effects import Cyclic
 from kinematics.transforms import Array
 
 WORTH = -10.0
@@ -155,7 +157,7 @@ class Selector:
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
             trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
             if trial.accepted[-1].score.delta_bic < WORTH:
-                stages.append(self.pruned(trial))
+                stages.append(self.joined(self.pruned(trial)))
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, and each seen from the fit without it."""
@@ -199,6 +201,20 @@ class Selector:
         """The base whose bases are chosen by the evidence once more, with what a stage has found besides."""
         besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
         return self.base.chosen_again(self.measurement, besides, self.progress)
+
+    def joined(self, stage: Stage) -> Stage:
+        """With one cyclic error for two where one of them is a harmonic of the other, and no less is explained."""
+        for one, other in combinations(stage.accepted, 2):
+            first, second = one.candidate.effect, other.candidate.effect
+            whole = scans.joined(first, second) if isinstance(first, Cyclic) and isinstance(second, Cyclic) else None
+            if whole is None:
+                continue
+            others = chosen_of([each for each in stage.accepted if each is not one and each is not other])
+            together = replace(one.candidate, effect=whole), np.concatenate([one.size, other.size])
+            trial = self.stage([*others, together])
+            if trial.frame.squares < stage.frame.squares + float(np.log(stage.frame.scalars)):  # a period less
+                return self.joined(trial)
+        return stage
 
     def _left(self, accepted: Sequence[Accepted]) -> list[Candidate]:
         causes = {each.candidate.cause for each in accepted}
