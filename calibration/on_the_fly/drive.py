@@ -38,14 +38,28 @@ class Driven(NamedTuple):
     """`(n, axes)`, mm/s2 and rad/s2."""
 
 
+class _Stretches(NamedTuple):
+    """Between two stops."""
+
+    stops: Array
+    """`(k + 1,)`, of the way."""
+    peak: Array
+    """Greatest speeds `(k,)`."""
+    ramp: Array
+    """How long it takes to reach them `(k,)`, s."""
+    lasting: Array
+    """`(k,)`, s."""
+
+
+def duration(path: NominalPath, manner: Manner) -> float:
+    """How long a pass takes, s."""
+    return float(_stretches(path, manner).lasting.sum()) + 2.0 * manner.pause_s
+
+
 def driven(path: NominalPath, manner: Manner) -> Driven:
     """The axes along the path, from standing at its start to standing at its end."""
-    stops = path.way[_stops(path)]
-    feeds = np.where(path.counts[_stops(path)[1:]], manner.feed, manner.rapid) / 60.0
+    stops, peak, ramp, lasting = _stretches(path, manner)
     lengths = np.diff(stops)
-    peak = np.minimum(feeds, np.sqrt(manner.acceleration * lengths))
-    ramp = peak / manner.acceleration
-    lasting = lengths / peak + ramp
     begins = manner.pause_s + np.concatenate([[0.0], np.cumsum(lasting)])
     time = np.arange(0.0, begins[-1] + manner.pause_s, 1.0 / manner.rate)
     stretch = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, len(lengths) - 1)
@@ -65,6 +79,15 @@ def driven(path: NominalPath, manner: Manner) -> Driven:
     slopes = np.diff(path.positions, axis=0) / np.maximum(np.diff(path.way), 1e-12)[:, None]
     positions = path.positions[piece] + (way - path.way[piece])[:, None] * slopes[piece]
     return Driven(time, positions, slopes[piece] * speed[:, None], slopes[piece] * change[:, None])
+
+
+def _stretches(path: NominalPath, manner: Manner) -> _Stretches:
+    at = _stops(path)
+    lengths = np.diff(path.way[at])
+    feeds = np.where(path.counts[at[1:]], manner.feed, manner.rapid) / 60.0
+    peak = np.minimum(feeds, np.sqrt(manner.acceleration * lengths))
+    ramp = peak / manner.acceleration
+    return _Stretches(path.way[at], peak, ramp, lengths / peak + ramp)
 
 
 def _stops(path: NominalPath) -> np.ndarray:

@@ -4,40 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
 from kinematics.errors import UserError
+from postproc.commands import motion
 from postproc.commands import strategy as options
 from postproc.commands import virtual_machine as virtual
+from postproc.commands.path import read_path
+from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
 from postproc.commands.shared import MachineName, check_places, machine_of, result
-from postproc.numbers import given_once
+from postproc.commands.virtual_instrument import (
+    check_distance,
+    check_names,
+    instrument_of,
+    standing_of,
+    tracker_poses,
+)
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from calibration.instruments import Instrument
+    from calibration.instruments import Instrument, LaserTracker
     from calibration.measurement import Measurement
     from calibration.plan import Plan
-    from kinematics.effects import Effect
     from kinematics.machine import Machine
     from kinematics.state import State
     from kinematics.transforms import Pose
 
 INSTRUMENT, FAULTS = "The instrument", "What goes wrong"
-SHEETS: Mapping[str, Mapping[str, float]] = {
-    "laser-tracker": {"u_range_um_per_m": 0.25, "u_angle_um": 10.0, "u_angle_um_per_m": 2.5},
-    "interferometer": {"u_um": 0.2, "u_um_per_m": 0.5},
-    "part": {"u_um": 1.0, "u_um_per_m": 1.5},
-}
-"""Standard uncertainties unless others are given: of the tracker those of the virtual calibration paper, Table 3."""
 SETUP_S = 1200.0
 """To move a tracker; virtual calibration paper, 3.2."""
-AWAY_MM = 1500.0
-"""From the volume to a tracker of which nothing is said."""
-NEAREST_MM = 1.0
-"""A target closer to a tracker has no direction."""
 LONG = 200_000
 """Observations from which progress is shown."""
 
@@ -47,6 +45,7 @@ EPILOG = (
     "--truth truth.json`\n\n"
     "`ncomp simulate --machine bzt_pfu --strategy plan.csv --effect backlash:axis=X,width=12 "
     "--effect thermal-scale-sensor:axis=Z,sensor=scale,coefficient=11 --temperature scale=20:24 -o data.csv`\n\n"
+    "`ncomp simulate --machine cframe --path path.nc --feed 2500 --feed 10000 --target t=0,0,-120 -o points.csv`\n\n"
     "`ncomp simulate --machine cframe --strategy axes --runs 5 --instrument interferometer --calibration cal.json "
     "-o data.csv`"
 )
@@ -54,12 +53,13 @@ EPILOG = (
 
 def simulate(
     machine: MachineName,
-    strategy: Annotated[
-        str, typer.Option(metavar="NAME|PLAN.csv", help="A strategy, as in *ncomp plan*, or a plan of all its options.")
-    ],
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="DATA.csv", help="Measurement; - for standard output.")
     ],
+    strategy: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|PLAN.csv", help="A strategy, as in *ncomp plan*, or a plan of all its options."),
+    ] = None,
     truth: virtual.TruthFile = None,
     points: options.Points = None,
     spacing: options.Spacing = None,
@@ -125,9 +125,21 @@ def simulate(
     missing: Annotated[
         float, typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="Rows that are not there.")
     ] = 0.0,
+    path: motion.DrivenProgram = None,
+    feed: motion.Feeds = None,
+    acceleration: motion.Acceleration = 1.0,
+    rate: motion.Rate = 500.0,
+    vibration: motion.VibrationText = None,
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    dialect: DialectName = "auto",
     seed: options.Seed = 0,
 ) -> None:
-    """Simulate a measurement of a machine with known errors, which moves by its exact kinematics."""
+    """Simulate a measurement of a machine with known errors, which moves by its exact kinematics.
+
+    At the positions of a strategy, or on the fly, along the path of a program that does not stop.
+    """
     import numpy as np
 
     from calibration.effect_text import read_effects
@@ -138,7 +150,7 @@ def simulate(
 
     if truth is not None and truth == output:
         raise UserError(f"--truth and --output both name {output}")
-    check_places((strategy, calibration), (output, truth))
+    check_places((strategy, calibration, path), (output, truth))
     options.check_finite(
         location=location,
         incidence=incidence,
@@ -152,12 +164,24 @@ def simulate(
     draws = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
     told = read_effects(effect or [], found)
     model = virtual.virtual_model(found, errors, calibration, location, told, draws[0])
-    sensor = _instrument(instrument, uncertainty or [], planar)
+    sensor = instrument_of(instrument, uncertainty or [], planar)
+    courses, standing = virtual.courses_of(temperature or []), standing_of(stands_on)
+    if path is not None:
+        given = {"strategy": strategy, "points": points, "spacing": spacing, "range": ranges, "elevation": elevation}
+        motion.refuse_with_path(given | {"incidence": incidence, "duplicates": duplicates or None}, instrument)
+        setup = setup_of(found, work_offset, tool_length, tool_table)
+        motion.simulate_on_path(
+            read_path(path, found, dialect, setup), model, told, cast("LaserTracker", sensor),
+            motion.Ride(feed or [2500.0], acceleration, rate, vibration, target or [], tracker or [], standing),
+            Faults(outliers, missing=missing), noise, courses, draws, (output, truth),
+        )  # fmt: skip
+        return
+    if strategy is None:
+        raise UserError("--strategy, or --path PATH.nc to measure on the fly: where is it to measure?")
     plan = _plan(found, strategy, points, spacing, ranges, margin, rotary, order, runs, target, target_order, seed)
     state, poses = _placed(plan, instrument, tracker or [], draws[1])
-    _check_names(told, plan, state)
-    state = with_temperatures(state, virtual.courses_of(temperature or [])) if temperature else state
-    standing = _standing(stands_on)
+    check_names(told, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
+    state = with_temperatures(state, courses) if courses else state
     rows = _reached(plan, state, sensor, poses, standing, elevation, incidence)
     repeat = len(state) // len(plan)
     axis = None if plan.axis is None else np.tile(plan.axis, repeat)[rows]
@@ -168,7 +192,7 @@ def simulate(
             axis=axis if instrument == "interferometer" else None, run=run, noise_scale=noise, progress=progress,
         )  # fmt: skip
     if poses is not None:
-        _check_distance(measured)
+        check_distance(measured)
     measured, spoiled = spoil(read_out(measured), Faults(outliers, duplicates=duplicates, missing=missing), draws[3])
     _check_left(measured)
     with result(truth) as truth_file, result(output) as file:
@@ -178,26 +202,6 @@ def simulate(
     for note in spoiled:
         say("simulated", note)
     console.print(f"{len(measured)} observations by {instrument} of {len(model.effects)} effects, seed {seed}")
-
-
-def _instrument(kind: str, uncertainties: list[str], planar: bool) -> Instrument:
-    from calibration.measurement_file import KINDS, check_uncertainties, uncertainty_keys
-
-    if kind not in SHEETS:
-        raise UserError(f"--instrument {kind}: expected one of {', '.join(SHEETS)}")
-    known = uncertainty_keys(KINDS[kind])
-    given: list[tuple[str, float]] = []
-    for text in uncertainties:
-        name, _, value = text.partition("=")
-        if name.strip() not in known:
-            raise UserError(f"--uncertainty {text}: {kind} has {', '.join(known)}")
-        (number,) = options.numbers(value, 1, f"--uncertainty {text}")
-        if number < 0:
-            raise UserError(f"--uncertainty {text}: negative")
-        given.append((name.strip(), number))
-    values = given_once(given, "--uncertainty ") if given else SHEETS[kind]
-    check_uncertainties(kind, values, "--uncertainty", "-u {}=...")
-    return KINDS[kind](**values, **({"components": 2 if planar else 3} if kind == "part" else {}))  # type: ignore[arg-type]
 
 
 def _plan(
@@ -247,66 +251,14 @@ def _placed(
     plan: Plan, instrument: str, trackers: list[str], rng: np.random.Generator
 ) -> tuple[State, Mapping[str, Pose] | None]:
     """The states that are measured, once for each station, and the poses of a tracker at its stations."""
-    from calibration.simulate import at_stations, tracker_pose
-    from postproc.terminal import say
+    from calibration.simulate import at_stations
 
     if instrument != "laser-tracker":
         if trackers:
             raise UserError(f"--tracker is no option of --instrument {instrument}")
         return plan.state, None
-    places = [options.numbers(text, 3, f"--tracker {text}") for text in trackers]
-    if not places:
-        places = [_beside(plan)]
-        said = ",".join(f"{v:g}" for v in places[0])
-        say("note", f"the tracker stands 1.5 m before the volume, at its middle: --tracker {said}")
-    poses = {f"s{k}": tracker_pose((x, y, z), rng) for k, (x, y, z) in enumerate(places, start=1)}
+    poses = tracker_poses(plan.machine, plan.positions, trackers, rng)
     return at_stations(plan.state, list(poses), SETUP_S), poses
-
-
-def _beside(plan: Plan) -> tuple[float, ...]:
-    from kinematics.forward import tool_point
-
-    points = tool_point(plan.machine, plan.positions)
-    low, high = points.min(axis=0), points.max(axis=0)
-    _, y, z = ((low + high) / 2).round().tolist()
-    return float(round(low[0] - AWAY_MM)), y, z
-
-
-def _standing(text: str) -> Literal["workpiece", "bed"]:
-    from calibration.places import STANDS_ON
-
-    if text not in STANDS_ON:
-        raise UserError(f"--stands-on {text}: expected workpiece or bed")
-    return STANDS_ON[text]
-
-
-def _check_names(effects: list[Effect], plan: Plan, state: State) -> None:
-    """UserError for an effect of a target or a station that the measurement does not have."""
-    import numpy as np
-
-    known = {"target": list(plan.targets), "station": []}
-    if state.station is not None:
-        known["station"] = np.unique(state.station).tolist()
-    for effect in effects:
-        for what, names in known.items():
-            name = getattr(effect, what, None)
-            if name is not None and name not in names:
-                there = f"known are {', '.join(names)}" if names else "there is none"
-                raise UserError(f"--effect {effect.name}: no {what} {name!r}; {there}")
-
-
-def _check_distance(measured: Measurement) -> None:
-    """UserError for a target inside the tracker."""
-    import numpy as np
-
-    far = np.linalg.norm(measured.observed, axis=1) >= NEAREST_MM
-    if not far.all():
-        row = int(np.argmin(far))
-        assert measured.state.station is not None
-        raise UserError(
-            f"--tracker: observation {row + 1} is closer than {NEAREST_MM:g} mm to the tracker at "
-            f"{measured.state.station[row]}; it can't stand there"
-        )
 
 
 def _reached(

@@ -152,7 +152,7 @@ def choices_of(
         overrun=overrun,
         runs=runs,
         references=references,
-        targets=_targets(targets) if targets else {"1": SPINDLE_NOSE},
+        targets=targets_of(targets) if targets else {"1": SPINDLE_NOSE},
         target_order=target_order,  # type: ignore[arg-type]
         timing=Timing(dwell_s=DWELL_S if dwell is None else dwell, feed=feed or FEED) if timed else Timing(),
         seed=seed,
@@ -199,7 +199,8 @@ def _range(text: str, machine: Machine) -> tuple[str, tuple[float, float]]:
     return name, (values[0], values[-1])
 
 
-def _targets(texts: Sequence[str]) -> dict[str, Target]:
+def targets_of(texts: Sequence[str]) -> dict[str, Target]:
+    """Reflectors by name, from `t1=x,y,z`, `table.p1=x,y,z` or `bed.r1=x,y,z`."""
     from calibration.measurement import Target
     from calibration.places import CARRIERS
 
