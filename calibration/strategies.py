@@ -61,17 +61,17 @@ def plan(
     else:
         laid = _volume(machine, parts, points, spacing_mm, choices)
     asked = None if points is None else int(np.sum(points))
-    reference = _rounded(_stand(machine, choices), machine, choices)
+    reference = _rounded(stand(machine, choices), machine, choices)
     return visit(laid, machine, strategy, choices, asked, reference)
 
 
 def evaluation_grid(machine: Machine, n: int = 9) -> Array:
     """Positions `(n ** linear axes, axes)`, mm and rad, all over the travel; rotary axes at home."""
     linear = [i for i, axis in enumerate(machine.axes) if not axis.rotary]
-    low, high = _limits(machine, Choices())
+    low, high = limits(machine, Choices())
     ticks = [np.linspace(low[i], high[i], n) for i in linear]
     for i in linear:
-        _need_ends(machine, i, low, high)
+        need_ends(machine, i, low, high)
     positions = np.tile([axis.home for axis in machine.axes], (n ** len(linear), 1))
     positions[:, linear] = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(linear))
     return np.asarray(positions * machine.scale)
@@ -85,13 +85,13 @@ def _volume(
 ) -> Way:
     """Positions of patterns in the volume of the linear axes, and what the rotary axes do meanwhile and afterwards."""
     rng = np.random.default_rng(choices.seed)
-    low, high = _limits(machine, choices)
+    low, high = limits(machine, choices)
     moving = [i for i, axis in enumerate(machine.axes) if not axis.rotary and low[i] < high[i]]
     turning = [i for i, axis in enumerate(machine.axes) if axis.rotary and low[i] < high[i]]
     if not moving:
         raise UserError(f"machine {machine.name}: no linear axis is left to move; 'axes' measures rotary axes alone")
     for i in (*moving, *(turning if choices.rotary != "fixed" else ())):
-        _need_ends(machine, i, low, high)
+        need_ends(machine, i, low, high)
     box = patterns.Box(low[moving], high[moving], choices.planes_at)
     ways = []
     for part, number in zip(parts, _shared(points, parts), strict=True):
@@ -107,7 +107,7 @@ def _volume(
             chosen = _spaced(part, box, number, spacing)
             laid, share_turning = chosen.positions, _waves(len(chosen.positions), len(together))
             names = _numbered(LETTERS[part], chosen.line)
-        positions = np.tile(_stand(machine, choices), (len(laid), 1))
+        positions = np.tile(stand(machine, choices), (len(laid), 1))
         positions[:, moving] = laid
         if choices.rotary == "random":
             together, share_turning = turning, rng.uniform(size=(len(laid), len(turning)))
@@ -128,7 +128,7 @@ def _spaced(name: str, box: patterns.Box, points: int | None, spacing: float | N
 def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float | None, choices: Choices) -> Way:
     """Each axis on its own, forward and backward, the others in the middle (linear) or at home (rotary); ISO 230-2."""
     both = replace(choices, approach="positive"), replace(choices, approach="negative")
-    (low, _), (_, high) = (_limits(machine, each) for each in both)
+    (low, _), (_, high) = (limits(machine, each) for each in both)
     moving = [
         i
         for i in range(len(machine.axes))
@@ -139,7 +139,7 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
     linear = sum(not machine.rotary[i] for i in moving)
     ways = []
     for i in moving:
-        _need_ends(machine, i, low, high)
+        need_ends(machine, i, low, high)
         if machine.rotary[i]:
             count = choices.rotary_points
         elif spacing is not None:
@@ -147,7 +147,7 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
         else:
             count = ON_AN_AXIS if points is None else max(round(int(np.sum(points)) / linear / 2), 2)
         forward = np.linspace(low[i], high[i], count)
-        positions = np.tile(_stand(machine, choices), (2 * count, 1))
+        positions = np.tile(stand(machine, choices), (2 * count, 1))
         positions[:, i] = np.append(forward, forward[::-1])
         side = np.zeros_like(positions)
         side[[0, count], i] = 1.0, -1.0
@@ -160,12 +160,12 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
 
 def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) -> Way:
     count = choices.rotary_points
-    positions = np.tile(_stand(machine, choices), (count, 1))
+    positions = np.tile(stand(machine, choices), (count, 1))
     positions[:, i] = np.linspace(low[i], high[i], count)
     return Way(positions, np.array([f"{machine.names[i]}.{k}" for k in range(1, count + 1)]))
 
 
-def _limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
+def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
     """Lower and upper ends `(axes,)` in file units, whole um; axes without end stay so."""
     low, high = (machine.travel / machine.scale).copy()
     run_in = choices.overrun * (np.array([choices.approach == "positive", choices.approach == "negative"]))
@@ -186,7 +186,8 @@ def _limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
     return np.ceil(low * size - 1e-6) / size + 0.0, np.floor(high * size + 1e-6) / size + 0.0
 
 
-def _need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
+def need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
+    """UserError for an axis between ends that are none."""
     if not (np.isfinite(low[i]) and np.isfinite(high[i])):
         name = machine.names[i]
         raise UserError(
@@ -194,11 +195,11 @@ def _need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
         )
 
 
-def _stand(machine: Machine, choices: Choices) -> Array:
+def stand(machine: Machine, choices: Choices) -> Array:
     """Where axes stand `(axes,)` that are not moved: linear in the middle, rotary at home or in their range."""
     # axes that move need room for their approach also where they wait
     moved = choices if choices.rotary != "fixed" else replace(choices, approach="any")
-    low, high = _limits(machine, moved)
+    low, high = limits(machine, moved)
     home = np.clip([axis.home for axis in machine.axes], low, high)
     endless = ~np.isfinite(high - low)
     middle = np.where(endless, home, (np.where(endless, 0.0, low) + np.where(endless, 0.0, high)) / 2)
@@ -207,7 +208,7 @@ def _stand(machine: Machine, choices: Choices) -> Array:
 
 def _rounded(positions: Array, machine: Machine, choices: Choices) -> Array:
     """Whole um and thousandths of a degree, inside the ends."""
-    return np.clip(np.round(positions, DECIMALS) + 0.0, *_limits(machine, replace(choices, approach="any")))
+    return np.clip(np.round(positions, DECIMALS) + 0.0, *limits(machine, replace(choices, approach="any")))
 
 
 def _waves(n: int, axes: int) -> Array:

@@ -70,9 +70,9 @@ class Speech(Protocol):
 
 def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) -> Iterator[str]:
     """The lines of the program; UserError for what the dialect can't say."""
-    speech = _speech(visits.machine, manner, dialect)
+    speech = speech_of(visits.machine, manner, dialect)
     offset = np.array([(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in visits.machine.names])
-    yield from speech.head([*_remarks(visits, manner, title), *_assumptions(dialect, manner)])
+    yield from speech.head([*_remarks(visits, manner, title), *assumptions(dialect, manner)])
     target = None
     for i, (name, wanted) in enumerate(zip(visits.names, visits.targets, strict=True)):
         if wanted != target:
@@ -81,14 +81,14 @@ def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) 
             yield from speech.stop(code, f"GO ON WHEN TARGET {wanted} IS READY{way}")
             target = wanted
         if visits.before is not None and not np.isnan(visits.before[i, 0]):
-            yield speech.move(_words(visits.machine, visits.before[i] - offset), "")
+            yield speech.move(words_of(visits.machine, visits.before[i] - offset), "")
         if i == 0 or name != visits.names[i - 1] or not np.array_equal(visits.positions[i], visits.positions[i - 1]):
-            yield speech.move(_words(visits.machine, visits.positions[i] - offset), name)
+            yield speech.move(words_of(visits.machine, visits.positions[i] - offset), name)
         yield from speech.dwell()
     yield from speech.end()
 
 
-def _assumptions(dialect: str, manner: Manner) -> list[str]:
+def assumptions(dialect: str, manner: Manner) -> list[str]:
     """What the program takes for granted of the control."""
     if manner.offset is None:
         code = "M91" if dialect == "heidenhain" else "G53 ON EVERY BLOCK"
@@ -112,11 +112,13 @@ def _remarks(visits: Visits, manner: Manner, title: str) -> list[str]:
     ]
 
 
-def _words(machine: Machine, positions: Array) -> dict[str, float]:
+def words_of(machine: Machine, positions: Array) -> dict[str, float]:
+    """Positions `(axes,)`, mm and degrees, by axis, as far as they are written."""
     return dict(zip(machine.names, (np.round(positions, 4) + 0.0).tolist(), strict=True))
 
 
-def _speech(machine: Machine, manner: Manner, dialect: str) -> Speech:
+def speech_of(machine: Machine, manner: Manner, dialect: str) -> Speech:
+    """How a dialect says it; UserError for what it can't."""
     for name in machine.names:
         if len(name) > 1:
             raise UserError(f"--nc: axis {name} has no word of its own in NC programs that ncomp writes")

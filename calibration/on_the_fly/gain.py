@@ -112,7 +112,7 @@ class Volume:
         return linear or float(np.linalg.norm(move))
 
     def _across(self, positions: Array, direction: Array, tool: tuple[float, float, float]) -> Array:
-        """Rows `(3 n, 6 + p)` across the way of a target, um per um of a motion of the frame, or prior of a parameter."""
+        """Rows `(3 n, 6 + p)`, um across the way of a target, by motions of the frame and priors of parameters."""
         machine, n = self.machine, len(positions)
         points = tool_point(machine, positions, tool)
         step = direction * (1e-4 / max(float(np.abs(direction).max()), 1e-12))
@@ -168,7 +168,7 @@ def _places(machine: Machine, ends: Array) -> Array:
     if len(moving) > 3:
         share = np.random.default_rng(0).uniform(size=(SCATTERED, len(machine.axes)))
         return np.asarray(ends[0] + share * (ends[1] - ends[0]))
-    ticks = [np.linspace(*ends[:, i], GRID) for i in moving]
+    ticks = [np.linspace(ends[0, i], ends[1, i], GRID) for i in moving]
     positions = np.tile(ends[0], (GRID ** len(moving), 1))
     positions[:, moving] = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(moving))
     return positions

@@ -53,9 +53,9 @@ class _Draft(NamedTuple):
 def planned(
     volume: Volume, length_mm: float, rng: np.random.Generator, progress: Callable[[int], None] = lambda _: None
 ) -> Planned:
-    """The best path found, no longer than `length_mm`; `progress` is told of every try. The same generator, the same path.
+    """The best path found, no longer than `length_mm`; the same generator makes the same path.
 
-    UserError for a length that no path of a few moves has.
+    `progress` is told of every try. UserError for a length that no path of a few moves has.
     """
     maker = _Maker(volume, length_mm, rng)
     best, score = None, np.inf

@@ -7,22 +7,25 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinematics.errors import UserError
+from postproc.commands import plan_path
 from postproc.commands import strategy as options
 from postproc.commands.shared import MachineName, machine_of, result
 
 if TYPE_CHECKING:
-    from calibration.plan import Plan
+    from calibration.plan import Choices, Plan
     from kinematics.machine import Machine
     from postproc.measuring_program import Manner
 
 PROGRAM = "NC program"
 EPILOG = (
     "Strategies: planes, hexahedron (edges), diagonals, face-diagonals, space-diagonals, grid, random, space-filling, "
-    "axes (each on its own, both ways: ISO 230-2).\n\n"
+    "axes (each on its own, both ways: ISO 230-2); on-the-fly (a path that a tracker follows).\n\n"
     "Examples:\n\n"
     "`ncomp plan --machine bzt_pfu --strategy hexahedron+random --points 170+150 -o plan.csv --nc plan.nc`\n\n"
     "`ncomp plan --machine dmu50 --strategy space-filling --rotary simultaneous --order shuffled "
     "--target t1=0,0,-120 --target t2=90,40,-180 --target-order alternating -o plan.csv`\n\n"
+    "`ncomp plan --machine cframe --strategy on-the-fly --target t=0,0,-120 --length-m 21 --feed 2500 -o path.csv "
+    "--nc path.nc`, or `--path mine.nc` to judge a program\n\n"
     "`ncomp plan --machine gantry --strategy axes --spacing 200 --runs 5 -o plan.csv --nc plan.nc --feed 3000`"
 )
 
@@ -47,6 +50,9 @@ def plan(
     target_order: options.TargetOrderName = "in-turn",
     dwell: options.DwellTime = None,
     feed: options.Feed = None,
+    length_m: plan_path.PathLength = None,
+    minutes: plan_path.PathMinutes = None,
+    path: plan_path.GivenPath = None,
     seed: options.Seed = 0,
     nc: Annotated[
         str | None,
@@ -101,12 +107,65 @@ def plan(
         feed=feed,
     )
     manner = _manner(found, dwell, feed, rapid, target_order, work_offset)
+    if strategy == plan_path.STRATEGY:
+        _refuse_of_points(points, spacing, dwell, order, approach, references or None)
+        length = plan_path.Length(length_m, minutes, manner.feed)
+        _plan_on_the_fly(found, choices, length, path, manner, dialect or "iso", (output, nc))
+        return
+    for option, value in (("length-m", length_m), ("minutes", minutes), ("path", path)):
+        if value is not None:
+            raise UserError(f"--{option} is of --strategy {plan_path.STRATEGY}")
     made = options.plan_of(found, strategy, points, spacing, choices)
     with result(nc) as program, result(output) as table:
         write_plan(made, table)
         if nc is not None:
             program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect or "iso"))
     console.print(f"{made.summary}")
+
+
+def _refuse_of_points(
+    points: str | None, spacing: float | None, dwell: float | None, order: str, approach: str, references: int | None
+) -> None:
+    """UserError for options of positions, of which a path has none."""
+    given = {"points": points, "spacing": spacing, "dwell": dwell, "references": references}
+    given |= {"order": None if order == "given" else order, "approach": None if approach == "any" else approach}
+    for option, value in given.items():
+        if value is not None:
+            raise UserError(f"--{option} is of positions: on the fly the machine does not stop")
+
+
+def _plan_on_the_fly(
+    machine: Machine,
+    choices: Choices,
+    length: plan_path.Length,
+    program: str | None,
+    manner: Manner,
+    dialect: str,
+    outputs: tuple[str, str | None],
+) -> None:
+    """A path made or, where a program is given, judged; its corners as a plan, and as a program."""
+    from calibration.on_the_fly.judged import judged
+    from calibration.plan_file import write_plan
+    from postproc.commands.path import read_path
+    from postproc.commands.program import setup_of
+    from postproc.path_program import path_program
+    from postproc.terminal import console
+
+    if program is None:
+        found = plan_path.planned_path(machine, choices, length)
+    else:
+        found = read_path(program, machine, "auto", setup_of(machine, None, None, None))
+    result_of = judged(found, choices.targets)
+    made = plan_path.plan_of_path(found, choices, manner.feed)
+    corners = found.positions / machine.scale
+    output, nc = outputs
+    with result(nc) as written, result(output) as table:
+        write_plan(made, table)
+        if nc is not None:
+            lines = path_program(machine, corners, manner, dialect, "ncomp path to be measured on the fly")
+            written.writelines(f"{line}\n".encode() for line in lines)
+    for sentence in plan_path.sentences(found, result_of, manner.feed, len(choices.targets)):
+        console.print(sentence)
 
 
 def _manner(

@@ -1,0 +1,198 @@
+"""Calibration on the fly, on the fixed set-up: 600 x 600 x 450 mm, chain Y-X-Z, one target 100 mm below the nose.
+
+    python benchmarks/on_the_fly.py [paths] [standstill] [many] [five-axes] [--draws 6]
+
+paths: error on the path and on a grid, before and after, for the on-the-fly paper's diagonals and for the path that
+`ncomp plan --strategy on-the-fly` makes; 18 error motions of a straight line and two waves each (half a period to
+two), so large that the mean deviation on the grid is 103 um; a reading every 4 mm, at random inside its step; pose
+unknown. Grid points are never on the path. standstill: the same virtual machine calibrated by points at rest and on
+the fly. many: half a million readings from a file to a calibration. five-axes: all axes of a DMU 50 along one path.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+
+import msgspec
+import numpy as np
+
+import machines
+from calibration.calibrate import calibrate
+from calibration.fit import fit
+from calibration.instruments import LaserTracker
+from calibration.measurement import Measurement, Target
+from calibration.models import BasisChoice, with_effects
+from calibration.on_the_fly.blind import common_odd_mode
+from calibration.on_the_fly.gain import Volume
+from calibration.on_the_fly.nominal_path import NominalPath, target_path
+from calibration.on_the_fly.on_path import CELL_MM, CORNER_MM, on_path
+from calibration.on_the_fly.planned import planned
+from calibration.on_the_fly.readings import Readings
+from calibration.simulate import observe, tracker_pose
+from calibration.strategies import evaluation_grid
+from calibration.truth import model_of
+from calibration.visibility import visibility
+from calibration.volumetric import aligned, deviation_on
+from kinematics.basis import Fourier
+from kinematics.effects import COMPONENTS, ErrorMotion
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+
+MACHINE = """
+name = "fixed"
+chain = "w b Y X Z t"
+axes.X = { travel = [0, 600] }
+axes.Y = { travel = [0, 600] }
+axes.Z = { travel = [0, 450] }
+"""
+TOOL = (0.0, 0.0, -100.0)
+TARGETS = {"t": Target(TOOL)}
+AT = (-1500.0, -300.0, 200.0)
+GRID_UM, LENGTH_MM, FEED = 103.0, 21_000.0, 2500.0
+NODES = {"X": BasisChoice("b-spline", 13), "Y": BasisChoice("b-spline", 13), "Z": BasisChoice("b-spline", 10)}
+FEEDS = {"on the fly": (5000.0, 15000.0)}
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="*", default=[], help="paths, standstill, many, five-axes; all without")
+    parser.add_argument("--draws", type=int, default=6)
+    arguments = parser.parse_args()
+    parts: dict[str, Callable[[], None]] = {
+        "paths": lambda: paths(arguments.draws),
+    }
+    for name in arguments.what or parts:
+        parts[name]()
+
+
+# ---- paths
+
+
+def paths(draws: int) -> None:
+    """Both paths, without noise and with 1 um."""
+    machine = machines.parse(MACHINE, "fixed")
+    volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
+    start = time.perf_counter()
+    best = planned(volume, LENGTH_MM, np.random.default_rng(0))
+    spent = time.perf_counter() - start
+    choices = {"face and space diagonals": _diagonals(machine), "planned": _path(machine, best.corners)}
+    print(f"planned in {spent:.1f} s")
+    for name, path in choices.items():
+        moves = zip(path.positions[:-1], path.positions[1:], path.counts[1:], strict=True)
+        gain = volume.gain(np.sum([volume.information(a, b) for a, b, counts in moves if counts], axis=0))
+        feeds = np.diff(path.way)[path.counts[1:]].sum() * 1e-3
+        print(f"{name}: {feeds:.2f} m, noise gain {gain.noise:.3f} (worst {gain.worst:.2f}), {gain.hidden} hidden")
+        print(f"  {_hidden(path, machine)}")
+        for noise in (0.0, 1.0):
+            judged = np.array([_judged(path, machine, noise, draw) for draw in range(draws)])
+            a, b, c, d = judged.mean(axis=0)
+            print(
+                f"  noise {noise:g} um: path {a:.1f} -> {b:.2f} um, grid {c:.1f} -> {d:.2f} um "
+                f"(mean of {draws} machines, worst {judged[:, 3].max():.2f})",
+                flush=True,
+            )
+
+
+def _judged(path: NominalPath, machine: Machine, noise: float, draw: int) -> tuple[float, float, float, float]:
+    """Mean deviation across the path before and after, and on the grid before and after, um."""
+    rng = np.random.default_rng([8, draw])
+    truth = _truth(machine, rng)
+    tracker = LaserTracker(u_range_um=noise or 0.02, u_angle_um=noise or 0.02)
+    measurement = on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path).measurement
+    found = calibrate(measurement, hold_out=False)
+    before = found.before_rms_um * np.sqrt(np.pi) / 2.0 * np.sqrt(2.0)  # mean length of two equal components
+    after = float(np.linalg.norm(found.fit.residual[found.fit.kept], axis=1).mean() * 1e3)
+    own, left = _on_grid(machine, truth, found.model)
+    return float(before), after, own, left
+
+
+def _on_grid(machine: Machine, truth: ErrorModel, found: ErrorModel) -> tuple[float, float]:
+    """Mean length of the deviations on the grid, aligned, of the truth and of what the fit leaves, um."""
+    grid = evaluation_grid(machine)
+    wanted, points = deviation_on(machine, truth, grid, TOOL)
+    got, _ = deviation_on(machine, found, grid, TOOL)
+    own, left = (np.linalg.norm(aligned(d, points), axis=1).mean() * 1e3 for d in (wanted, got - wanted))
+    return float(own), float(left)
+
+
+def _truth(machine: Machine, rng: np.random.Generator) -> ErrorModel:
+    """18 error motions of a straight line and two waves, scaled."""
+    effects = []
+    for axis in machine.axes:
+        for component in COMPONENTS:
+            waves = tuple(rng.uniform(1.0, 4.0, 2).tolist())
+            phases = rng.uniform(0.0, 2.0 * np.pi, 2)
+            sizes = rng.uniform(-1.0, 1.0, 3)
+            parts = [(s * np.cos(p), s * np.sin(p)) for s, p in zip(sizes[1:], phases, strict=True)]
+            values = (0.0, sizes[0], *(float(v) for pair in parts for v in pair))
+            effects.append(ErrorMotion(component, axis.name, Fourier(axis.travel, waves), values))  # type: ignore[arg-type]
+    drawn = model_of(machine, effects)
+    own, points = deviation_on(machine, drawn, evaluation_grid(machine), TOOL)
+    scale = GRID_UM / float(np.linalg.norm(aligned(own, points), axis=1).mean() * 1e3)
+    return drawn.with_parameters(drawn.parameters * scale)
+
+
+def _sparse(
+    path: NominalPath, truth: ErrorModel, tracker: LaserTracker, noisy: bool, rng: np.random.Generator
+) -> Readings:
+    """A reading in every 4 mm of the path, at random inside its step, at constant feed."""
+    way = target_path(path, TARGETS["t"])
+    steps = int(way.length / 4.0)
+    s = (np.arange(steps) + rng.uniform(0.02, 0.98, steps)) * way.length / steps
+    state = State(way.positions_at(s), time=s / (FEED / 60.0))
+    poses = {"1": tracker_pose(AT, rng)}
+    seen = observe(path.machine, truth, state, tracker, rng, poses, TARGETS, noise_scale=float(noisy))
+    return _as_read(seen, np.full(steps, "1"))
+
+
+def _as_read(seen: Measurement, run: np.ndarray) -> Readings:
+    state = seen.state
+    assert state.time is not None
+    assert state.target is not None
+    assert state.station is not None
+    return Readings(
+        LaserTracker(**msgspec.structs.asdict(seen.instrument)), seen.targets, "workpiece", state.time, seen.observed,
+        state.target, state.station, run, {}, np.arange(len(seen)), "virtual", "",
+    )  # fmt: skip
+
+
+def _hidden(path: NominalPath, machine: Machine) -> str:
+    """Rank with a 50 mm table, and the blind mode by name."""
+    rng = np.random.default_rng(0)
+    tracker = LaserTracker(u_range_um=1.0, u_angle_um=1.0)
+    measurement = on_path(_sparse(path, _truth(machine, rng), tracker, True, rng), path).measurement
+    model, prior = with_effects(measurement, NODES, (), 200.0 / 30.0)
+    found = fit(measurement, model, prior=prior)
+    seen = visibility(found)
+    mode = common_odd_mode(measurement, found.registration)
+    return f"rank {seen.rank_registered} with a 50 mm table; blind mode: {mode or 'none'}"
+
+
+def _diagonals(machine: Machine) -> NominalPath:
+    """Both diagonals of every face, then those of space, in rapid from one to the next."""
+    low, high = machine.travel[:, [machine.index(name) for name in "XYZ"]]
+    places, counts = [], []
+    for moving in ((0, 1), (0, 2), (1, 2), (0, 1, 2)):
+        for corner in np.ndindex(2, 2, 2):
+            if corner[moving[0]] == 0:
+                other = [1 - c if i in moving else c for i, c in enumerate(corner)]
+                places += [low + np.array(corner) * (high - low), low + np.array(other) * (high - low)]
+                counts += [False, True]
+    q = np.zeros((len(places), 3))
+    q[:, [machine.index(name) for name in "XYZ"]] = places
+    return _path(machine, q, np.array(counts))
+
+
+def _path(machine: Machine, corners: Array, counts: np.ndarray | None = None) -> NominalPath:
+    moves = np.diff(corners, axis=0)[:, ~machine.rotary]
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(moves, axis=1))])
+    return NominalPath(machine, corners, way, np.ones(len(corners), bool) if counts is None else counts, "path.nc")
+
+
+if __name__ == "__main__":
+    main()
