@@ -285,6 +285,7 @@ def test_backlash_and_what_differs_forward_and_backward():
         reversals(m, "some")
 
 
+@pytest.mark.slow
 def test_several_feeds_stations_and_targets_are_one_measurement():
     targets = {"a": Target(TOOL), "b": Target((90.0, 40.0, -160.0)), "c": Target((-60.0, 80.0, -120.0))}
     truth = truth_of(6)

@@ -1,0 +1,348 @@
+"""Paths planned for on-the-fly calibration, what they would see, their programs, and virtual readings along them."""
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from on_the_fly_data import FIXED, FIXED_TOML, ONE, diagonals, followed, path_of, polyline, program
+
+import machines
+from calibration.calibrate import calibrate
+from calibration.equations import start
+from calibration.instruments import LaserTracker
+from calibration.measurement import Target, with_moves
+from calibration.models import BasisChoice, with_effects
+from calibration.on_the_fly import planned as planner
+from calibration.on_the_fly.drive import Manner, driven, duration
+from calibration.on_the_fly.gain import PRIOR, Volume
+from calibration.on_the_fly.judged import judged
+from calibration.on_the_fly.on_path import on_path
+from calibration.on_the_fly.planned import planned
+from calibration.problem import Point, Problem
+from calibration.simulate import observe, tracker_pose
+from calibration.strategies import plan
+from calibration.truth import random_truth
+from calibration.volumetric import aligned, deviation_on
+from kinematics.error_transform import place_transform
+from kinematics.errors import UserError
+from kinematics.state import State
+from postproc.dialects import find_dialect
+from postproc.program_path import program_path
+from postproc.setup import make_setup
+from postproc.source import open_source
+
+TOOL = ONE["t"].position
+
+
+def volume():
+    return Volume(FIXED, FIXED.travel, ONE, 4.0, 5.0)
+
+
+def information(volume, path):
+    moves = zip(path.positions[:-1], path.positions[1:], path.counts[1:], strict=True)
+    return sum(volume.information(a, b) for a, b, counts in moves if counts)
+
+
+# ---- noise gain
+
+
+def test_the_gain_is_what_many_fits_of_noise_show():
+    """RMS over the volume of what fits make of pure noise, against the gain that was predicted."""
+    path = polyline(2, 40)
+    predicted = volume().gain(information(volume(), path)).noise
+    machine, draws, rng = FIXED, [], np.random.default_rng(0)
+    readings, _ = followed(path, random_truth(machine, rng, {}), rate=20.0)
+    taken = on_path(readings, path).measurement
+    nodes = {"X": BasisChoice("b-spline", 13), "Y": BasisChoice("b-spline", 13), "Z": BasisChoice("b-spline", 10)}
+    model, prior = with_effects(taken, nodes, (), PRIOR / 30.0)
+    registration = start(taken, np.ones(len(taken), bool))
+    white = np.broadcast_to(1e3 * np.eye(2), (len(taken), 2, 2))
+    problem = Problem(taken, model, white, prior)
+    at = Point(np.array(model.parameters), registration)
+    grid = np.random.default_rng(1).uniform(*machine.travel, (300, 3))
+    nothing = problem.residuals(at)
+    for _ in range(6):
+        noise = rng.normal(0.0, 1e-3, (len(taken), 2))
+        moved = replace(
+            taken, observed=taken.observed + np.einsum("nkx,nk->nx", taken.across.directions, noise - nothing)
+        )
+        solved = replace(problem, measurement=moved).solve(at, np.ones(len(taken)), 1.0)
+        found = model.with_parameters(solved.step[6:])
+        errors, points = deviation_on(machine, found, grid, TOOL)
+        draws.append(np.mean((aligned(errors, points) * 1e3) ** 2))
+    cells = sum(max(np.linalg.norm(b - a) - 10.0, 0.0) for a, b in pairwise(path.positions)) / 4.0
+    assert np.sqrt(np.mean(draws) * len(taken) / cells) == pytest.approx(predicted, rel=0.2)
+
+
+def test_the_diagonals_hide_one_direction_that_matters():
+    gain = volume().gain(information(volume(), diagonals()))
+    assert gain.hidden == 1
+    assert gain.score > 10.0
+    whole = volume().gain(information(volume(), polyline(0, 40)))
+    assert whole.hidden == 0
+    assert whole.noise == pytest.approx(whole.score, rel=1e-3)
+
+
+def test_moves_that_corners_swallow_say_nothing():
+    assert not volume().information(np.zeros(3), np.array([6.0, 0.0, 0.0])).any()
+
+
+# ---- planned
+
+
+def test_a_planned_path_is_better_than_random_ones_and_keeps_its_length(monkeypatch):
+    monkeypatch.setattr(planner, "STARTS", 4)
+    monkeypatch.setattr(planner, "TRIES", 60)
+    told = []
+    found = planned(volume(), 12_000.0, np.random.default_rng(3), told.append)
+    again = planned(volume(), 12_000.0, np.random.default_rng(3))
+    np.testing.assert_array_equal(found.corners, again.corners)
+    assert sum(told) == 64
+    length = sum(np.linalg.norm(b - a) for a, b in pairwise(found.corners))
+    assert found.length_mm == pytest.approx(length)
+    assert length <= 12_000.0
+    low, high = FIXED.travel
+    assert np.all((found.corners >= low) & (found.corners <= high))
+    on_boundary = np.any((found.corners == low) | (found.corners == high), axis=1)
+    assert on_boundary.all()
+    random = []
+    for seed in range(5):
+        path = polyline(seed, 28)
+        random.append(volume().gain(information(volume(), path)).noise * np.sqrt(path.way[-1] / 12_000.0))
+    assert found.gain.noise < 0.9 * min(random)
+
+
+def test_too_short_a_path_is_refused():
+    with pytest.raises(UserError, match="too short"):
+        planned(volume(), 200.0, np.random.default_rng(0))
+
+
+@pytest.mark.slow
+def test_the_fixed_set_up():
+    """The bars of the fixed set-up: noise gain 0.165, and with 1 um on each reading 0.55 um on a grid in 21 m of path."""
+    found = planned(volume(), 21_000.0, np.random.default_rng(0))
+    assert found.length_mm <= 21_000.0
+    assert found.gain.noise <= 0.165
+    assert found.gain.hidden == 0
+
+
+# ---- judged
+
+
+def test_a_given_path_is_judged():
+    bad, good = judged(diagonals(), ONE), judged(polyline(3, 30), ONE)
+    assert bad.blind_mode is not None
+    assert bad.gain.hidden == 1
+    assert {"E_XX", "E_YY", "E_ZZ"} in [set(blind.effects) for blind in bad.not_visible]
+    assert good.blind_mode is None
+    assert {"E_XX", "E_YY", "E_ZZ"} not in [set(blind.effects) for blind in good.not_visible]
+
+
+@pytest.mark.slow
+def test_three_targets_see_everything():
+    three = {"a": Target((0.0, 0.0, -100.0)), "b": Target((80.0, 0.0, -100.0)), "c": Target((0.0, 90.0, -180.0))}
+    assert judged(polyline(3, 30), three).not_visible == ()
+
+
+# ---- programs
+
+
+def read_back(text, machine, tmp_path):
+    path = tmp_path / "path.nc"
+    path.write_text(text)
+    source = open_source(str(path))
+    return program_path(source, find_dialect("auto", source.name, source.text_head), machine, make_setup(machine))
+
+
+def test_the_path_of_a_program_is_that_it_was_made_of(tmp_path):
+    for made in (polyline(5, 12), diagonals()):
+        found = read_back(program(made), FIXED, tmp_path)
+        np.testing.assert_allclose(found.positions, made.positions, atol=1e-6)
+        np.testing.assert_array_equal(found.counts[1:], made.counts[1:])
+        np.testing.assert_allclose(found.way, made.way, atol=1e-4)
+
+
+def test_circles_and_tcp_are_cut_into_straight_pieces(tmp_path):
+    circle = "G21 G90 G17\nG0 X100 Y300 Z200\nG2 X300 Y300 I100 J0 F500\nG1 X400\nM30\n"
+    found = read_back(circle, FIXED, tmp_path)
+    x, y = (found.positions[:, FIXED.index(name)] for name in "XY")
+    inside = (x > 100.0) & (x < 300.0)
+    np.testing.assert_allclose(np.hypot(x - 200.0, y - 300.0)[inside], 100.0, atol=1e-9)
+    assert np.count_nonzero(inside) > 1000
+    assert found.way[-1] == pytest.approx(np.pi * 100.0 + 100.0, rel=1e-6)
+    tcp = "G21 G90\nG0 X0 Y0 Z100 B0 C0\nG43.4 H1\nG1 X0 Y0 Z50 B0 C0 F500\nG1 X50 Y20 Z50 B30 C40\nM30\n"
+    found = read_back(tcp, machines.load("dmu50"), tmp_path)
+    steps = np.abs(np.diff(found.positions[:, :2], axis=0)).max()
+    assert np.degrees(steps) <= 0.11
+
+
+REFUSED = {
+    "a canned cycle": "G21 G90\nG0 X10 Y10 Z100\nG81 X20 Y20 Z50 R60 F100\nM30\n",
+    "does not say here": "G21 G90\nG0 X10 Y10 Z100\nG1 X20 F100\nT1 M6\nG1 X30\nM30\n",
+    "says no path": "G21 G90\nG0 X10 Y10\nM30\n",
+}
+
+
+@pytest.mark.parametrize(("said", "text"), REFUSED.items(), ids=REFUSED)
+def test_programs_that_no_path_can_be_told_of_are_refused(said, text, tmp_path):
+    with pytest.raises(UserError, match=said):
+        read_back(text, FIXED, tmp_path)
+
+
+def test_axes_that_a_program_never_names_stand_at_home_and_are_noted(tmp_path):
+    found = read_back("G21 G90\nG0 X10 Y10 Z100\nG1 X20 F100\nM30\n", machines.load("dmu50"), tmp_path)
+    assert len(found.notes) == 1
+    assert "never says where C, B stand" in found.notes[0]
+
+
+# ---- driving
+
+
+def test_a_drive_keeps_feed_and_acceleration():
+    path = path_of(FIXED, [[0, 0, 0], [300, 0, 0], [300, 40, 0], [0, 40, 300], [0, 40, 310]])
+    manner = Manner(6000.0, 400.0, 1000.0, pause_s=0.5)
+    ride = driven(path, manner)
+    speed = np.linalg.norm(ride.velocity, axis=1)
+    change = np.linalg.norm(ride.acceleration, axis=1)
+    assert speed.max() == pytest.approx(100.0)
+    assert np.all(np.isin(np.round(change, 6), [0.0, 400.0]))
+    np.testing.assert_allclose(
+        np.gradient(ride.positions, ride.time, axis=0)[change == 0.0][5:-5],
+        ride.velocity[change == 0.0][5:-5],
+        atol=21.0,
+    )
+    np.testing.assert_allclose(ride.positions[[0, -1]], path.positions[[0, -1]], atol=1e-9)
+    assert ride.time[-1] == pytest.approx(duration(path, manner), abs=2e-3)
+    # 300 mm and 424 mm at 100 mm/s with 0.25 s of ramps; 40 mm with them too; 10 mm without a plateau
+    lasting = 3.25 + 0.65 + np.hypot(300, 300) / 100 + 0.25 + 2 * np.sqrt(10 / 400)
+    assert duration(path, manner) == pytest.approx(lasting + 1.0)
+
+
+# ---- the commands
+
+
+@pytest.fixture
+def machine_file(tmp_path):
+    (tmp_path / "fixed.toml").write_text(FIXED_TOML)
+    return tmp_path
+
+
+@pytest.mark.usefixtures("machine_file")
+def test_plan_simulate_fit(command, monkeypatch, tmp_path):
+    """All the way: a path, its program, readings along it, a calibration that knows nothing of the truth."""
+    monkeypatch.setattr(planner, "STARTS", 3)
+    monkeypatch.setattr(planner, "TRIES", 60)
+    fixed = ["--machine", "fixed.toml"]
+    done = command(
+        "plan",
+        *fixed,
+        "--strategy",
+        "on-the-fly",
+        "--target",
+        "t=0,0,-100",
+        "--length-m",
+        "12",
+        "-o",
+        "path.csv",
+        "--nc",
+        "path.nc",
+    )
+    assert done.status == 0, done.err
+    assert "noise gain" in done.err
+    assert "BLIND" not in done.err
+    made = [
+        "--path",
+        "path.nc",
+        "--target",
+        "t=0,0,-100",
+        "--feed",
+        "9000",
+        "--rate",
+        "60",
+        "-u",
+        "u_range_um=1",
+        "-u",
+        "u_angle_um=2",
+    ]
+    done = command(
+        "simulate", *fixed, *made, "--effect", "backlash:axis=Y,width=15", "-o", "points.csv", "--truth", "truth.json"
+    )
+    assert done.status == 0, done.err
+    again = command("simulate", *fixed, *made, "--effect", "backlash:axis=Y,width=15", "-o", "again.csv")
+    assert again.status == 0
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "points.csv").read_bytes()
+    done = command(
+        "fit", "points.csv", *fixed, "--path", "path.nc", "--reversal", "constant", "--basis", "cubic:7", "--no-hold-out",
+        "-o", "cal.json", "--json", "-",
+    )  # fmt: skip
+    assert done.status == 0, done.err
+    found = {effect["name"]: effect for effect in json.loads(done.out)["effects"]}["backlash Y"]
+    assert found["parameters"]["width_um"] == pytest.approx(15.0, abs=1.0)
+
+
+@pytest.mark.usefixtures("machine_file")
+def test_a_program_is_judged_by_name(command, tmp_path):
+    (tmp_path / "diagonals.nc").write_text(program(diagonals()))
+    done = command(
+        "plan", "--machine", "fixed.toml", "--strategy", "on-the-fly", "--path", "diagonals.nc", "--target", "t=0,0,-100",
+        "-o", "judged.csv",
+    )  # fmt: skip
+    assert done.status == 0, done.err
+    assert "HIDDEN       1 direction" in done.err
+    assert "BLIND MODE   E_XX, E_YY and E_ZZ in proportion to their travels" in done.err
+
+
+WRONG = {
+    "plan points": (["plan", "--strategy", "on-the-fly", "--points", "30", "-o", "p.csv"], "--points is of positions"),
+    "plan both": (["plan", "--strategy", "on-the-fly", "--length-m", "5", "--minutes", "3", "-o", "p.csv"], "not both"),
+    "plan length elsewhere": (
+        ["plan", "--strategy", "grid", "--length-m", "5", "-o", "p.csv"],
+        "--length-m is of --strategy on-the-fly",
+    ),
+    "plan swept": (["plan", "--strategy", "on-the-fly", "--rotary", "swept", "-o", "p.csv"], "fixed or move along"),
+    "simulate both": (
+        ["simulate", "--path", "x.nc", "--strategy", "grid", "-o", "d.csv"],
+        "--strategy can't go with --path",
+    ),
+    "simulate neither": (["simulate", "-o", "d.csv"], "--strategy, or --path PATH.nc"),
+    "simulate laser": (
+        ["simulate", "--path", "x.nc", "--instrument", "interferometer", "-o", "d.csv"],
+        "it takes a laser tracker",
+    ),
+    "simulate no file": (["simulate", "--path", "x.nc", "-o", "d.csv"], "x.nc"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "said"), WRONG.values(), ids=WRONG)
+@pytest.mark.usefixtures("machine_file")
+def test_what_cant_be_is_refused(command, tmp_path, arguments, said):
+    done = command(arguments[0], "--machine", "fixed.toml", *arguments[1:])
+    assert done.status == 2
+    assert said in done.err
+    assert {path.name for path in tmp_path.iterdir()} == {"fixed.toml"}
+
+
+@pytest.mark.slow
+def test_on_the_fly_agrees_with_points_at_rest():
+    """The same virtual machine by both: their deviations in the volume differ by no more than both uncertainties."""
+    rng = np.random.default_rng(2)
+    truth = random_truth(FIXED, rng)
+    tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
+    readings, _ = followed(polyline(0, 40), truth, rate=50.0, tracker=tracker, seed=4)
+    moving = calibrate(on_path(readings, polyline(0, 40)).measurement, hold_out=False)
+    state = with_moves(State(plan(FIXED, "hexahedron+random", (170, 150)).positions))
+    poses = {"1": tracker_pose((-1500.0, -300.0, 200.0), rng)}
+    resting = calibrate(observe(FIXED, truth, state, tracker, rng, poses, ONE), hold_out=False)
+    grid = rng.uniform(*FIXED.travel, (400, 3))
+    found, variance = [], 0.0
+    for each in (moving, resting):
+        errors, points = deviation_on(FIXED, each.model, grid, TOOL)
+        found.append(errors)
+        design = each.model.design(FIXED, State(grid), place_transform(FIXED, grid, TOOL)[:, :3])
+        columns = np.stack([aligned(design[:, :, k], points) for k in range(design.shape[2])], axis=2)
+        variance = variance + np.einsum("nip,pq,niq->ni", columns, np.array(each.model.covariance), columns)
+    apart = aligned(found[0] - found[1], points) / np.sqrt(variance)
+    assert np.mean(np.abs(apart) < 1.96) > 0.85
+    assert np.sqrt(np.mean(apart**2)) < 1.5
