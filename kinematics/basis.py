@@ -33,6 +33,10 @@ class _Scaled(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         low, high = self.interval
         return np.asarray((np.clip(x, low, high) - low) / (high - low))
 
+    @property
+    def _width(self) -> float:
+        return self.interval[1] - self.interval[0]
+
 
 class Polynomial(_Scaled, frozen=True, tag_field="kind", tag="polynomial"):
     """1, u, u^2, ... u^degree with u = 0..1 over the interval."""
@@ -48,6 +52,11 @@ class Polynomial(_Scaled, frozen=True, tag_field="kind", tag="polynomial"):
         """Basis functions `(n, size)` at positions `(n,)`."""
         return np.vander(self._scaled(x), self.size, increasing=True)
 
+    @property
+    def bend_length(self) -> float:
+        """How short a way its functions may bend there and back on, mm or degrees: least near the ends."""
+        return _bend_length(self._width, self.degree)
+
 
 class Legendre(_Scaled, frozen=True, tag_field="kind", tag="legendre"):
     """Legendre polynomials P_0 ... P_degree over the interval taken as -1..1."""
@@ -62,6 +71,11 @@ class Legendre(_Scaled, frozen=True, tag_field="kind", tag="legendre"):
     def columns(self, x: Array) -> Array:
         """Basis functions `(n, size)` at positions `(n,)`."""
         return np.asarray(legendre.legvander(2.0 * self._scaled(x) - 1.0, self.degree))
+
+    @property
+    def bend_length(self) -> float:
+        """How short a way its functions may bend there and back on, mm or degrees: least near the ends."""
+        return _bend_length(self._width, self.degree)
 
 
 class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
@@ -79,6 +93,12 @@ class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
         u = self._scaled(x)
         waves = [wave(n * np.pi * u) for n in self.harmonics for wave in (np.sin, np.cos)]
         return np.stack([np.ones_like(u), u, *waves], axis=1)
+
+    @property
+    def bend_length(self) -> float:
+        """How short a way its functions may bend there and back on, mm or degrees: half the shortest wave."""
+        highest = max(map(abs, self.harmonics), default=0.0)
+        return self._width / highest if highest else math.inf
 
 
 class BSpline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="b-spline"):
@@ -123,6 +143,16 @@ class BSpline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
         columns = np.zeros((n, self.size))
         np.put_along_axis(columns, span[:, None] + np.arange(-p, 1), local, axis=1)
         return columns
+
+    @property
+    def bend_length(self) -> float:
+        """How short a way its functions may bend there and back on, mm or degrees: that between two nodes."""
+        return float(np.diff(self.nodes).min())
+
+
+def _bend_length(width: float, degree: int) -> float:
+    """Of polynomials; a straight line does not bend."""
+    return 2.0 * width / (degree * (degree + 1)) if degree > 1 else math.inf
 
 
 Basis = Polynomial | Legendre | Fourier | BSpline

@@ -21,6 +21,8 @@ from kinematics.transforms import Array, blocks
 
 ROUNDING = 1e-9
 """Positions, mm or degrees, come back from rad with an error far below this."""
+LONGEST_BEND = np.deg2rad(40.0)
+"""rad."""
 
 
 class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -146,6 +148,18 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # below zero by rounding only
         u = np.array([v for effect in self.effects for v in effect.uncertainties])
         return np.asarray(np.sqrt(np.einsum("nrp,p->nr", design**2, u**2)))
+
+    def bend_lengths(self, machine: Machine) -> Array:
+        """How short a way of each axis `(axes,)`, mm and rad, the errors of the machine may bend there and back on.
+
+        Kinematics bends the way of what a rotary axis carries, errors or not: none is longer than LONGEST_BEND there.
+        """
+        lengths = np.where(machine.rotary, LONGEST_BEND, np.inf)
+        for effect in self.effects:
+            for axis, length in effect.bend_lengths.items():
+                i = machine.index(axis)
+                lengths[i] = min(lengths[i], length * machine.scale[i])
+        return lengths
 
     def outside(self, machine: Machine, state: State) -> dict[str, float]:
         """Effects asked for outside their interval, with how far; they hold their end value.

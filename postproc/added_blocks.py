@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from postproc.iso_codes import DISTANCES, FEED_MODES, UNITS
-from postproc.program import Block
+from postproc.program import Block, Word
 from postproc.words import Layout, place
 
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
+START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
+"""M functions that every control runs before the move of their block: they stay with the first piece of it."""
+END_M = frozenset((0.0, 1.0, 2.0, 30.0))
+"""Those that every control runs behind it: they go to the last piece."""
+EXACT_STOP = 9.0
+"""G9: at the end of its block."""
+SINGLE_FEEDS = frozenset(("FB", "FT", "FMAXT"))
+"""Feeds of one block."""
+LASTING = frozenset(("DC", "ACP", "ACN"))
+"""Siemens: which way round an axis turns to a position."""
 
 
 class Tag(StrEnum):
@@ -18,11 +30,29 @@ class Tag(StrEnum):
 
     TAKE_UP = "NCOMP TAKE-UP"
     PIECE = "NCOMP ARC"
+    """Of an arc, from where an axis turns back."""
+    PART = "NCOMP FROM"
+    """Of a move, from a share of its way that stands behind it: NCOMP FROM 3/8."""
+
+
+_SHARE = re.compile(rf"{Tag.PART} (\d+)/(\d+)")
 
 
 def tag_of(text: str) -> Tag | None:
     """What a block is, None for one of the program."""
     return next((tag for tag in Tag if tag in text), None) if "NCOMP" in text else None
+
+
+def begin_of(text: str) -> float:
+    """The share of its programmed move at which a block of ncomp's own begins; nan where it does not say it."""
+    match = _SHARE.search(text)
+    return int(match[1]) / max(int(match[2]), 1) if match else math.nan
+
+
+def part(begin: float) -> str:
+    """The comment of a block that begins at a share of its programmed move."""
+    count, of = begin.as_integer_ratio()
+    return f"{Tag.PART} {count}/{of}"
 
 
 def mode_words(block: Block) -> list[str]:
@@ -33,6 +63,15 @@ def mode_words(block: Block) -> list[str]:
 def feed_words(block: Block) -> list[str]:
     """What a block says of the feed, as it stands there."""
     return [block.text[word.at : word.end] for word in block.words if word.address in ("F", "FU", "FZ", "FAUTO")]
+
+
+def end_words(block: Block) -> list[Word]:
+    """What the control does at the end of a block."""
+    return [
+        word
+        for word in block.words
+        if (word.address == "M" and word.value in END_M) or (word.address == "G" and word.value == EXACT_STOP)
+    ]
 
 
 def feed_index(block: Block) -> int | None:
@@ -51,7 +90,7 @@ class AddedBlock:
 
     beside: Block
     layout: Layout
-    tag: Tag
+    tag: str
     sense: int = 0
     """Of an arc, 0 of a straight line."""
     preface: str = ""
@@ -59,11 +98,16 @@ class AddedBlock:
     _modes: list[str] = field(default_factory=list)
     _words: list[tuple[str, str]] = field(default_factory=list)
     _feed: list[str] = field(default_factory=list)
+    _functions: list[str] = field(default_factory=list)
 
     @property
     def klartext(self) -> bool:
         """True beside a block of Klartext."""
         return self.beside.kind != "words"
+
+    def beside_says(self, mode: str) -> bool:
+        """True beside a Siemens block with a word in that mode: AC, IC, ..."""
+        return any(word.mode == mode and word.address in "IJK" for word in self.beside.words)
 
     @property
     def says_nothing(self) -> bool:
@@ -85,6 +129,10 @@ class AddedBlock:
     def feed(self, *texts: str) -> None:
         """Say the feed."""
         self._feed += texts
+
+    def functions(self, *texts: str) -> None:
+        """Say what the control does at the end of the move."""
+        self._functions += texts
 
     def feed_of(self, value: float) -> None:
         """Say the feed by its number, with six digits."""
@@ -111,7 +159,7 @@ class AddedBlock:
         else:
             head = "G1" if not self.sense else "G3" if self.sense > 0 else "G2"
         blank = " " if self.klartext or self.layout.blank else ""
-        said = blank.join([*self._modes, head, *ordered, *self._feed])
+        said = blank.join([*self._modes, head, *ordered, *self._feed, *self._functions])
         lower = self.beside.words and self.beside.text[self.beside.words[0].at].islower()
         line = f"{said.lower() if lower else said}{blank}{comment.format(self.tag)}"
         return [self.preface, line] if self.preface else [line]

@@ -11,6 +11,7 @@ from kinematics.machine import Machine
 from postproc.dialects import Dialect, Interpreter
 from postproc.execution import turns
 from postproc.flow import Flow, straight
+from postproc.lines import ranges
 from postproc.motions import Kind, Motions
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
@@ -137,14 +138,3 @@ def _walk(source: Source, dialect: Dialect, interpreter: Interpreter, findings: 
     findings.not_run = [
         block.line for i, block in enumerate(blocks) if i not in flow.ran and block.kind not in ("blank", "header")
     ]
-
-
-def ranges(lines: Iterable[int]) -> str:
-    """Lines in few words: `3, 5-9`."""
-    found: list[list[int]] = []
-    for line in sorted(set(lines)):
-        if found and line == found[-1][1] + 1:
-            found[-1][1] = line
-        else:
-            found.append([line, line])
-    return ", ".join(f"{first}" if first == last else f"{first}-{last}" for first, last in found)

@@ -53,14 +53,14 @@ def correct(
     movable = motions.correctable & motions.programmed[:, None]
     nominal = motions.machine_target
     models, states = (model, orientation), conditions.states(approach)
-    corrected = _corrected(motions.machine, models, states, nominal, motions.tool, movable)
+    corrected = corrected_positions(motions.machine, models, states, nominal, motions.tool, movable)
     rows = sorted(motions.arcs)
     at_arcs = conditions.states(None if approach is None else approach[rows])
     middles = _arc_middles(motions, models, at_arcs, movable, rows)
     return Correction(nominal, corrected, motions.in_program(corrected), middles)
 
 
-def _corrected(
+def corrected_positions(
     machine: Machine,
     models: tuple[ErrorModel, ErrorModel | None],
     states: States,
@@ -68,6 +68,11 @@ def _corrected(
     tool: Array,
     movable: NDArrayBool,
 ) -> Array:
+    """Axis positions `(n, axes)`, mm and rad, that put the tool where it nominally is at `nominal` `(n, axes)`.
+
+    By the model of the tool point and, for movable rotary axes, that of the orientation; tool `(n, 3)`, mm.
+    """
+
     def errors_of(which: ErrorModel) -> Errors:
         return lambda q: which.errors(machine, states(q))
 
@@ -109,6 +114,6 @@ def _arc_middles(
     nominal = motions.in_machine(middles)
     corrected = nominal.copy()
     tool = motions.tool[rows]
-    corrected[rows] = _corrected(motions.machine, models, states, nominal[rows], tool, movable[rows])
+    corrected[rows] = corrected_positions(motions.machine, models, states, nominal[rows], tool, movable[rows])
     shift = motions.in_program(corrected) - middles
     return {row: shift[row] for row in rows}

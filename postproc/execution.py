@@ -11,6 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+
+from kinematics.errors import UserError
 from postproc.dialects import Dialect, Interpreter
 from postproc.flow import Flow, straight
 from postproc.motions import Motions
@@ -27,6 +30,8 @@ class Part:
     """Of every block that ran: its index in the program."""
     size: int
     """Characters of text that were read for it."""
+    varied: frozenset[int] = frozenset()
+    """Blocks of the chunk that run several times, and move from or to different places."""
 
 
 class Execution(Protocol):
@@ -42,10 +47,13 @@ class Execution(Protocol):
         """Those that are left at the end."""
 
 
-def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Execution:
-    """How a program has to be run."""
+def execution(
+    source: Source, dialect: Dialect, interpreter: Interpreter, rehearsal: Interpreter | None = None
+) -> Execution:
+    """How a program has to be run; where a `rehearsal` finds out which blocks run several times, in different ways."""
     if turns(source, dialect):
-        return Walk(source, dialect, interpreter)
+        varied = frozenset[int]() if rehearsal is None else _varied(Walk(source, dialect, rehearsal))
+        return Walk(source, dialect, interpreter, varied)
     return Straight(source, dialect, interpreter)
 
 
@@ -96,6 +104,8 @@ class Walk:
     source: Source
     dialect: Dialect
     interpreter: Interpreter
+    varied: frozenset[int] = frozenset()
+    """Indices in the program of blocks that run several times, not alike."""
     blocks: list[Block] = field(init=False, default_factory=list)
     texts: dict[int, str] = field(init=False, default_factory=dict)
     """What became of the blocks that ran."""
@@ -113,7 +123,8 @@ class Walk:
                 places: list[int] = []
                 motions = self.interpreter.read(_noting(itertools.islice(steps, CHUNK), places.append))
                 more = len(places) == CHUNK
-                yield Part(motions, places, size)
+                varied = frozenset(i for i, place in enumerate(places) if place in self.varied)
+                yield Part(motions, places, size, varied)
                 size = 0
         except Refusal as refusal:
             raise refusal.located(self.source.name) from None
@@ -131,6 +142,24 @@ class Walk:
     def rest(self) -> tuple[list[Block], list[str]]:
         """All of them; those that did not run as they were."""
         return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
+
+
+def _varied(walk: Walk) -> frozenset[int]:
+    """Blocks whose moves are not the same whenever they run; nothing of a program that is refused, which says it."""
+    first: dict[int, bytes] = {}
+    varied = set()
+    try:
+        for part in walk.parts():
+            motions = part.motions
+            columns = (np.round(motions.start, 9), np.round(motions.target, 9), motions.known_start, motions.known)
+            moves = np.hstack([motions.machine_target.round(9), *columns]) + 0.0
+            for row, block in enumerate(motions.block.tolist()):
+                place, move = part.places[block], moves[row].tobytes()
+                if first.setdefault(place, move) != move:
+                    varied.add(place)
+    except UserError:
+        return frozenset()
+    return frozenset(varied)
 
 
 def _noting(steps: Iterator[tuple[int, Block]], note: Callable[[int], None]) -> Iterator[Block]:

@@ -149,7 +149,10 @@ class Motions:
     settled: np.ndarray
     """True `(n,)` where the frame before the block is that which it is read in."""
     added: np.ndarray
-    """True `(n,)` for moves with a block of ncomp's own: take-ups, and all pieces of an arc but the first."""
+    """True `(n,)` for moves with a block of ncomp's own: take-ups, and all pieces of a move but the first."""
+    begin: Array
+    """Share `(n,)` of the programmed move at which a row begins; nan for a piece that begins where an arc turns back,
+    and which the quarters of the circle tell."""
     start: Array
     target: Array
     known_start: np.ndarray
@@ -195,7 +198,7 @@ class Motions:
 
     @property
     def inner(self) -> NDArrayBool:
-        """Rows `(n,)` that end inside a programmed move: take-ups, and all pieces of an arc but the last."""
+        """Rows `(n,)` that end inside a programmed move: take-ups, and all pieces of a move but the last."""
         inner = np.asarray(self.kind == Kind.TAKE_UP)
         moves = np.flatnonzero(~inner)
         inner[moves[:-1]] = self.added[moves[1:]]
@@ -228,7 +231,7 @@ class Motions:
 
     @property
     def judged_ways(self) -> NDArrayBool:
-        """Feed moves `(n,)`, pieces of arcs too, whose way between is known."""
+        """Feed moves `(n,)`, pieces too, whose way between is known."""
         judged = self._said(self.known_start) & self._said(self.known)
         return np.asarray(judged & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
@@ -262,6 +265,12 @@ class Motions:
             program[row, [i, j]] = point_at(first, arc.centre, share * turned)
         return np.asarray(program)
 
+    @property
+    def bare(self) -> Motions:
+        """The columns alone."""
+        nothing: dict[str, Any] = {name: {} for name in BY_ROW}
+        return replace(self, words=[], polar_ends={}, **nothing)
+
     def in_machine(self, program: Array) -> Array:
         """Axis positions `(n, axes)`, mm and rad, of programmed positions given for all rows."""
         q = np.empty_like(program)
@@ -282,7 +291,7 @@ class Motions:
 
 
 COLUMNS = (
-    *("block", "kind", "frame", "unit", "incremental", "timed", "settled", "added"),
+    *("block", "kind", "frame", "unit", "incremental", "timed", "settled", "added", "begin"),
     *("start", "target", "known_start", "known"),
 )
 """Fields of Motions with one row per move."""
@@ -502,6 +511,7 @@ class Recorder:
             np.array(timed, bool),
             np.array(settled, bool),
             np.zeros(n, bool),
+            np.zeros(n),
             np.array(start, float).reshape(n, axes),
             np.array(target, float).reshape(n, axes),
             np.array(known_start, int).reshape(n, axes),

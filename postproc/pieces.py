@@ -1,4 +1,4 @@
-"""Moves in more rows than the program has blocks for: arcs in pieces, and take-ups before moves."""
+"""Moves in more rows than the program has blocks for: moves in pieces, and take-ups before them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.machine import NDArrayBool
+from postproc.along import places
 from postproc.circles import Point, quadrants, same, sweep
 from postproc.motions import BY_ROW, Arc, Kind, Known, Motions
 
@@ -40,37 +41,40 @@ def turning_points(motions: Motions, row: int) -> Iterator[tuple[float, int, flo
         yield share, arc.plane[coordinate], radius * (1.0 - math.cos(min(nearer, math.pi)))
 
 
-def split(motions: Motions, cuts: Mapping[int, Sequence[float]]) -> Motions:
-    """The moves with some arcs, by row, in pieces that end at shares of their way.
+def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants: bool = False) -> Motions:
+    """The moves with some, by row, in pieces that end at shares of their way.
 
-    The first piece keeps the block; the others are `added`, and name no axis.
+    The first piece keeps the block; the others are `added`, and name no axis. At quadrants of arcs, where these begin
+    is left for the circle to tell.
     """
     if not cuts:
         return motions
     pieces = np.ones(len(motions), int)
-    for row, shares in cuts.items():
-        pieces[row] += len(shares)
+    pieces[list(cuts)] += [len(shares) for shares in cuts.values()]
     result = motions.take(np.repeat(np.arange(len(motions)), pieces))
     first = np.cumsum(pieces) - pieces
-    for row, shares in cuts.items():
-        at = int(first[row])
-        ends = [motions.take(np.array([row])).along(share)[0] for share in shares]
-        for i, place in enumerate(ends):
-            result.target[at + i] = result.start[at + i + 1] = place
-        later = slice(at + 1, at + len(shares) + 1)
-        result.added[later] = result.settled[later] = True
-        result.known_start[later] = motions.known[row]
-        if result.words:
-            result.words[later] = [()] * len(shares)
-        bounds, turned = (0.0, *shares, 1.0), arc_turned(motions, row)
-        for i, (begin, end) in enumerate(itertools.pairwise(bounds), start=at):
-            result.arcs[i] = _piece(motions.arcs[row], arc_ends(result, i), (end - begin) * turned)
-            if i > at:
+    later = np.ones(len(result), bool)
+    later[first] = False
+    rows = np.repeat(np.arange(len(motions)), pieces - 1)
+    shares = np.array([share for row in sorted(cuts) for share in cuts[row]], float)
+    added = np.flatnonzero(later)
+    result.start[added] = result.target[added - 1] = places(motions, rows, shares)
+    result.added[added] = result.settled[added] = True
+    result.begin[added] = np.nan if at_quadrants else shares
+    result.known_start[added] = motions.known[rows]
+    if result.words:
+        for row in added.tolist():
+            result.words[row] = ()
+    for row in cuts.keys() & motions.arcs.keys():
+        bounds, turned = (0.0, *cuts[row], 1.0), arc_turned(motions, row)
+        for i, (low, high) in enumerate(itertools.pairwise(bounds), start=int(first[row])):
+            result.arcs[i] = part_of(motions.arcs[row], arc_ends(result, i), (high - low) * turned)
+            if low > 0.0:
                 result.arcs[i] = result.arcs[i]._replace(words=(None, None), pole_block=-1)
     return result
 
 
-def _piece(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
+def part_of(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
     """A part of an arc with these ends, that turns through `turned`, rad."""
     full = same(*ends) and abs(turned) > math.pi
     once = sweep(*ends, arc.centre, arc.sense, full)
@@ -78,32 +82,14 @@ def _piece(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
 
 
 def like(nominal: Motions, commanded: Motions) -> Motions | None:
-    """The nominal moves, cut and with take-ups as the commanded ones; None where these are not the same moves.
-
-    A piece ends where an axis turns back: at the quarter of the nominal circle that is nearest.
-    """
+    """The nominal moves, cut and with take-ups as the commanded ones; None where these are not the same moves."""
     own = np.flatnonzero(~commanded.added)
     if len(own) != len(nominal) or not np.array_equal(nominal.kind, commanded.kind[own]):
         return None
-    move = np.cumsum(~commanded.added) - 1
     moves = commanded.kind != Kind.TAKE_UP
-    inner = commanded.inner
-    cuts: dict[int, list[float]] = {}
-    for row in np.flatnonzero(inner & moves).tolist():
-        origin = int(move[row])
-        if origin not in nominal.arcs or row not in commanded.arcs:
-            return None
-        _, (x, y) = arc_ends(commanded, row)
-        x0, y0 = commanded.arcs[row].centre
-        (start, _), turned = arc_ends(nominal, origin), arc_turned(nominal, origin)
-        points = quadrants(start, nominal.arcs[origin].centre, turned)
-        angle = math.atan2(y - y0, x - x0)
-        first = math.atan2(start[1] - nominal.arcs[origin].centre[1], start[0] - nominal.arcs[origin].centre[0])
-        apart = [abs(math.remainder(first + share * turned - angle, 2 * math.pi)) for share, _ in points]
-        left = [(a, share) for a, (share, _) in zip(apart, points, strict=True) if share > max(cuts.get(origin, [0.0]))]
-        if not left:
-            return None
-        cuts.setdefault(origin, []).append(min(left)[1])
+    cuts = _cuts_of(nominal, commanded, commanded.added & moves)
+    if cuts is None:
+        return None
     result = split(nominal, cuts)
     if len(result) != int(moves.sum()):
         return None
@@ -112,6 +98,41 @@ def like(nominal: Motions, commanded: Motions) -> Motions | None:
     if len(before) and before[-1] >= len(result):
         return None
     return with_take_ups(result, before, commanded.known[takes_up] == Known.PROGRAM)
+
+
+def _cuts_of(nominal: Motions, commanded: Motions, pieces: NDArrayBool) -> dict[int, list[float]] | None:
+    """By row of the nominal moves: shares of its way at which the added `pieces` `(n,)` begin; None where unknown."""
+    move = np.cumsum(~commanded.added) - 1
+    cuts: dict[int, list[float]] = {}
+    for row in np.flatnonzero(pieces).tolist():
+        origin, share = int(move[row]), float(commanded.begin[row])
+        done = cuts.setdefault(origin, [])
+        if math.isnan(share):
+            found = _quadrant(nominal, origin, commanded, row, done[-1] if done else 0.0)
+            if found is None:
+                return None
+            share = found
+        if origin < 0 or not (done[-1] if done else 0.0) < share < 1.0:
+            return None
+        done.append(share)
+    return cuts
+
+
+def _quadrant(nominal: Motions, origin: int, commanded: Motions, row: int, behind: float) -> float | None:
+    """The share of a nominal arc, beyond one, where the quarter ends that is nearest to the start of a piece."""
+    if origin not in nominal.arcs or row not in commanded.arcs:
+        return None
+    (x, y), _ = arc_ends(commanded, row)
+    x0, y0 = commanded.arcs[row].centre
+    (start, _), turned = arc_ends(nominal, origin), arc_turned(nominal, origin)
+    centre = nominal.arcs[origin].centre
+    angle, first = math.atan2(y - y0, x - x0), math.atan2(start[1] - centre[1], start[0] - centre[0])
+    apart = [
+        (abs(math.remainder(first + share * turned - angle, 2 * math.pi)), share)
+        for share, _ in quadrants(start, centre, turned)
+        if share > behind
+    ]
+    return min(apart)[1] if apart else None
 
 
 def with_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBool) -> Motions:

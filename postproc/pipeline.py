@@ -21,23 +21,25 @@ from kinematics.model import ErrorModel
 from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
 from postproc.dialects import Dialect
-from postproc.execution import execution
+from postproc.execution import Part, execution
 from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Kind, Known, Motions
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
-from postproc.report import Report, Statistic
-from postproc.reversals import INNER
+from postproc.report import Report, Statistic, Straying
 from postproc.setup import Setup
 from postproc.significance import uncertainties_um
 from postproc.source import ENCODING, Source
+from postproc.splitting import Splitter
 from postproc.take_up import TakeUps
 from postproc.travel import check_size, note_outside, refuse_outside
 from postproc.writer import Writer, Written
 
 UNCERTAINTY_ROWS = 500
 """Moves of a chunk that the uncertainty of the prediction is worked out for."""
+BETWEEN = (0.25, 0.5, 0.75)
+"""Shares of the way of a written block at which the error between its ends is predicted."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Job:
     classes: frozenset[str] | None = None
     """Elementary compensation classes, and FOR, that are corrected; None for all but FOR."""
     tolerance_um: float = 1.0
-    """Feed moves that stray farther than this between their ends are noted; half of it is no reversal."""
+    """Feed moves that would stray farther than this between their ends are split; half of it is no reversal."""
     conditions: Conditions = COLD
     """While the program runs."""
 
@@ -71,6 +73,7 @@ class Pipeline:
         """What is judged; of it, what is corrected."""
         self.corrected_part = self.model if job.classes is None else select(self.model, job.classes)
         models = (self.corrected_part, self.model if self.orientation else None)
+        self.splitter = Splitter(job.machine, models, job.conditions, job.tolerance_um)
         self.take_ups = TakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
         self.before = Judge(self.model, job.machine, job.conditions, job.tolerance_um)
         self.after = Judge(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
@@ -92,10 +95,11 @@ class Pipeline:
         """
         job, report = self.job, self.report
         out.write(job.source.mark.encode(ENCODING))
-        program = execution(job.source, job.dialect, self.interpreter)
+        rehearsal = job.dialect.interpreter(job.machine, job.setup, Notes()) if self.model.effects else None
+        program = execution(job.source, job.dialect, self.interpreter, rehearsal)
         for part in program.parts():
             try:
-                self._put(out, *program.finished(part, self._correct(part.motions)))
+                self._put(out, *program.finished(part, self._correct(part)))
             except Refusal as refusal:
                 raise refusal.located(job.source.name) from None
             progress(part.size)
@@ -111,7 +115,7 @@ class Pipeline:
             f"{name} is used up to {excess:.4g} (mm, deg, s, K) beyond what is known of it; its end value is held there"
             for name, excess in sorted(self._beyond.items())
         ]
-        return unused + beyond
+        return unused + beyond + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
     def _put(self, out: BinaryIO, blocks: list[Block], texts: list[str]) -> None:
         """Write blocks of the program as they have become, with the mark at its place."""
@@ -124,8 +128,9 @@ class Pipeline:
             self._marked = True
         out.writelines(text.encode(ENCODING) for text in texts)
 
-    def _correct(self, motions: Motions) -> list[str]:
+    def _correct(self, part: Part) -> list[str]:
         """Texts of a chunk of blocks, corrected."""
+        motions = part.motions
         job, report, blocks = self.job, self.report, motions.blocks
         report.moves += int((motions.kind != Kind.PRESET).sum())
         if job.travel_check:
@@ -133,6 +138,8 @@ class Pipeline:
         if not self.model.effects:
             return [block.text for block in blocks]
         self._refuse_marked(blocks)
+        motions = self.splitter.prepare(motions, part.varied)
+        report.split_moves = self.splitter.moves
         motions, approach = self.take_ups.prepare(motions)
         orientation = self.model if self.orientation else None
         correction = correct(motions, self.corrected_part, orientation, job.conditions, approach)
@@ -218,15 +225,17 @@ class Pipeline:
         if not rows.any():
             return
         states, strayed = self.after.last_states(rows), np.zeros(int(rows.sum()))
-        for share in INNER:
+        for share in BETWEEN:
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
             here = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
             strayed = np.maximum(strayed, here)
         self.report.between_ends.add(strayed)
-        for row in np.flatnonzero(rows)[strayed > self.job.tolerance_um]:
-            line = motions.blocks[motions.block[row]].line
-            self.notes.add(f"a feed move strays more than {self.job.tolerance_um:g} um between its ends", line)
+        beyond = strayed > self.job.tolerance_um
+        for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
+            block = int(motions.block[row])
+            reason = self.splitter.whole.get(block, "its error jumps, or an axis with play turns back in it")
+            self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
 
 
 def _new_report(job: Job) -> Report:

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinematics.transforms import Array
 from postproc.conditions import Conditions
+from postproc.lines import ranges, shortened
 from postproc.significance import Significance
 
 
@@ -38,6 +39,28 @@ class Statistic:
 
 
 @dataclass
+class Straying:
+    """Moves that stray farther than the tolerance between their ends, and could not be split."""
+
+    lines: list[int] = field(default_factory=list)
+    largest_um: float = 0.0
+
+    def add(self, line: int, size_um: float) -> None:
+        """Take in a move."""
+        self.lines.append(line)
+        self.largest_um = max(self.largest_um, size_um)
+
+    def text(self, reason: str) -> str:
+        """The note for the user."""
+        lines = shortened(ranges(self.lines))
+        return f"not split, strays up to {self.largest_um:.3g} um between its ends: {reason} (lines {lines})"
+
+    def json(self, reason: str) -> dict[str, Any]:
+        """The machine-readable form."""
+        return {"reason": reason, "lines": ranges(self.lines), "strays_up_to_um": round(self.largest_um, 4)}
+
+
+@dataclass
 class Report:
     """The result of one run; lengths in um."""
 
@@ -49,7 +72,11 @@ class Report:
     corrected: int = 0
     changed_blocks: int = 0
     added_blocks: int = 0
-    """Of ncomp's own: where play is taken up."""
+    """Of ncomp's own: where play is taken up, and where moves are split."""
+    split_moves: int = 0
+    """Written in more than one block, so that the path between stays within the tolerance."""
+    straying: dict[str, Straying] = field(default_factory=dict)
+    """By reason: moves that stay in one piece and exceed the tolerance."""
     conditions: Conditions = field(default_factory=Conditions)
     correction: dict[str, Statistic] = field(default_factory=dict)
     """By axis, um."""
@@ -77,7 +104,13 @@ class Report:
             "calibration": self.calibration,
             "conditions": self.conditions.json(),
             "blocks": {"read": self.blocks, "changed": self.changed_blocks, "added": self.added_blocks},
-            "moves": {"read": self.moves, "corrected": self.corrected, "not_judged": self.not_judged},
+            "moves": {
+                "read": self.moves,
+                "corrected": self.corrected,
+                "split": self.split_moves,
+                "not_judged": self.not_judged,
+            },
+            "not_split": [straying.json(reason) for reason, straying in self.straying.items()],
             "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
             "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
             "predicted_error_um": {

@@ -14,6 +14,7 @@ import numpy as np
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
+from postproc.added_blocks import START_M
 from postproc.compensate import correct
 from postproc.conditions import Conditions
 from postproc.motions import Known, Motions
@@ -36,8 +37,6 @@ from postproc.reversals import (
 TURN_WORDS = frozenset(("P", "TURN"))
 """ISO and Siemens: how many turns a helix has."""
 NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
-START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
-"""M functions that every control runs before the move of their block: they may stay with the first piece of it."""
 
 
 class Directed(NamedTuple):
@@ -78,7 +77,7 @@ class TakeUps:
             raise motions.blocks[motions.block[rows[0]]].refuse(
                 "turned coordinates on a machine with play: not corrected"
             )
-        motions = split(motions, self._cuts(motions))
+        motions = split(motions, self._cuts(motions), at_quadrants=True)
         before = self._directions.last
         first, last = self._directions_of(motions)
         return self._with_take_ups(motions, np.vstack([before, last[:-1]]), first, last)

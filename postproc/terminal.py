@@ -10,8 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from kinematics.machine import Machine
-from postproc.check import Findings, ranges
+from postproc.check import Findings
 from postproc.class_table import Left
+from postproc.lines import ranges
 from postproc.report import Report, Statistic
 from postproc.verify import Verdict
 
@@ -52,7 +53,9 @@ def show_report(report: Report) -> None:
     console.print(f"tool lengths {tools} (mm)")
     if report.conditions.text():
         console.print(f"conditions   {report.conditions.text()}")
-    added = f"; {report.added_blocks} blocks added where play is taken up" if report.added_blocks else ""
+    split = f"; {report.split_moves} moves split" if report.split_moves else ""
+    where = "play is taken up or moves are split" if report.split_moves else "play is taken up"
+    added = f"{split}; {report.added_blocks} blocks added where {where}" if report.added_blocks else ""
     console.print(
         f"moves        {report.moves} read, {report.corrected} corrected in {report.changed_blocks} blocks{added}"
     )

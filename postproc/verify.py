@@ -17,7 +17,7 @@ from kinematics.machine import Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.added_blocks import Tag, tag_of
+from postproc.added_blocks import Tag, begin_of, tag_of
 from postproc.compensate import COLD, missed
 from postproc.conditions import Conditions
 from postproc.dialects import Dialect
@@ -70,7 +70,9 @@ def _with_tags(motions: Motions) -> Motions:
         return motions
     own = np.array([tag is not None for tag in tags])[motions.block]
     takes_up = np.array([tag is Tag.TAKE_UP for tag in tags])[motions.block] & (motions.kind == Kind.LINE)
-    return replace(motions, kind=np.where(takes_up, Kind.TAKE_UP, motions.kind), added=own)
+    begin = np.array([begin_of(block.text) if tag else 0.0 for block, tag in zip(motions.blocks, tags, strict=True)])
+    kind = np.where(takes_up, Kind.TAKE_UP, motions.kind)
+    return replace(motions, kind=kind, added=own, begin=begin[motions.block])
 
 
 def verify(

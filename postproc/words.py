@@ -92,6 +92,15 @@ class WordEditor:
         at = neighbour.end + neighbour.tail if before else neighbour.at
         self.edits.append(Edit(at, at, blank + text if before else text + blank))
 
+    def cut(self, word: Word) -> str:
+        """Take a word out, with the blanks before it; returns its text."""
+        text = self.block.text
+        start = len(text[: word.at].rstrip(" \t"))
+        follows = text[word.end + word.tail : word.end + word.tail + 1]
+        gap = start if start and text[start : word.at] and follows.strip() == "" else word.at
+        self.edits.append(Edit(gap, word.end + word.tail, ""))
+        return text[word.at : word.end + word.tail]
+
     def replace(self, index: int, words: list[tuple[str, float]], decimals: int) -> None:
         """Put other words in the place of one."""
         word = self.block.words[index]

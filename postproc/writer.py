@@ -7,6 +7,7 @@ by then, a word is inserted. The writer keeps what the control will hold after r
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.added_blocks import AddedBlock, Tag, feed_index, feed_words, lacks_motion, mode_words
+from postproc.added_blocks import AddedBlock, Tag, end_words, feed_index, feed_words, lacks_motion, mode_words, part
 from postproc.circles import (
     OUT_OF_ROUND,
     SAME,
@@ -87,7 +88,8 @@ class Writer:
         corrected = [
             i for i in range(len(machine.axes)) if i in machine.translators or (orientation and machine.rotary[i])
         ]
-        self._by_letter = sorted(corrected, key=lambda axis: ORDER.index(machine.names[axis][0]))
+        self._by_letter = sorted(corrected, key=self._letter)
+        self._all_by_letter = sorted(range(len(machine.axes)), key=self._letter)
         self._layout = Layout()
         self._held: list[float] | None = None
         self._frame: Frame | None = None
@@ -95,6 +97,8 @@ class Writer:
         self._said: list[list[bool]] = []
         self._ours: list[bool] = []
         self._inner: list[bool] = []
+        self._at_end: dict[int, list[str]] = {}
+        """By block of the chunk: words that go to the last piece of its move."""
         self._begun: set[int] = set()
         """Blocks of the chunk whose own move is written."""
         self._straight = False
@@ -107,9 +111,12 @@ class Writer:
         self._bottom = 0.0
         """Of the last hole."""
 
+    def _letter(self, axis: int) -> int:
+        return ORDER.index(self.machine.names[axis][0])
+
     def write(self, motions: Motions, correction: Correction) -> Written:
         """Edit the blocks of a chunk."""
-        self._editors, self._begun, self._arcs, self._added = {}, set(), {}, 0
+        self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
         turning = motions.turning
         assumed = (motions.known_start == Known.ASSUMED).tolist()
@@ -201,8 +208,10 @@ class Writer:
             self._write_depth(motions, correction, row, held, editor)
         if again and sorted(editor.edits) != sorted(self._editor(motions, block).edits):
             raise motions.blocks[block].refuse("drills several holes, which want different corrections")
-        if motions.timed[row] and self._inner[row]:
-            self._share_time(motions, row, editor)
+        if self._inner[row]:
+            self._at_end[block] = [editor.cut(word) for word in end_words(editor.block)]
+            if motions.timed[row]:
+                self._share_time(motions, row, editor)
         self._begun.add(block)
         self._straight = False
 
@@ -227,17 +236,20 @@ class Writer:
         linear_unit = float(motions.unit[row])
         said = self._said[row]
         named = set()
+        # pieces of a move end where the program says no word: all axes that move are written
+        written = self._all_by_letter if self._inner[row] or self._ours[row] else self._by_letter
+        exact = {*written} - {*self._by_letter} | {*kept}
         for axis, index, incremental in motions.words[row]:
             named.add(axis)
             if not said[axis]:
                 held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
             elif index < 0:
                 held[axis] = wanted[axis]
-            elif axis in self._by_letter:
+            elif axis in written:
                 unit = 1.0 if self.machine.rotary[axis] else linear_unit
                 base = start[axis] if incremental else 0.0
                 number = (wanted[axis] - base) / unit
-                decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in kept else 0)
+                decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
                 assert isinstance(editor, WordEditor)  # one of our own names no axis before
                 held[axis] = base + editor.set(index, number, decimals) * unit
             else:
@@ -246,10 +258,12 @@ class Writer:
             named.update(self._write_polar(motions, row, wanted, held, editor))
         elif arc is None and isinstance(editor, WordEditor) and int(motions.block[row]) in motions.polar_ends:
             self._poles.write_line(motions, row, (start, held), said, editor)
-        incremental = bool(motions.incremental[row])
-        for axis in (axis for axis in self._by_letter if axis not in named and said[axis]):
+        for axis in (axis for axis in written if axis not in named and said[axis]):
             unit = 1.0 if self.machine.rotary[axis] else linear_unit
-            held[axis] = self._insert(editor, axis, held[axis], wanted[axis], unit, incremental)
+            base = held[axis] if motions.incremental[row] else 0.0
+            number = (wanted[axis] - base) / unit
+            decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
+            held[axis] = self._insert(editor, axis, held[axis], base, number, unit, decimals)
         if arc is not None:
             self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row], editor)
         if row in motions.contours:
@@ -310,14 +324,19 @@ class Writer:
             wanted[j] += share * (last[1] - centre[1])
 
     def _insert(
-        self, editor: WordEditor | AddedBlock, axis: int, held: float, wanted: float, unit: float, incremental: bool
+        self,
+        editor: WordEditor | AddedBlock,
+        axis: int,
+        held: float,
+        base: float,
+        number: float,
+        unit: float,
+        decimals: int,
     ) -> float:
         """Name an axis that the block leaves out, if it has to move; returns where it stands after the block."""
-        decimals = self._decimals(axis, unit)
-        if round((wanted - held) / unit, decimals) == 0.0:
+        if round(number + (base - held) / unit, decimals) == 0.0:
             return held
-        base = held if incremental else 0.0
-        number = round((wanted - base) / unit, decimals)
+        number = round(number, decimals)
         editor.insert(self.machine.names[axis], number, decimals)
         return base + number * unit
 
@@ -349,8 +368,11 @@ class Writer:
         elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
             centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
         else:
-            base = (0.0, 0.0) if arc.form.endswith("absolute") else start
-            centre = self._write_centre(editor, arc, base, centre, unit)
+            # a Siemens block says by itself that its centre is absolute (I=AC), one of our own does not
+            absolute = arc.form.endswith("absolute") and not (
+                isinstance(editor, AddedBlock) and editor.beside_says("AC")
+            )
+            centre = self._write_centre(editor, arc, (0.0, 0.0) if absolute else start, centre, unit)
         if (
             abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0
             and math.dist(start, centre) > DOT
@@ -426,8 +448,9 @@ class Writer:
     # ---- blocks of our own
 
     def _added_block(self, motions: Motions, row: int) -> AddedBlock:
-        arc = motions.arcs.get(row)
-        tag = Tag.TAKE_UP if arc is None else Tag.PIECE
+        arc, begin = motions.arcs.get(row), float(motions.begin[row])
+        takes_up = motions.kind[row] == Kind.TAKE_UP
+        tag = Tag.TAKE_UP if takes_up else Tag.PIECE if math.isnan(begin) else part(begin)
         block = motions.blocks[motions.block[row]]
         return AddedBlock(block, self._layout.after(block), tag, 0 if arc is None else arc.sense)
 
@@ -444,6 +467,8 @@ class Writer:
         elif not begun:
             added.feed(*feed_words(added.beside))
         editor = self._editor(motions, block)
+        if not self._inner[row]:
+            added.functions(*self._at_end.pop(block, ()))
         lines = added.lines(self.comment)
         (editor.lines_after if begun else editor.lines_before)(lines)
         self._added += len(lines)
@@ -451,22 +476,30 @@ class Writer:
 
     def _say_time(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
         """Under G93: a piece takes its share of the time of its move, a take-up goes as fast as the move does."""
-        own = moved if added.tag is Tag.TAKE_UP else _way(motions, row)
-        added.feed_of(_per_minute_mm(motions, row) / max(own, SAME))
+        if added.tag is Tag.TAKE_UP:
+            added.feed_of(_per_minute(motions, row, _way) / max(moved, SAME))
+        else:
+            added.feed_of(_per_minute(motions, row, _extent) / max(_extent(motions, row), SAME))
 
     def _share_time(self, motions: Motions, row: int, editor: WordEditor) -> None:
         index = feed_index(editor.block)
         assert index is not None
-        editor.set(index, _per_minute_mm(motions, row) / max(_way(motions, row), SAME), 3)
+        editor.set(index, _per_minute(motions, row, _extent) / max(_extent(motions, row), SAME), 3)
 
 
-def _per_minute_mm(motions: Motions, row: int) -> float:
-    """Under G93: the speed of the programmed move of a row, mm/min."""
+def _per_minute(motions: Motions, row: int, way: Callable[[Motions, int], float]) -> float:
+    """Under G93: how far the programmed move of a row goes in a minute, by what `way` measures of its pieces."""
     block = motions.blocks[motions.block[row]]
     index = feed_index(block)
     assert index is not None
     rows = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP))
-    return (block.words[index].value or 0.0) * sum(_way(motions, int(i)) for i in rows)
+    return (block.words[index].value or 0.0) * sum(way(motions, int(i)) for i in rows)
+
+
+def _extent(motions: Motions, row: int) -> float:
+    """Length of a piece, in a measure that is the same for all pieces of its move."""
+    way = motions.target[row] - motions.start[row]
+    return _way(motions, row) if row in motions.arcs else float(np.linalg.norm(way))
 
 
 def _way(motions: Motions, row: int) -> float:

@@ -38,6 +38,10 @@ def load(name: str) -> Machine:
     return dataclasses.replace(machine, control=control)
 
 
+WHOLE = {"tolerance_um": 1e3}
+"""Every move stays in one piece, and no block is added."""
+
+
 class Corrected(NamedTuple):
     text: str
     report: Report
@@ -78,7 +82,7 @@ def correct(
     model: ErrorModel | None = None,
     offsets: Iterable[str] = (),
     tools: Iterable[str] = (),
-    **options: bool,
+    **options: bool | float,
 ) -> Corrected:
     """An ISO program corrected; without a model, for the machine without errors."""
     source, out = source_of(text), io.BytesIO()

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from postproc.check import ranges
+from postproc.lines import ranges
 
 GOOD = """G21 G90 G54
 G0 X1. Y1.

@@ -259,7 +259,7 @@ JSON_KEYS = {
     "blocks": {"read", "changed", "added"},
     "correction_urad": set(),
     "predicted_tool_axis_error_urad": {"before", "after"},
-    "moves": {"read", "corrected", "not_judged"},
+    "moves": {"read", "corrected", "split", "not_judged"},
     "correction_um": {"X", "Y", "Z"},
     "predicted_error_um": {
         "before",
@@ -282,7 +282,7 @@ def test_json(ncomp):
         each["calibration"].pop("age_days")
     assert data == from_file
     data["calibration"]["age_days"] = 0
-    assert data.keys() == {*JSON_KEYS, "notes"}
+    assert data.keys() == {*JSON_KEYS, "not_split", "notes"}
     for key, keys in JSON_KEYS.items():
         assert keys == data[key].keys()
     assert data["correction_um"]["X"] == {"max": 10.0, "rms": 10.0, "count": 3}

@@ -5,7 +5,7 @@ import pytest
 from clients.rs274 import Move
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import correct, load, model_of, random_model, read, read_lines, shifted
+from programs import WHOLE, correct, load, model_of, random_model, read, read_lines, shifted
 
 from kinematics.effects import Backlash
 from kinematics.errors import UserError
@@ -83,7 +83,10 @@ def test_holes_are_put_right(name):
             correct(text, machine, random_model(machine, 5), travel_check=False)
         return
     model = random_model(machine, 5)
-    nominal, commanded = read(text, machine), read(correct(text, machine, model, travel_check=False).text, machine)
+    nominal, commanded = (
+        read(text, machine),
+        read(correct(text, machine, model, travel_check=False, **WHOLE).text, machine),
+    )
     rows = holes(nominal)
     left = error(machine, model, nominal, commanded, rows)
     assert error(machine, model, nominal, nominal, rows).max() > 20.0

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from programs import load, random_model, setup_of, shifted, source_of
+from programs import WHOLE, load, random_model, setup_of, shifted, source_of
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
@@ -31,7 +31,7 @@ def read(text, machine="gantry"):
 def correct(text, machine="gantry", model=None):
     machine, out = load(machine), io.BytesIO()
     job = Job(
-        source_of(text, "test.h"), KLARTEXT, machine, model or no_errors(machine), setup_of(machine), travel_check=False
+        source_of(text, "test.h"), KLARTEXT, machine, model or no_errors(machine), setup_of(machine), False, **WHOLE
     )
     Pipeline(job).run(out, lambda _: None)
     return re.sub("; NCOMP .* PROGRAM .*\n", "", out.getvalue().decode(ENCODING))

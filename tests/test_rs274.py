@@ -10,6 +10,7 @@ import pytest
 from clients.rs274 import Move, Tool
 from programs import (
     LINUXCNC_OFFSETS,
+    WHOLE,
     RandomProgram,
     correct,
     load,
@@ -108,7 +109,7 @@ def compare(rs274, text, machine: Machine, setup, wrap=lambda text: text, **envi
     model = random_model(machine, 4)
     nominal, lines = read_lines(text, machine, **setup)
     before = see(rs274, wrap(text), **environment)
-    corrected = without_mark(correct(text, machine, model, travel_check=False, **setup).text)
+    corrected = without_mark(correct(text, machine, model, travel_check=False, **WHOLE, **setup).text)
     commanded, new_lines = read_lines(corrected, machine, **setup)
     after = see(rs274, wrap(corrected), **environment)
     assert new_lines == lines
@@ -254,3 +255,21 @@ def test_random_programs(linuxcnc, machine, seed):
 def test_decimals_that_linuxcnc_prints_are_those_of_the_machines():
     assert {decimals_for(axis.resolution) for axis in load("gantry").axes} == {4}
     assert source_of("G0 X1").line_end == "\n"
+
+
+@pytest.mark.parametrize("machine", ["gantry", "dmu50"])
+def test_split_moves(linuxcnc, machine):
+    """Long lines, with rotary axes too, and arcs in three planes, in pieces: LinuxCNC goes where ncomp says."""
+    machine = load(machine)
+    rotary = " B20. C50." if machine.rotary.any() else ""
+    text = "G21 G90 G54 F600\nG0 X0. Y0. Z0.\n" + (f"G0{rotary}\n" if rotary else "")
+    text += f"G1 X150. Y-100. Z40.{rotary.replace('50', '-30')}\nG91 X-100.\nG20 X1. Z-.5\nG21 G90\n"
+    text += "G0 X80. Y0. Z0.\nG17 G2 I-80.\nG3 X0. Y80. Z30. I-80. J0.\nG18 G2 X50. Z-20. R60.\nG19 G3 Y-80. J-80.\n"
+    text += "G93 G1 X0. Y0. F2.\nG17 G2 X-100. R50. F3.\nG1 X100. F2. M30\n"
+    setup = {"offsets": random_setup(machine)["offsets"]}
+    result = correct(text, machine, random_model(machine, 1), travel_check=False, **setup)
+    assert result.report.split_moves >= 6
+    assert sum("NCOMP FROM" in line for line in result.text.splitlines()) == result.report.added_blocks
+    commanded, lines = read_lines(result.text, machine, **setup)
+    seen = see(linuxcnc, result.text, **environment_of({**random_setup(machine), **setup}))
+    assert largest_difference(commanded, lines, seen) < SAME

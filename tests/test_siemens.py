@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from programs import load, random_model, setup_of, shifted, source_of
+from programs import WHOLE, load, random_model, setup_of, shifted, source_of
 from programs import read as read_iso
 
 from kinematics.errors import UserError
@@ -42,6 +42,7 @@ def correct(text, machine="gantry", model=None, **setup):
         model or no_errors(machine),
         setup_of(machine, **setup),
         travel_check=False,
+        **WHOLE,
     )
     Pipeline(job).run(out, lambda _: None)
     return re.sub("; NCOMP .* PROGRAM .*\n", "", out.getvalue().decode(ENCODING))
@@ -352,6 +353,7 @@ def test_the_head_stays_in_front():
 
 
 # ---- real programs
+
 
 ACCEPTED = {
     "arrays": False, "actual_position": False, "arc": False, "axis_index_assignment": False, "custom_vars": False,

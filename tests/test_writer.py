@@ -7,7 +7,7 @@ import re
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import correct, load, model_of, random_model, read, shifted
+from programs import WHOLE, correct, load, model_of, random_model, read, shifted
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import ErrorMotion
@@ -33,7 +33,7 @@ ALL_BY_X = model_of(GANTRY, ramp("X", "X"), ramp("Y", "X"), ramp("Z", "X"))
 
 def written(text, machine=GANTRY, model=SHIFTED, **setup):
     """The corrected program without its mark."""
-    output = correct(text, machine, model, travel_check=False, **setup).text
+    output = correct(text, machine, model, travel_check=False, **WHOLE, **setup).text
     return re.sub(r"\(NCOMP [^\n\r]*\)\r*\n?|\(NCOMP [^\r]*\)\r", "", output)
 
 

@@ -173,6 +173,11 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         """
         return {}
 
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """By axis, mm or degrees: how short a way its errors may bend there and back on; missing where never."""
+        return {}
+
     def quantities(self) -> tuple[Parameter, ...]:
         """The fields that hold its parameters, with their units and typical sizes."""
         found = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -57,6 +57,12 @@ class ControlTable(Cause, frozen=True, tag="control-table"):
     def needs(self) -> tuple[str, ...]:
         """The direction only where it matters."""
         return ("approach",) if self.way else ()
+
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`: between two nodes."""
+        spaced = zip(self.of, self.nodes, strict=True)
+        return {axis: float(np.diff(nodes).min()) for axis, nodes in spaced if len(nodes) > 1}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""

@@ -117,6 +117,11 @@ class Cyclic(Cause, frozen=True, tag="cyclic"):
             raise ValueError(f"{self.name}: as many sine as cosine amplitudes, at least one")
         super().__post_init__()
 
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`: half the shortest wave."""
+        return {self.axis: self.period / (2 * len(self.sine))}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
         harmonics = 2 * np.pi / self.period * np.arange(1, len(self.sine) + 1)
@@ -146,6 +151,11 @@ class QuantisedCompensation(Cause, frozen=True, tag="quantised-compensation"):
     step: float
     pitch: float
     offset: float = 0.0
+
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`: half a tooth."""
+        return {self.axis: self.pitch / 2}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`; the jumps themselves have no derivative."""

@@ -57,6 +57,11 @@ class ErrorMotion(Cause, frozen=True, tag="error-motion"):
         """See `Cause.intervals`."""
         return {self.axis: self.basis.interval}
 
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`."""
+        return {self.axis: self.basis.bend_length}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
         values = state.basis_columns(machine, self.axis, self.basis) * unit_of(self.component)[1]
@@ -134,6 +139,12 @@ class CrossAxis(Cause, frozen=True, tag="cross-axis"):
         """See `Cause.intervals`."""
         return {self.axis: self.own_interval, self.other: self.other_interval}
 
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`."""
+        own, other = self._bases()
+        return {self.axis: own.bend_length, self.other: other.bend_length}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
         bases = zip((self.axis, self.other), self._bases(), strict=True)
@@ -172,6 +183,11 @@ class Racking(Cause, frozen=True, tag="racking"):
     def intervals(self) -> Mapping[str, Interval]:
         """See `Cause.intervals`."""
         return {self.axis: self.basis.interval}
+
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`."""
+        return {self.axis: self.basis.bend_length}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
@@ -220,6 +236,11 @@ class Wobble(Cause, frozen=True, tag="wobble"):
     def angular(self) -> bool:
         """True of a tilt."""
         return self.motion == "tilt"
+
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`."""
+        return {self.axis: 180.0 / self.harmonic}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""

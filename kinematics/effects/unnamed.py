@@ -77,6 +77,12 @@ class Unnamed(Cause, frozen=True, tag="unnamed"):
         """By variable; see `Cause.intervals`."""
         return dict(zip(self.variables, self.ranges, strict=True))
 
+    @property
+    def bend_lengths(self) -> Mapping[str, float]:
+        """See `Cause.bend_lengths`."""
+        of = zip(self.variables, self._bases(), strict=True)
+        return {variable: basis.bend_length for variable, basis in of if variable in self.axes}
+
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
         """See `Cause.columns`."""
         degrees = np.array(self.terms)

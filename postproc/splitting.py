@@ -1,0 +1,142 @@
+"""Long moves in pieces, where a corrected end alone would let the path between stray beyond the tolerance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from kinematics.forward import tool_point
+from kinematics.inverse import linear_positions
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from postproc.added_blocks import END_M, LASTING, SINGLE_FEEDS, START_M
+from postproc.bending import CorrectedWays, bent, find_cuts
+from postproc.conditions import Conditions
+from postproc.motions import Known, Motions
+from postproc.numbers import decimals_for
+from postproc.pieces import arc_turned, split
+from postproc.program import Block
+from postproc.reversals import feeds
+
+QUARTER = math.pi / 2 + 1e-9
+HALF_TURN = math.pi - 1e-6
+
+
+@dataclass
+class Splitter:
+    """Cuts moves, chunk after chunk."""
+
+    machine: Machine
+    models: tuple[ErrorModel, ErrorModel | None]
+    """Of the tool point, and where it is corrected of the orientation."""
+    conditions: Conditions
+    tolerance_um: float
+
+    def __post_init__(self) -> None:
+        self.whole: dict[int, str] = {}
+        """By block of the last chunk: why its move, which strays, stays in one piece."""
+        self.moves = 0
+        """That were cut."""
+
+    @property
+    def tolerance(self) -> float:
+        """mm, that the rounding of ends leaves for the way between; never less than half of what is asked for."""
+        rounding = max(self.machine.axes[i].resolution for i in self.machine.translators) * math.sqrt(3.0) / 2
+        asked = 1e-3 * self.tolerance_um
+        return max(asked - 1.1 * rounding, asked / 2, rounding)
+
+    def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
+        """The moves of a chunk, those in pieces that would stray; blocks `varied` run several times, not alike."""
+        self.whole = {}
+        rows = np.flatnonzero(motions.judged_ways & feeds(motions) & ~motions.turning)
+        if not rows.size or not self.models[0].effects:
+            return motions
+        ways = CorrectedWays(motions, self.models, self.conditions)
+        uneven = bent(ways, rows, self.tolerance)
+        reasons = {row: _obstacle(motions, row, ways, varied) for row in uneven.tolist()}
+        self.whole = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
+        free = np.array([row for row, reason in reasons.items() if not reason], int)
+        cuts = find_cuts(ways, free, self.tolerance)
+        cuts = {row: _quarters(motions, row, shares) for row, shares in cuts.items()}
+        self.moves += len(cuts)
+        return _with_round_angles(split(motions, cuts)) if cuts else motions
+
+
+def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset[int]) -> str:
+    """Why a move can't be written in pieces, empty when it can."""
+    machine, block = motions.machine, motions.blocks[motions.block[row]]
+    rotary = ways.extents[row] * machine.rotary
+    moved = (motions.target[row] != motions.start[row]) | np.isin(
+        np.arange(len(machine.axes)), [word.axis for word in motions.words[row]]
+    )
+    before, after = motions.known_start[row, moved], motions.known[row, moved]
+    if block.alone:
+        return "a jump comes or goes there, or the control rounds or shifts its corners"
+    if int(motions.block[row]) in varied:
+        return "its block runs several times, in different ways"
+    if (before != Known.PROGRAM).any() or (after != Known.PROGRAM).any():
+        return "the program has not said where all its axes are before it"
+    if row in motions.arcs and motions.arcs[row].turns:
+        return "a helix of several turns"
+    if row in motions.arcs and rotary.any():
+        return "rotary axes turn along an arc"
+    if any(span > HALF_TURN and endless for span, endless in zip(rotary, _endless(machine), strict=True)):
+        return "a rotary axis turns by half a turn or more, and which way round depends on the control"
+    return _obstacle_in_words(block, timed=bool(motions.timed[row]))
+
+
+def _obstacle_in_words(block: Block, *, timed: bool) -> str:
+    said = {word.value or 0.0 for word in block.words if word.address == "M"}
+    if not said <= START_M | END_M:
+        return "an M function in its block may run before or after it"
+    if any(word.address in SINGLE_FEEDS for word in block.words):
+        return "its feed holds for one block"
+    if any(word.mode in LASTING for word in block.words):
+        return "DC, ACP or ACN says which way round an axis turns"
+    if timed and not any(word.address == "F" and word.value and word.formula is None for word in block.words):
+        return "no F under G93"
+    return ""
+
+
+def _endless(machine: Machine) -> list[bool]:
+    """Axes that may go round: their positions a turn apart are one place."""
+    return [axis.rotary and axis.travel[1] - axis.travel[0] >= 360.0 for axis in machine.axes]
+
+
+def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
+    """The cuts of a move, with more for an arc that is given by its radius: near half a circle a radius says little."""
+    arc = motions.arcs.get(row)
+    if arc is None or not arc.form.startswith("radius"):
+        return shares
+    turned, found = abs(arc_turned(motions, row)), [0.0, *shares, 1.0]
+    while True:
+        halves = [(a + b) / 2 for a, b in pairwise(found) if (b - a) * turned > QUARTER]
+        if not halves:
+            return found[1:-1]
+        found = sorted(found + halves)
+
+
+def _with_round_angles(motions: Motions) -> Motions:
+    """The pieces with the ends of rotary axes where the control counts them, and the tool point where it was.
+
+    Otherwise the rounding of an angle would move the tool point by as much as the tool is far from the axis.
+    """
+    machine = motions.machine
+    inner = np.flatnonzero(motions.added)  # begin where the row before ends
+    columns = np.flatnonzero(machine.rotary)
+    if not columns.size or not (motions.target != motions.start)[inner][:, columns].any():
+        return motions
+    part = motions.bare.take(inner)
+    place = motions.start[inner]
+    rounded = place.copy()
+    for i in columns.tolist():
+        rounded[:, i] = np.round(place[:, i], decimals_for(machine.axes[i].resolution))
+    q, turned = part.in_machine(place), part.in_machine(rounded)
+    turned = linear_positions(machine, turned, tool_point(machine, q, part.tool), part.tool)
+    result = part.in_program(turned)
+    result[:, columns] = rounded[:, columns]
+    motions.start[inner] = motions.target[inner - 1] = result
+    return motions
