@@ -10,7 +10,7 @@ import numpy as np
 
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from postproc.added_blocks import END_M, LASTING, SINGLE_FEEDS, START_M
 from postproc.bending import CorrectedWays, bent, find_cuts
@@ -67,25 +67,24 @@ class Splitter:
 
 def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset[int]) -> str:
     """Why a move can't be written in pieces, empty when it can."""
-    machine, block = motions.machine, motions.blocks[motions.block[row]]
-    rotary = ways.extents[row] * machine.rotary
-    moved = (motions.target[row] != motions.start[row]) | np.isin(
-        np.arange(len(machine.axes)), [word.axis for word in motions.words[row]]
+    machine, block, arc = motions.machine, motions.blocks[motions.block[row]], motions.arcs.get(row)
+    moved = motions.target[row] != motions.start[row]
+    moved[[word.axis for word in motions.words[row]]] = True
+    said = np.minimum(motions.known_start[row], motions.known[row])[moved]
+    turned = ways.extents[row] * machine.rotary
+    obstacles = {
+        "a jump comes or goes there, or the control rounds or shifts its corners": block.alone,
+        "its block runs several times, in different ways": int(motions.block[row]) in varied,
+        "the program has not said where all its axes are before it": (said != Known.PROGRAM).any(),
+        "a helix of several turns": arc is not None and arc.turns > 0,
+        "rotary axes turn along an arc": arc is not None and turned.any(),
+        "a rotary axis turns by half a turn or more, and which way round depends on the control": (
+            (turned > HALF_TURN) & _endless(machine)
+        ).any(),
+    }
+    return next((reason for reason, there in obstacles.items() if there), "") or _obstacle_in_words(
+        block, timed=bool(motions.timed[row])
     )
-    before, after = motions.known_start[row, moved], motions.known[row, moved]
-    if block.alone:
-        return "a jump comes or goes there, or the control rounds or shifts its corners"
-    if int(motions.block[row]) in varied:
-        return "its block runs several times, in different ways"
-    if (before != Known.PROGRAM).any() or (after != Known.PROGRAM).any():
-        return "the program has not said where all its axes are before it"
-    if row in motions.arcs and motions.arcs[row].turns:
-        return "a helix of several turns"
-    if row in motions.arcs and rotary.any():
-        return "rotary axes turn along an arc"
-    if any(span > HALF_TURN and endless for span, endless in zip(rotary, _endless(machine), strict=True)):
-        return "a rotary axis turns by half a turn or more, and which way round depends on the control"
-    return _obstacle_in_words(block, timed=bool(motions.timed[row]))
 
 
 def _obstacle_in_words(block: Block, *, timed: bool) -> str:
@@ -101,9 +100,9 @@ def _obstacle_in_words(block: Block, *, timed: bool) -> str:
     return ""
 
 
-def _endless(machine: Machine) -> list[bool]:
-    """Axes that may go round: their positions a turn apart are one place."""
-    return [axis.rotary and axis.travel[1] - axis.travel[0] >= 360.0 for axis in machine.axes]
+def _endless(machine: Machine) -> NDArrayBool:
+    """Axes `(axes,)` that may go round: their positions a turn apart are one place."""
+    return np.array([axis.rotary and axis.travel[1] - axis.travel[0] >= 360.0 for axis in machine.axes])
 
 
 def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:

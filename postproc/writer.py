@@ -15,7 +15,17 @@ import numpy as np
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.added_blocks import AddedBlock, Tag, end_words, feed_index, feed_words, lacks_motion, mode_words, part
+from postproc.added_blocks import (
+    AddedBlock,
+    Tag,
+    end_words,
+    feed_index,
+    feed_words,
+    lacks_motion,
+    mode_words,
+    part,
+    turn_words,
+)
 from postproc.circles import (
     OUT_OF_ROUND,
     SAME,
@@ -210,6 +220,8 @@ class Writer:
             raise motions.blocks[block].refuse("drills several holes, which want different corrections")
         if self._inner[row]:
             self._at_end[block] = [editor.cut(word) for word in end_words(editor.block)]
+            for word in turn_words(editor.block):
+                editor.cut(word)  # no piece goes round more than once
             if motions.timed[row]:
                 self._share_time(motions, row, editor)
         self._begun.add(block)

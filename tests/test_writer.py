@@ -242,7 +242,7 @@ def test_a_full_circle_closes_whatever_its_decimals():
 
 def test_a_full_circle_found_by_sums_of_increments_closes():
     text = "G54 G0 X1 Y1 Z0\nG91 X.1\nX.1\nX.1\nG90 G2 X1.3 I5\nG0 G43 H1 Z0\nG2 X1.3 Y1 I5\nG54 G2 X1.3 J2\n"
-    out = correct(text, GANTRY, random_model(GANTRY, 5), offsets=["G54=33.3,77.7,5"], tools=["T1=0.1"])
+    out = correct(text, GANTRY, random_model(GANTRY, 5), offsets=["G54=33.3,77.7,5"], tools=["T1=0.1"], **WHOLE)
     arcs = read(out.text, GANTRY, offsets=["G54=33.3,77.7,5"], tools=["T1=0.1"]).arcs
     assert [arc.full for arc in arcs.values()] == [True, True, True]
 
