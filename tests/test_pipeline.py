@@ -367,7 +367,7 @@ def test_report():
     report = correct(text, machine, model).report
     data = report.json()
     assert data["blocks"] == {"read": 6, "changed": 3, "added": 0}
-    assert data["moves"] == {"read": 5, "corrected": 4, "not_judged": 2}
+    assert data["moves"] == {"read": 5, "corrected": 4, "split": 0, "not_judged": 2}
     assert data["correction_um"]["X"]["max"] == pytest.approx(40.0, abs=0.1)
     assert data["correction_um"]["Y"] == {"max": 0.0, "rms": 0.0, "count": 4}
     error = data["predicted_error_um"]
@@ -494,7 +494,7 @@ def test_real_programs_with_absolute_centres(nc_data, name):
     machine = load("dmu50")
     machine = dataclasses.replace(machine, control=dataclasses.replace(machine.control, arc_centres="absolute"))
     model = random_model(machine, 2)
-    data, report = run(path, machine, model)
+    data, report = run(path, machine, model, **WHOLE)
     nominal = read(path.read_bytes().decode(ENCODING), machine)
     commanded = read(without_mark(data.decode(ENCODING)), machine)
     rows = exact_rows(nominal)
