@@ -75,6 +75,10 @@ def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset
     obstacles = {
         "a jump comes or goes there, or the control rounds or shifts its corners": block.alone,
         "its block runs several times, in different ways": int(motions.block[row]) in varied,
+        "its block makes several moves": np.count_nonzero(motions.block == motions.block[row]) > 1,
+        "the control shifts it by the radius of the tool": row in motions.contours,
+        "polar coordinates": row in motions.polars or (arc is None and any(w.word < 0 for w in motions.words[row])),
+        "an axis that no word may name": row in motions.still,
         "the program has not said where all its axes are before it": (said != Known.PROGRAM).any(),
         "a helix of several turns": arc is not None and arc.turns > 0,
         "rotary axes turn along an arc": arc is not None and turned.any(),
