@@ -28,10 +28,16 @@ def read(text, machine="gantry"):
     return merged(read_motions(source_of(text, "test.h"), KLARTEXT, machine, setup_of(machine)))
 
 
-def correct(text, machine="gantry", model=None):
+def correct(text, machine="gantry", model=None, tolerance_um=WHOLE["tolerance_um"]):
     machine, out = load(machine), io.BytesIO()
     job = Job(
-        source_of(text, "test.h"), KLARTEXT, machine, model or no_errors(machine), setup_of(machine), False, **WHOLE
+        source_of(text, "test.h"),
+        KLARTEXT,
+        machine,
+        model or no_errors(machine),
+        setup_of(machine),
+        False,
+        tolerance_um=tolerance_um,
     )
     Pipeline(job).run(out, lambda _: None)
     return re.sub("; NCOMP .* PROGRAM .*\n", "", out.getvalue().decode(ENCODING))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, random_model, setup_of, source_of
+from programs import WHOLE, load, random_model, setup_of, source_of
 from test_forward_thesis import thesis_forward
 from test_heidenhain import Run
 
@@ -195,7 +195,8 @@ def test_corrected_in_a_tilted_plane(name):
     )
     setup, model = setup_of(machine, ("0=10,20,30",), TOOLS), random_model(machine, 4)
     out = io.BytesIO()
-    Pipeline(Job(source_of(text, "t.h"), KLARTEXT, machine, model, setup, travel_check=False)).run(out, lambda _: None)
+    job = Job(source_of(text, "t.h"), KLARTEXT, machine, model, setup, travel_check=False, **WHOLE)
+    Pipeline(job).run(out, lambda _: None)
     written = out.getvalue().decode()
     nominal, commanded = (merged(read_motions(source_of(t, "t.h"), KLARTEXT, machine, setup)) for t in (text, written))
     rows = nominal.judged

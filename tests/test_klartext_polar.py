@@ -238,7 +238,7 @@ def test_a_pattern_goes_as_a_whole(pattern, words):
 
 def test_a_pattern_whose_holes_want_different_corrections():
     with pytest.raises(UserError, match=r"the holes of this pattern want corrections that differ by \d+\.\d um"):
-        correct(HEAD + DRILL + LINES + TAIL, model=MODEL)
+        correct(HEAD + DRILL + LINES + TAIL, model=MODEL, tolerance_um=1.0)
 
 
 def test_a_called_position_is_corrected():
