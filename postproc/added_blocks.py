@@ -74,11 +74,6 @@ def end_words(block: Block) -> list[Word]:
     ]
 
 
-def turn_words(block: Block) -> list[Word]:
-    """What a block says of whole turns of a helix."""
-    return [word for word in block.words if word.address == "TURN"]
-
-
 def feed_index(block: Block) -> int | None:
     """Index of the F word."""
     return next((i for i, word in enumerate(block.words) if word.address == "F"), None)

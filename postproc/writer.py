@@ -24,7 +24,6 @@ from postproc.added_blocks import (
     lacks_motion,
     mode_words,
     part,
-    turn_words,
 )
 from postproc.circles import (
     OUT_OF_ROUND,
@@ -220,8 +219,6 @@ class Writer:
             raise motions.blocks[block].refuse("drills several holes, which want different corrections")
         if self._inner[row]:
             self._at_end[block] = [editor.cut(word) for word in end_words(editor.block)]
-            for word in turn_words(editor.block):
-                editor.cut(word)  # no piece goes round more than once
             if motions.timed[row]:
                 self._share_time(motions, row, editor)
         self._begun.add(block)

@@ -354,8 +354,6 @@ def test_the_head_stays_in_front():
 
 # ---- real programs
 
-
-
 ACCEPTED = {
     "arrays": False, "actual_position": False, "arc": False, "axis_index_assignment": False, "custom_vars": False,
     "defaults": False, "edge_cases": False, "flatten_demo": False, "increment": False, "logic_operators": True,

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
-from programs import load, model_of, random_model, setup_of, source_of
+from programs import WHOLE, load, model_of, random_model, setup_of, source_of
 from three_dialects import LEVEL, WRITERS, Arc, Go, Hole, Loop, Shift, Turned, parts, tilted_parts
 
 from kinematics.basis import Polynomial
@@ -33,9 +33,8 @@ def run(writer, part, machine, model, *, tcp=False):
     """Text, corrected text, and the moves of both without those that cycles make by themselves."""
     text, dialect = writer(tcp).program(part), find_dialect(writer.name, "", "")
     source, out = source_of(text), io.BytesIO()
-    Pipeline(Job(source, dialect, machine, model, setup(machine, dialect.name), travel_check=False)).run(
-        out, lambda _: None
-    )
+    job = Job(source, dialect, machine, model, setup(machine, dialect.name), travel_check=False, **WHOLE)
+    Pipeline(job).run(out, lambda _: None)
     written = out.getvalue().decode(ENCODING)
     moves = [
         merged(read_motions(source_of(t), dialect, machine, setup(machine, dialect.name))) for t in (text, written)
