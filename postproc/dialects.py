@@ -144,7 +144,7 @@ def _spoken(line: str) -> str:
 
 
 def _guess(suffix: str, head: str) -> str:
-    spoken = "\n".join(map(_spoken, head.splitlines()))
+    spoken = "\n".join(map(_spoken, re.split(r"[\r\n]+", head)))
     if suffix in _SIEMENS_SUFFIXES:
         return "siemens"
     if _HEIDENHAIN.search(spoken):

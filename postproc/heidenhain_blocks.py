@@ -25,6 +25,8 @@ _PLAIN = re.compile(
 )
 _NUMBER = re.compile(_VALUE)
 _VALUED = re.compile(rf"(DR2(?=[ \t]*[+-])|P[123][XYZ]|[A-Z]+?)[ \t]*({_VALUE}|[+-]?[ \t]*Q[LR]?\d+)", re.IGNORECASE)
+_CONTINUED = re.compile(r"~[ \t]*\r(?!\n)")
+"""Lines that end with a carriage return alone, in one block."""
 _PARAMETER = re.compile(r"(Q\d+)[ \t]*=[ \t]*(.*?)[ \t]*", re.IGNORECASE)
 
 
@@ -45,6 +47,9 @@ def join_lines(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 
 def read_block(line: int, text: str) -> Block:
     """The block of one joined text, its end of line included. Refusal when the grammar doesn't know it."""
+    if "\r" in text and _CONTINUED.search(text):
+        read = text.replace("\r", "\n")  # so that a comment ends with its line
+        return (_read_plain(line, read) or parse_block(line, read))._replace(text=text)
     return _read_plain(line, text) or parse_block(line, text)
 
 

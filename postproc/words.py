@@ -17,6 +17,11 @@ _RANKS.update({f"I{letter}": i for i, letter in enumerate(ORDER) if letter not i
 _RANKS.update({"PR": -2, "IPR": -2, "PA": -1, "IPA": -1})
 
 
+def end_of(text: str) -> str:
+    """How the last line of a text ends, empty where it has no end."""
+    return text[len(text.rstrip("\r\n")) :]
+
+
 def place(address: str) -> int:
     """Where a word of ncomp's own stands among coordinates."""
     return _RANKS[address if address in _RANKS else address[0]]
@@ -33,6 +38,8 @@ class Layout:
 
     blank: bool = True
     numbers: NumberStyle = field(default_factory=NumberStyle)
+    end: str = "\n"
+    """How lines end."""
 
     def after(self, block: Block) -> Layout:
         """The layout with what one more block shows of it."""
@@ -41,7 +48,9 @@ class Layout:
             if rank(word) is not None and word.formula is None:
                 numbers = NumberStyle.of(block.text[word.start : word.end], numbers)
         blank = block.text[block.words[-1].at - 1] in " \t" if len(block.words) > 1 else self.blank
-        return self if numbers is self.numbers and blank == self.blank else Layout(blank, numbers)
+        end = end_of(block.text) or self.end
+        same = numbers is self.numbers and blank == self.blank and end == self.end
+        return self if same else Layout(blank, numbers, end)
 
 
 @dataclass
@@ -125,14 +134,14 @@ class WordEditor:
     def lines_before(self, lines: list[str]) -> None:
         """Put lines before the block, ended as the block is."""
         self._refuse_alone()
-        end = self._end or "\n"
+        end = self._end or self.layout.end
         self.edits.append(Edit(0, 0, "".join(line + end for line in lines)))
 
     def lines_after(self, lines: list[str]) -> None:
         """Put lines behind the block, ended as the block is; the last block of a file may have no end."""
         self._refuse_alone()
         at = len(self.block.text)
-        text = "".join(line + self._end if self._end else "\n" + line for line in lines)
+        text = "".join(line + self._end if self._end else self.layout.end + line for line in lines)
         self.edits.append(Edit(at, at, text))
 
     def say_motion(self, code: str) -> None:
@@ -165,7 +174,7 @@ class WordEditor:
 
     @property
     def _end(self) -> str:
-        return self.block.text[len(self.block.text.rstrip("\r\n")) :]
+        return end_of(self.block.text)
 
     def _like(self, neighbour: Word, address: str, value: float, decimals: int) -> str:
         lower = self.block.text[neighbour.at].islower()

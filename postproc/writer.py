@@ -387,6 +387,8 @@ class Writer:
             and math.dist(start, centre) > DOT
         ):
             raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
+        if math.dist(start, centre) < SAME or math.dist(end, centre) < SAME:
+            raise block.refuse("an arc so small that rounding leaves it no radius")
         self._arcs[row] = arc._replace(centre=centre)
 
     def _pole_editor(self, motions: Motions, row: int) -> WordEditor | None:
