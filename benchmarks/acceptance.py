@@ -1,7 +1,8 @@
 """Which programs ncomp accepts, and why it refuses the others: `python benchmarks/acceptance.py FOLDER [MACHINE ...]`.
 
 Every file below the folder goes through the main job twice, on the first of the machines that takes it (default:
-dmu50, trunnion_ac; each also as for a control that reads arc centres as absolute): with `--calibration none`, where an
+dmu50, trunnion_ac; each also as for a control that reads arc centres as absolute, and with an extruder's axes E and ELX
+that move no part of it): with `--calibration none`, where an
 accepted program must come out byte for byte, and for a machine that is out of square by 20 urad. Prints a table per
 folder, and one line per program that the first, or only the second, refuses.
 """
@@ -36,11 +37,12 @@ def out_of_square(machine: Machine) -> ErrorModel:
 
 
 def variants(names: list[str]) -> list[Machine]:
-    """The machines, each followed by itself with a control that reads arc centres as absolute."""
+    """The machines, each with its own control, with one that reads arc centres as absolute, and with an extruder."""
     found = []
     for machine in map(machines.load, names):
-        absolute = dataclasses.replace(machine.control, arc_centres="absolute")
-        found += [machine, dataclasses.replace(machine, control=absolute)]
+        others = ({}, {"arc_centres": "absolute"}, {"passive_axes": ("E", "ELX")})
+        controls = [dataclasses.replace(machine.control, **other) for other in others]
+        found += [dataclasses.replace(machine, control=control) for control in controls]
     return found
 
 

@@ -58,7 +58,32 @@ blanks = st.sampled_from(["", " ", " ", "\t"])
 numbers = st.from_regex(r"[+-]?([0-9]{1,4}(\.[0-9]{0,4})?|\.[0-9]{1,4})", fullmatch=True)
 words = st.builds("".join, st.tuples(st.sampled_from("GMXYZABCIJKFSTDHxyzgmLRP"), blanks, numbers))
 others = st.sampled_from(
-    ["X=R1", "Y=IC(-2)", "R1=5", "TRAORI", "CR=20", 'MSG("a;(b")', "LAB_1:", "IF R1>2", "GOTOF AB", "X1=5", "A3=1"]
+    [
+        "MCALL CYCLE83(5, -1, , R1+2)",
+        "L340(R1)",
+        'CALL "PART"',
+        "EXTERN PART(REAL)",
+        "PROC PART(REAL AA, INT B=3)",
+        "$P_UIFR[1,X,TR]=5",
+        "$P_UIFR[1]=CTRANS(X,1):CROT(Z,0)",
+        "AP=IC(30)",
+        "AR=90",
+        "TURN=2",
+        "RND=1",
+        "RET",
+        "ID=1 DO M5",
+        "X=R1",
+        "Y=IC(-2)",
+        "R1=5",
+        "TRAORI",
+        "CR=20",
+        'MSG("a;(b")',
+        "LAB_1:",
+        "IF R1>2",
+        "GOTOF AB",
+        "X1=5",
+        "A3=1",
+    ]
 )
 comments = st.sampled_from(["", ";", "; X1 (a)", ";$PATH=/_N_WKS_DIR"])
 
