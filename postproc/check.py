@@ -60,10 +60,11 @@ class Findings:
 
     def take(self, motions: Motions) -> None:
         """Sort in the moves of a chunk."""
-        judged = motions.judged.tolist()
+        judged, before = motions.judged.tolist(), -1
         for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
-            if kind == Kind.PRESET:
-                continue
+            if kind == Kind.PRESET or (kind == Kind.MACHINE and index == before):
+                continue  # the second is what a cycle does behind the move of its block
+            before = index
             line = motions.blocks[index].line
             (self.machine if kind == Kind.MACHINE else self.corrected if judged[row] else self.unsaid).append(line)
 

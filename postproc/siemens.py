@@ -32,7 +32,7 @@ from postproc.siemens_codes import (
     REFERENCE,
     REFUSED_G,
     UNITS,
-    VECTOR,
+    VECTOR_WORDS,
     WORK_OFFSETS,
 )
 from postproc.siemens_content import Content, check, sort, value_of, whole_of
@@ -118,9 +118,9 @@ class SiemensInterpreter:
         elif self.cycles.read(index, block, content, self.recorder, self.unit, self.plane[2]):
             self.polar.forget()
         elif content.moves and claimed != DWELL:
-            drills = self.cycles.modal is not None
+            drills, points = self.cycles.modal is not None, not VECTOR_WORDS.isdisjoint(content.other)
             block = self._move(index, block, content, frame == self.recorder.frame and not drills)
-            if corner or self.compensated or drills:
+            if corner or self.compensated or drills or points:
                 block = block._replace(alone=True)
             self.cycles.run_modal(index, block, self.recorder, self.unit, self.plane[2])
         self.ended = bool(content.m or content.names) and ends(block) and not self.scope.depth
@@ -353,7 +353,7 @@ class SiemensInterpreter:
         if kind is Kind.ARC and "AR" in content.other:
             said = with_angle(block, content, self.recorder, turn, said, self.absolute)
         target = said.target(self.recorder)
-        if not content.other.keys().isdisjoint(VECTOR):
+        if not VECTOR_WORDS.isdisjoint(content.other):
             self._point(block, content, target)
         arc = self._arc(said.block, content, turn, target, polar) if kind is Kind.ARC else None
         if self.compensated:

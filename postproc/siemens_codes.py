@@ -90,6 +90,7 @@ HARMLESS_ADDRESSES = _all("N F S H FA FB FZ FD FRC FRCM SPOS SPOSA OVR OVRRAP AD
 CENTRES = "IJK"
 VECTOR = ("A3", "B3", "C3")
 """The direction of the tool, from its tip."""
+VECTOR_WORDS = frozenset(VECTOR)
 CORNERS = frozenset(("RND", "RNDM", "CHF", "CHR"))
 """Of corners that the control breaks between this block and the next."""
-MOVE_ADDRESSES = frozenset((*CENTRES, "CR", "AR", "TURN", "AP", "RP", *VECTOR))
+MOVE_ADDRESSES = frozenset((*CENTRES, "CR", "AR", "TURN", "AP", "RP")) | VECTOR_WORDS

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, model_of, random_model, setup_of, shifted
+from programs import load, model_of, random_model, setup_of, shifted, source_of
 from siemens_programs import SIEMENS, correct, corrected, ends, judged, places, read
 
 from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from kinematics.forward import forward
+from postproc.check import check
 from postproc.motions import Kind
 from postproc.notes import Notes
 from postproc.siemens_blocks import read_block
@@ -148,7 +149,7 @@ def pose(motions, machine):
     return found.apply(motions.tool), found.rotation[:, :, 2]
 
 
-FIVE = ["trunnion_ac", "trunnion_bc", "head_table", "head_head"]
+FIVE = ["dmu50", "trunnion_ac", "trunnion_bc", "head_table", "head_head"]
 
 
 @pytest.mark.parametrize("machine", FIVE)
@@ -169,6 +170,8 @@ def test_vectors_stay_and_the_point_is_corrected():
     written, _ = judged(text, random_model(load("trunnion_ac"), 4), "trunnion_ac", tools=["T1=80"])
     assert "A3=0.1 B3=0.2 C3=1 F500" in written
     assert "B3=0.3 C3=1" in written
+    alone = [block.text.split()[0] for block in interpreted(load("trunnion_ac"), text).blocks if block.alone]
+    assert alone == ["G1", "X12"]
 
 
 PLANES = {
@@ -232,6 +235,12 @@ def test_holes():
     assert re.search(r"(?m)^X30\.\d+ Y9\.\d+ Z10\.\d+$", written), written
     notes = corrected(HEAD + DRILLED)[1]
     assert any(note.startswith("CYCLE81 runs from the corrected place; its arguments stay") for note in notes)
+
+
+def test_check_counts_a_hole_once():
+    machine = load("gantry")
+    found = check(source_of(HEAD + DRILLED, "test.mpf"), SIEMENS, machine, setup_of(machine))
+    assert (found.corrected, found.machine, found.repeated) == ([1, 4, 5, 7, 9], [8], [])
 
 
 def test_holes_on_a_turned_frame():
