@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -79,9 +80,10 @@ def rotary_positions(block: Block, machine: Machine, swivel: Swivel) -> dict[int
         q = np.zeros(len(machine.axes))
         q[rotary] = np.deg2rad(start)
         solved = inverse(machine, np.zeros((1, 3)), upright, start=q, respect_travel=False).q[0]
-        at = {i: float(np.rad2deg(solved[i])) for i in rotary}
-        if np.isfinite(solved).all() and all(_inside(machine, i, angle) for i, angle in at.items()):
-            found.append({i: round(angle, 9) + 0.0 for i, angle in at.items()})
+        if np.isfinite(solved).all():
+            places = {i: _within(machine, i, float(np.rad2deg(solved[i]))) for i in rotary}
+            found += [{i: angle for i, angle in places.items() if angle is not None}]
+    found = [at for at in found if len(at) == len(rotary)]
     if not found:
         raise block.refuse("no position of the rotary axes sets the tool upright on this plane")
     tilting = min(rotary, key=lambda i: np.ptp(machine.axes[i].travel))
@@ -94,6 +96,8 @@ def _starts(machine: Machine, axis: int) -> list[float]:
     return [angle for angle in (0.0, -90.0, 90.0, 180.0, -180.0) if low <= angle <= high] or [low]
 
 
-def _inside(machine: Machine, axis: int, angle: float) -> bool:
+def _within(machine: Machine, axis: int, angle: float) -> float | None:
+    """The angle nearest to 0 that differs by whole turns and lies within the travel, None where there is none."""
     low, high = machine.axes[axis].travel
-    return bool(low - 1e-9 <= angle <= high + 1e-9)
+    wound = [round(math.remainder(angle, 360.0) + turns, 9) + 0.0 for turns in (0.0, 360.0, -360.0)]
+    return next((place for place in wound if low - 1e-9 <= place <= high + 1e-9), None)
