@@ -61,7 +61,7 @@ def plan(
     else:
         laid = _volume(machine, parts, points, spacing_mm, choices)
     asked = None if points is None else int(np.sum(points))
-    reference = _rounded(stand(machine, choices), machine, choices)
+    reference = rounded(stand(machine, choices), machine, choices)
     return visit(laid, machine, strategy, choices, asked, reference)
 
 
@@ -116,7 +116,7 @@ def _volume(
     if choices.rotary == "swept":
         ways += [_sweep(machine, i, low, high, choices) for i in turning]
     positions = np.concatenate([way.positions for way in ways])
-    return Way(_rounded(positions, machine, choices), np.concatenate([way.names for way in ways]))
+    return Way(rounded(positions, machine, choices), np.concatenate([way.names for way in ways]))
 
 
 def _spaced(name: str, box: patterns.Box, points: int | None, spacing: float | None) -> patterns.Points:
@@ -155,7 +155,7 @@ def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float |
         names = np.array([f"{machine.names[i]}.{k}" for k in number])
         ways.append(Way(positions, names, np.full(2 * count, machine.names[i]), side))
     positions, names, axis, side = (np.concatenate(column) for column in zip(*ways, strict=True))
-    return Way(_rounded(positions, machine, choices), names, axis, side)
+    return Way(rounded(positions, machine, choices), names, axis, side)
 
 
 def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) -> Way:
@@ -206,7 +206,7 @@ def stand(machine: Machine, choices: Choices) -> Array:
     return np.where(machine.rotary, home, middle)
 
 
-def _rounded(positions: Array, machine: Machine, choices: Choices) -> Array:
+def rounded(positions: Array, machine: Machine, choices: Choices) -> Array:
     """Whole um and thousandths of a degree, inside the ends."""
     return np.clip(np.round(positions, DECIMALS) + 0.0, *limits(machine, replace(choices, approach="any")))
 

@@ -64,7 +64,7 @@ def _finished(way: Way, machine: Machine, strategy: str, choices: Choices, asked
         start = np.where(first[:, None], (way.positions - way.from_side * choices.overrun) * machine.scale, np.nan)
         before = start if first.any() else None
     state = _with_way(State(positions), before)
-    time, minutes = _times(machine, positions, before, choices.timing)
+    time, minutes = times(machine, positions, before, choices.timing)
     state = replace(state, time=time, cycle=run - 1.0, target=np.array(list(choices.targets))[target])
     notes = []
     if machine.rotary.any() and choices.rotary == "fixed":
@@ -110,7 +110,7 @@ def _passed(positions: Array, before: Array) -> tuple[Array, np.ndarray]:
     return passed, measured
 
 
-def _times(machine: Machine, positions: Array, before: Array | None, timing: Timing) -> tuple[Array, float]:
+def times(machine: Machine, positions: Array, before: Array | None, timing: Timing) -> tuple[Array, float]:
     """Time `(n,)` of each observation, s, from the first; and minutes in all."""
     each = timing.point_s if timing.dwell_s is None else timing.dwell_s
     time = each * np.arange(len(positions))

@@ -53,24 +53,26 @@ class Columns:
         own = setup.white @ equations.registration_design(setup.measurement, setup.registration)
         flat = own.reshape(-1, own.shape[2])
         self._units = np.linalg.norm(flat, axis=0)
-        u, values, v = np.linalg.svd(flat / self._units, full_matrices=False)
+        self.registration = flat / self._units
+        """Whitened derivatives `(N, r)` by the registration, of unit length."""
+        u, values, v = np.linalg.svd(self.registration, full_matrices=False)
         seen = values > SEEN * values[0]
         self._registration, self._back = u[:, seen], v[seen].T / values[seen]
 
     def of_truth(self, truths: Truths) -> tuple[Array, Array]:
         """Of a truth's coefficients: of the observations `(N, t)`, registration and all, and of the volume `(G, t)`."""
-        design = self._observed(truths.model)
-        return design * truths.linear, self._judged(truths.model) * truths.linear
+        design = self.observed(truths.model)
+        return design * truths.linear, self.judged(truths.model) * truths.linear
 
     def of_part(self, part: Part) -> Made:
         """Of one axis' error motions, or of what is fitted besides, per unit of parameters."""
         model = self.model([part])
-        observed = self._observed(model)
+        observed = self.observed(model)
         before = np.linalg.norm(observed, axis=0)
         observed -= self._registration @ (self._registration.T @ observed)
         # what the registration takes away altogether leaves rounding, which is nothing seen
         observed[:, np.linalg.norm(observed, axis=0) < ROUNDING * before] = 0.0
-        return Made(observed, self._judged(model), priors(model))
+        return Made(observed, self.judged(model), priors(model))
 
     def model(self, parts: Sequence[Part]) -> ErrorModel:
         """The model of these parts, all zero."""
@@ -78,13 +80,15 @@ class Columns:
 
     def registered(self, parts: Sequence[Part], left: Array, step: Array) -> Array:
         """The step of the registration for residuals `(N,)`, when the parameters take theirs."""
-        rest = left - self._observed(self.model(parts)) @ step
+        rest = left - self.observed(self.model(parts)) @ step
         return np.asarray(self._back @ (self._registration.T @ rest) / self._units)
 
-    def _judged(self, model: ErrorModel) -> Array:
+    def judged(self, model: ErrorModel) -> Array:
+        """Derivatives `(G, p)`, um, of the aligned deviations in all volumes."""
         return np.concatenate([volume.columns(model) for volume in self.volumes])
 
-    def _observed(self, model: ErrorModel) -> Array:
+    def observed(self, model: ErrorModel) -> Array:
+        """Whitened derivatives `(N, p)` of the observations by the parameters of a model, registration and all."""
         design = Design(model, self.measurement.machine, self.measurement.state, with_instrument=True)
         return np.asarray(design.of(slice(None), self._transform).reshape(self._transform[:, :, 0].size, -1))
 

@@ -1,0 +1,135 @@
+"""Where could be measured: positions all over the volume with every target, as far as a tracker sees them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.instruments import LaserTracker
+from calibration.measurement import Measurement, Target
+from calibration.plan import Choices
+from calibration.reach import Reach, in_reach
+from calibration.sight import seen_points
+from calibration.strategies import limits, rounded, stand
+from kinematics.errors import UserError
+from kinematics.machine import Machine, Vector
+from kinematics.state import State
+from kinematics.transforms import Array, Pose
+
+BEYOND = 1.25
+"""Positions are laid in so much more than the travel and brought back to its ends: faces, edges and corners tell most."""
+NEAREST_MM = 100.0
+"""From the tracker to a target at least."""
+OFF_MM, LOW = 1500.0, 0.2
+"""From the volume to a tracker of which nothing is said; its lower height, as a share of the volume's."""
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A box in the workpiece frame, mm, in which no target may be and which no beam may cross; open where not said."""
+
+    low: Vector
+    high: Vector
+
+    def contains(self, points: Array) -> np.ndarray:
+        """Which points `(n, 3)` are inside."""
+        return np.asarray(np.all((points >= self.low) & (points <= self.high), axis=1))
+
+    def between(self, origin: Array, points: Array) -> np.ndarray:
+        """Which lines from the origin `(3,)` to points `(n, 3)` cross the box (slabs)."""
+        way = points - origin
+        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
+        ends = np.stack([(np.array(self.low) - origin) / way, (np.array(self.high) - origin) / way])
+        enters, leaves = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
+        return np.asarray((enters <= leaves) & (leaves >= 0.0) & (enters <= 1.0))
+
+
+def obstacle_of(box: Mapping[str, tuple[float, float]]) -> Obstacle:
+    """The obstacle of ranges by x, y, z; UserError for others and for ranges that run backward."""
+    unknown = sorted(set(box) - set("xyz"))
+    if unknown or not box:
+        raise UserError(f"obstacle: expected ranges of x, y, z, got {', '.join(unknown) or 'none'}")
+    for letter, (low, high) in box.items():
+        if not low < high:
+            raise UserError(f"obstacle {letter}={low:g}:{high:g}: it must go from a lower to a higher position")
+    low, high = (tuple(box[c][k] if c in box else end for c in "xyz") for k, end in enumerate((-np.inf, np.inf)))
+    return Obstacle(low, high)  # type: ignore[arg-type]
+
+
+def positions(machine: Machine, choices: Choices, number: int) -> Array:
+    """Positions `(number, axes)`, mm and rad, evenly all over the volume and denser at its ends (Halton)."""
+    from scipy.stats import qmc
+
+    low, high = limits(machine, choices)
+    together = choices.rotary in ("random", "simultaneous")
+    if choices.rotary == "swept":
+        raise UserError("an optimised plan moves rotary axes along with the others (--rotary random) or not at all")
+    moving = [i for i in range(len(low)) if low[i] < high[i] and (together or not machine.rotary[i])]
+    endless = [machine.names[i] for i in moving if not np.isfinite(high[i] - low[i])]
+    if endless or not moving:
+        raise UserError(f"axis {endless[0]} has no end of travel: say how far it is to go" if endless else "nothing moves")
+    share = np.clip((qmc.Halton(len(moving), seed=choices.seed).random(number) - 0.5) * BEYOND + 0.5, 0.0, 1.0)
+    found = np.tile(stand(machine, choices), (number, 1))
+    found[:, moving] = low[moving] + share * (high - low)[moving]
+    return np.unique(rounded(found, machine, choices), axis=0) * machine.scale
+
+
+def with_targets(places: Array, targets: Mapping[str, Target]) -> State:
+    """Every position with every target; they are come to from either side, in any order, as in a shuffled plan."""
+    rng = np.random.default_rng(0)
+    every = np.tile(places, (len(targets), 1))
+    n = len(every)
+    order = rng.permutation(n)
+    moves = np.empty_like(every)
+    moves[order] = np.diff(every[order], axis=0, prepend=every[order[:1]])
+    time = np.empty(n)
+    time[order] = np.arange(n) * 15.0
+    still = np.zeros_like(every)
+    return State(
+        every, approach=np.sign(moves), last_move=moves, velocity=still, acceleration=still, time=time,
+        cycle=np.zeros(n), target=np.repeat(list(targets), len(places)),
+    )  # fmt: skip
+
+
+def seen(
+    machine: Machine,
+    state: State,
+    targets: Mapping[str, Target],
+    place: Vector,
+    pose: Pose,
+    reach: Reach | None,
+    obstacles: Sequence[Obstacle],
+) -> np.ndarray:
+    """Mask `(n,)` of the states whose target a tracker at a place `(3,)`, mm, sees."""
+    stationed = replace(state, station=np.full(len(state), "s1"))
+    nothing = np.zeros((len(state), 3))
+    blank = Measurement(machine, LaserTracker(), stationed, nothing, targets)
+    points = seen_points(blank, None, blank.tool)
+    free = np.linalg.norm(points - place, axis=1) > NEAREST_MM
+    for obstacle in obstacles:
+        free &= ~obstacle.contains(points) & ~obstacle.between(np.array(place), points)
+    if reach is not None and free.any():
+        rows = np.flatnonzero(free)
+        free[rows] = in_reach(blank.rows(rows), {"s1": pose}, reach).rows
+    return np.asarray(free)
+
+
+def places_around(machine: Machine, choices: Choices, target: Target) -> list[Vector]:
+    """Where a tracker could stand: 1.5 m off the corners and the sides of the volume, in a low and a middle height."""
+    low, high = limits(machine, choices)
+    linear = np.flatnonzero(~machine.rotary)
+    corners = np.tile(stand(machine, choices), (2 ** len(linear), 1))
+    corners[:, linear] = list(itertools.product(*zip(low[linear], high[linear], strict=True)))
+    named = np.full(len(corners), "1")
+    state = State(corners * machine.scale, target=named)
+    blank = Measurement(machine, LaserTracker(), state, np.zeros((len(corners), 3)), {"1": target})
+    points = seen_points(blank, None, blank.tool)
+    least, most = points.min(axis=0), points.max(axis=0)
+    middle = (least + most) / 2
+    x, y = ((least[k] - OFF_MM, middle[k], most[k] + OFF_MM) for k in (0, 1))
+    heights = (least[2] + LOW * (most[2] - least[2]), middle[2])
+    around = [place for place in itertools.product(x, y) if place != (middle[0], middle[1])]
+    return [(round(float(a)), round(float(b)), round(float(z))) for a, b in around for z in heights]

@@ -1,0 +1,131 @@
+"""I-optimal choice among candidates: those rows whose fit leaves the least mean variance where a machine is judged.
+
+The variance is tr(B V), V = (P + sum F'F)^-1 over the rows F of the candidates that are chosen, with B = G'G / n over the
+places where the machine is judged and P the information of the priors. Chosen first one by one, each that takes most
+away (rank-d updates of V), then by exchange of the least useful for the most useful one (Fedorov) until none helps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.transforms import Array
+
+LOOKED_AT = 48
+"""Candidates whose gain is worked out anew at a time; of all others what it was is more than what it is."""
+TRIED = 12
+"""Exchanges that are tried, from the least useful chosen one on, before none is said to help."""
+RENEWED = 100
+"""Updates after which V is worked out anew."""
+LEAST = 1e-4
+"""Share of the variance that an exchange takes away at least."""
+
+
+@dataclass
+class Selection:
+    """The candidates that are chosen so far, with V and W = V B V."""
+
+    rows: Array
+    """F `(candidates, d, p)`, whitened, parameters in units of their priors."""
+    prior: Array
+    """P `(p, p)`."""
+    judged: Array
+    """B `(p, p)`."""
+    chosen: np.ndarray
+    """Mask `(candidates,)`."""
+
+    def __post_init__(self) -> None:
+        self._renew()
+
+    @property
+    def variance(self) -> float:
+        """tr(B V)."""
+        return float(np.sum(self.judged * self.spread))
+
+    def gains(self, which: np.ndarray) -> Array:
+        """By how much each of these candidates would make the variance smaller."""
+        across, inner, outer = self._through(which)
+        del across
+        return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) + inner), outer))
+
+    def losses(self, which: np.ndarray) -> Array:
+        """By how much it would be larger without each of these, which are chosen."""
+        across, inner, outer = self._through(which)
+        del across
+        return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) - inner), outer))
+
+    def change(self, candidate: int, sign: int) -> None:
+        """Choose a candidate (+1), or no longer (-1)."""
+        across, inner, _ = self._through(np.array([candidate]))
+        F, U, size = self.rows[candidate], across[0].T, inner.shape[1]
+        K = U @ np.linalg.inv(np.eye(size) * sign + inner[0])
+        FW = F @ self.weighted
+        self.spread = self.spread - K @ U.T
+        self.weighted = self.weighted - K @ FW - FW.T @ K.T + K @ (FW @ F.T) @ K.T
+        self.chosen[candidate] = sign > 0
+        self._updates += 1
+        if self._updates >= RENEWED:
+            self._renew()
+
+    def _through(self, which: np.ndarray) -> tuple[Array, Array, Array]:
+        """F V, F V F' and F W F' of some candidates."""
+        F = self.rows[which]
+        across = F @ self.spread
+        back = np.swapaxes(F, 1, 2)
+        return across, across @ back, F @ self.weighted @ back
+
+    def _renew(self) -> None:
+        some = self.rows[self.chosen].reshape(-1, self.rows.shape[2])
+        self.spread = np.linalg.inv(self.prior + some.T @ some)
+        self.weighted = self.spread @ self.judged @ self.spread
+        self._updates = 0
+
+
+def filled(selection: Selection, number: int, allowed: np.ndarray) -> None:
+    """Choose the most useful of the allowed candidates, a mask, one by one until there are so many."""
+    gains = np.where(allowed & ~selection.chosen, np.inf, -np.inf)
+    while np.count_nonzero(selection.chosen) < number:
+        order = np.argsort(-gains)
+        start = 0
+        while True:
+            some = order[start : start + LOOKED_AT]
+            some = some[gains[some] > -np.inf]
+            if not len(some):
+                break
+            gains[some] = selection.gains(some)
+            start += len(some)
+            if start >= len(order) or gains[order[:start]].max() >= gains[order[start]]:
+                break
+        best = int(np.argmax(gains))
+        if gains[best] == -np.inf:
+            return
+        selection.change(best, 1)
+        gains[best] = -np.inf
+
+
+def exchanged(selection: Selection, allowed: np.ndarray, rounds: int) -> int:
+    """Exchange chosen candidates for allowed ones that make the variance smaller; how many were exchanged."""
+    done = 0
+    for _ in range(rounds):
+        inside = np.flatnonzero(selection.chosen)
+        ranked = inside[np.argsort(selection.losses(inside))]
+        if not _one(selection, ranked[:TRIED], allowed):
+            break
+        done += 1
+    return done
+
+
+def _one(selection: Selection, ranked: np.ndarray, allowed: np.ndarray) -> bool:
+    before = selection.variance
+    for candidate in ranked.tolist():
+        selection.change(candidate, -1)
+        free = np.flatnonzero(allowed & ~selection.chosen)
+        best = int(free[np.argmax(selection.gains(free))])
+        selection.change(best, 1)
+        if selection.variance < before * (1 - LEAST):
+            return True
+        selection.change(best, -1)
+        selection.change(candidate, 1)
+    return False

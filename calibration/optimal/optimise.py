@@ -1,0 +1,261 @@
+"""An optimised measurement: from a wish to a plan and a place for the tracker.
+
+The least mean variance of the volumetric error, aligned, for a number of points or of minutes: positions and targets by
+exchange (`calibration.optimal.exchange`), the tracker's place by the same for each place in little. What is fitted later
+is not known yet: meant are smooth error motions, cubic splines, of their typical size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.instruments import LaserTracker
+from calibration.models import moving_axes, parse_basis
+from calibration.optimal.candidates import Obstacle, places_around, positions, seen, with_targets
+from calibration.optimal.exchange import Selection, exchanged, filled
+from calibration.optimal.tour import plan_of
+from calibration.plan import Choices, Plan
+from calibration.reach import Reach
+from calibration.simulate import tracker_pose
+from calibration.study.bases import with_besides
+from calibration.study.equations import Columns
+from calibration.study.setups import laid_out
+from calibration.study.volume import Volume
+from kinematics.effects import Effect
+from kinematics.errors import UserError
+from kinematics.machine import Machine, Vector
+from kinematics.state import State
+from kinematics.transforms import Array
+
+BASIS = "cubic:8"
+ROTARY_BASIS = "fourier:3"
+FREE = 1e-9
+"""Information on the registration beforehand."""
+EXCHANGES = 40
+IN_LITTLE = 4
+"""Places of the tracker are compared by so much fewer candidates and points."""
+VISIBLE = 0.3
+"""Standard uncertainty of an effect that is to be seen, as a share of its typical size."""
+WEIGHT, HEAVIER, TIMES = 1.0, 4.0, 7
+"""Weight of the variance of effects that are to be seen, and by how much and how often it grows until they are."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is wanted, and what is in the way."""
+
+    choices: Choices
+    """Targets, ranges, timing; rotary axes."""
+    points: int | None = None
+    minutes: float | None = None
+    trackers: Sequence[Vector] = ()
+    """Places to choose from; none for some around the volume."""
+    reach: Reach | None = None
+    obstacles: Sequence[Obstacle] = ()
+    visible: Sequence[Effect] = ()
+    candidates: int = 2000
+    change_min: float = 5.0
+    """To change the target."""
+
+
+@dataclass(frozen=True)
+class Optimised:
+    """The plan, and what it promises."""
+
+    plan: Plan
+    tracker: Vector
+    expected_um: float
+    """RMS volumetric error, of noise and of what the plan does not see, for errors of typical size."""
+    visible: Mapping[str, float] = field(default_factory=dict)
+    """Standard uncertainty of the effects that are to be seen, as shares of their typical sizes."""
+
+
+@dataclass(frozen=True)
+class _Field:
+    """Candidates as seen from one place of the tracker."""
+
+    state: State
+    rows: Array
+    """F of `Selection`."""
+    prior: Array
+    judged: Array
+    allowed: np.ndarray
+    besides: Mapping[str, int]
+    """Columns of the amplitudes of effects, by name."""
+
+    def selection(self, weight: float = 0.0) -> Selection:
+        """Nothing chosen yet; with a weight on the variance of the effects that are to be seen."""
+        weights = np.zeros(len(self.prior))
+        weights[list(self.besides.values())] = weight
+        return Selection(self.rows, self.prior, self.judged + np.diag(weights), np.zeros(len(self.rows), bool))
+
+
+def optimised(
+    machine: Machine, instrument: LaserTracker, wish: Wish, progress: Callable[[str], None] = lambda _: None
+) -> Optimised:
+    """The best plan that is found; UserError when nothing can be seen, or not what is to be seen."""
+    if (wish.points is None) == (wish.minutes is None):
+        raise UserError("an optimised plan takes a number of points or of minutes, one of the two")
+    places = positions(machine, wish.choices, wish.candidates)
+    tracker = _tracker(machine, instrument, wish, places, progress)
+    progress("positions")
+    found = _seen_from(machine, instrument, wish, places, tracker)
+    number = _number(machine, wish, found)
+    chosen = _chosen(found, number, wish)
+    plan, visible = _planned(machine, instrument, wish, found, chosen, tracker)
+    judged = found.judged
+    spread = np.linalg.inv(found.prior + _information(found.rows[chosen]))
+    return Optimised(plan, tracker, float(np.sqrt(np.sum(judged * spread))), visible)
+
+
+def _tracker(
+    machine: Machine, instrument: LaserTracker, wish: Wish, places: Array, progress: Callable[[str], None]
+) -> Vector:
+    """The place from which a smaller plan of the same kind is best."""
+    first = next(iter(wish.choices.targets.values()))
+    trackers = list(wish.trackers) or places_around(machine, wish.choices, first)
+    if len(trackers) == 1:
+        return trackers[0]
+    some, values = places[::IN_LITTLE], []
+    for k, tracker in enumerate(trackers, start=1):
+        progress(f"place {k} of {len(trackers)} of the tracker")
+        try:
+            found = _seen_from(machine, instrument, wish, some, tracker)
+        except UserError:
+            values.append(np.inf)
+            continue
+        selection = found.selection()
+        filled(selection, max(_number(machine, wish, found) // IN_LITTLE, 20), found.allowed)
+        values.append(selection.variance)
+    if not np.isfinite(min(values)):
+        raise UserError("the tracker sees nothing from any of the places it may stand at")
+    return trackers[int(np.argmin(values))]
+
+
+def _seen_from(machine: Machine, instrument: LaserTracker, wish: Wish, places: Array, tracker: Vector) -> _Field:
+    """The candidates and their equations, for one place of the tracker."""
+    targets = wish.choices.targets
+    state = with_targets(places, targets)
+    pose = tracker_pose(tracker, np.random.default_rng(0))
+    visible = np.flatnonzero(seen(machine, state, targets, tracker, pose, wish.reach, wish.obstacles))
+    if not len(visible):
+        raise UserError("the tracker sees none of the positions from where it stands")
+    state = state.rows(visible)
+    columns = _columns(machine, instrument, wish, _plan_at(machine, state, wish), tracker)
+    rows, prior, judged, besides = _equations(columns, len(state))
+    return _Field(state, rows, prior, judged, np.ones(len(state), bool), besides)
+
+
+def _plan_at(machine: Machine, state: State, wish: Wish) -> Plan:
+    """The states as a plan."""
+    names = np.full(len(state), "1")
+    return Plan(machine, "optimised", state, names, names, wish.choices.targets, places=len(state))
+
+
+def _columns(machine: Machine, instrument: LaserTracker, wish: Wish, plan: Plan, tracker: Vector) -> Columns:
+    setup = laid_out(plan, instrument, [tracker])
+    low, high = (ends(plan.positions / machine.scale, axis=0) for ends in (np.min, np.max))
+    turned = {
+        axis.name: (float(low[i]), float(high[i]))
+        for i, axis in enumerate(machine.axes)
+        if axis.rotary and high[i] > low[i]
+    }
+    volumes = [Volume.of(machine, target.position, turned) for target in wish.choices.targets.values()]
+    return Columns(setup, volumes, wish.visible)
+
+
+def _equations(columns: Columns, n: int) -> tuple[Array, Array, Array, dict[str, int]]:
+    """F, P and B of `Selection`, and the columns of the amplitudes of effects besides the error motions."""
+    bases = {
+        axis: parse_basis(ROTARY_BASIS if axis[0] in "ABC" else BASIS) for axis in moving_axes(columns.measurement)
+    }
+    model = columns.model(with_besides(columns, bases))
+    table = [(effect.name, quantity) for effect in model.effects for quantity in effect.parameter_table]
+    scale = np.array([quantity.typical if quantity.linear else 0.0 for _, quantity in table])
+    own = columns.registration
+    rows = np.concatenate([own, columns.observed(model) * scale], axis=1)
+    prior = np.diag(np.append(np.full(own.shape[1], FREE), np.ones(len(scale))))
+    seen_in = columns.judged(model) * scale
+    judged = np.zeros_like(prior)
+    judged[own.shape[1] :, own.shape[1] :] = seen_in.T @ seen_in / (len(seen_in) / 3)
+    first = sum(len(effect.parameters) for effect in model.effects[: len(model.effects) - len(columns.besides)])
+    besides = {
+        f"{name} {quantity.name}": own.shape[1] + k
+        for k, (name, quantity) in enumerate(table)
+        if k >= first and quantity.linear
+    }
+    return rows.reshape(n, -1, rows.shape[1]), prior, judged, besides
+
+
+def _number(machine: Machine, wish: Wish, found: _Field) -> int:
+    """How many points there are to be; in so many minutes by the length of ways through as many candidates."""
+    if wish.points is not None:
+        number = wish.points
+    else:
+        assert wish.minutes is not None
+        low, high = 0, len(found.state) + 1
+        while high - low > 1:
+            middle = (low + high) // 2
+            spread = np.linspace(0, len(found.state) - 1, middle).astype(int)
+            low, high = (middle, high) if _minutes(machine, wish, found, spread) <= wish.minutes else (low, middle)
+        number = low
+    if not 10 <= number <= len(found.state):
+        raise UserError(f"{number} points: an optimised plan has at least 10, and at most the {len(found.state)} it sees")
+    return number
+
+
+def _minutes(machine: Machine, wish: Wish, found: _Field, rows: np.ndarray) -> float:
+    return _as_plan(machine, wish, found, rows).minutes if len(rows) else 0.0
+
+
+def _as_plan(
+    machine: Machine, wish: Wish, found: _Field, rows: np.ndarray, shuffled: np.random.Generator | None = None
+) -> Plan:
+    assert found.state.target is not None
+    return plan_of(
+        machine, found.state.positions[rows], found.state.target[rows], wish.choices.targets, wish.choices.timing,
+        wish.change_min, shuffled=shuffled,
+    )  # fmt: skip
+
+
+def _chosen(found: _Field, number: int, wish: Wish) -> np.ndarray:
+    """Numbers of the best candidates; those that show the effects to be seen weigh more until they do."""
+    weight = WEIGHT
+    for _ in range(TIMES):
+        selection = found.selection(weight if wish.visible else 0.0)
+        filled(selection, number, found.allowed)
+        exchanged(selection, found.allowed, EXCHANGES)
+        if all(selection.spread[k, k] <= VISIBLE**2 for k in found.besides.values()):
+            break
+        weight *= HEAVIER
+    return np.flatnonzero(selection.chosen)
+
+
+def _planned(
+    machine: Machine, instrument: LaserTracker, wish: Wish, found: _Field, chosen: np.ndarray, tracker: Vector
+) -> tuple[Plan, dict[str, float]]:
+    """The plan of these candidates in an order that shows what is to be seen; UserError when none does."""
+    told: dict[str, float] = {}
+    for shuffled in (None, np.random.default_rng(wish.choices.seed)):
+        plan = _as_plan(machine, wish, found, chosen, shuffled)
+        if not wish.visible:
+            return plan, {}
+        columns = _columns(machine, instrument, wish, plan, tracker)
+        rows, prior, _, besides = _equations(columns, len(plan))
+        spread = np.linalg.inv(prior + _information(rows))
+        told = {name: float(np.sqrt(spread[k, k])) for name, k in besides.items()}
+        if max(told.values()) <= VISIBLE:
+            return plan, told
+    worst = max(told, key=lambda name: told[name])
+    raise UserError(
+        f"{len(chosen)} points from {', '.join(f'{v:g}' for v in tracker)} would show {worst} to {told[worst]:.0%} of its "
+        f"typical size only, {VISIBLE:.0%} are wanted: more points, more targets, or another instrument"
+    )
+
+
+def _information(rows: Array) -> Array:
+    flat = rows.reshape(-1, rows.shape[2])
+    return np.asarray(flat.T @ flat)
