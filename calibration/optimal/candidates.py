@@ -20,7 +20,7 @@ from kinematics.state import State
 from kinematics.transforms import Array, Pose
 
 BEYOND = 1.25
-"""Positions are laid in so much more than the travel and brought back to its ends: faces, edges and corners tell most."""
+"""Positions are laid in so much more than the travel and brought back to its ends: faces and edges tell most."""
 NEAREST_MM = 100.0
 """From the tracker to a target at least."""
 OFF_MM, LOW = 1500.0, 0.2
@@ -55,8 +55,8 @@ def obstacle_of(box: Mapping[str, tuple[float, float]]) -> Obstacle:
     for letter, (low, high) in box.items():
         if not low < high:
             raise UserError(f"obstacle {letter}={low:g}:{high:g}: it must go from a lower to a higher position")
-    low, high = (tuple(box[c][k] if c in box else end for c in "xyz") for k, end in enumerate((-np.inf, np.inf)))
-    return Obstacle(low, high)  # type: ignore[arg-type]
+    x, y, z = (box.get(letter, (-np.inf, np.inf)) for letter in "xyz")
+    return Obstacle((x[0], y[0], z[0]), (x[1], y[1], z[1]))
 
 
 def positions(machine: Machine, choices: Choices, number: int) -> Array:
@@ -70,7 +70,9 @@ def positions(machine: Machine, choices: Choices, number: int) -> Array:
     moving = [i for i in range(len(low)) if low[i] < high[i] and (together or not machine.rotary[i])]
     endless = [machine.names[i] for i in moving if not np.isfinite(high[i] - low[i])]
     if endless or not moving:
-        raise UserError(f"axis {endless[0]} has no end of travel: say how far it is to go" if endless else "nothing moves")
+        raise UserError(
+            f"axis {endless[0]} has no end of travel: say how far it is to go" if endless else "nothing moves"
+        )
     share = np.clip((qmc.Halton(len(moving), seed=choices.seed).random(number) - 0.5) * BEYOND + 0.5, 0.0, 1.0)
     found = np.tile(stand(machine, choices), (number, 1))
     found[:, moving] = low[moving] + share * (high - low)[moving]

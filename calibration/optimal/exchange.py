@@ -1,7 +1,7 @@
 """I-optimal choice among candidates: those rows whose fit leaves the least mean variance where a machine is judged.
 
-The variance is tr(B V), V = (P + sum F'F)^-1 over the rows F of the candidates that are chosen, with B = G'G / n over the
-places where the machine is judged and P the information of the priors. Chosen first one by one, each that takes most
+The variance is tr(B V), V = (P + sum F'F)^-1 over the rows F of the candidates that are chosen. B = G'G / n over the
+places where the machine is judged; P is the information of the priors. Chosen first one by one, each that takes most
 away (rank-d updates of V), then by exchange of the least useful for the most useful one (Fedorov) until none helps.
 """
 
@@ -37,6 +37,8 @@ class Selection:
     """Mask `(candidates,)`."""
 
     def __post_init__(self) -> None:
+        self.spread = self.weighted = np.zeros(self.prior.shape)
+        self._updates = 0
         self._renew()
 
     @property
@@ -46,14 +48,12 @@ class Selection:
 
     def gains(self, which: np.ndarray) -> Array:
         """By how much each of these candidates would make the variance smaller."""
-        across, inner, outer = self._through(which)
-        del across
+        _, inner, outer = self._through(which)
         return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) + inner), outer))
 
     def losses(self, which: np.ndarray) -> Array:
         """By how much it would be larger without each of these, which are chosen."""
-        across, inner, outer = self._through(which)
-        del across
+        _, inner, outer = self._through(which)
         return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) - inner), outer))
 
     def change(self, candidate: int, sign: int) -> None:

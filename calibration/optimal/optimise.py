@@ -1,8 +1,8 @@
 """An optimised measurement: from a wish to a plan and a place for the tracker.
 
-The least mean variance of the volumetric error, aligned, for a number of points or of minutes: positions and targets by
-exchange (`calibration.optimal.exchange`), the tracker's place by the same for each place in little. What is fitted later
-is not known yet: meant are smooth error motions, cubic splines, of their typical size.
+The least mean variance of the volumetric error, aligned, for a number of points or of minutes: positions and targets
+by exchange (`calibration.optimal.exchange`), the tracker's place by the same for each of them in little. What is
+fitted later is not known yet: meant are smooth error motions, cubic splines, of their typical size.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.instruments import LaserTracker
+from calibration.instruments import Instrument, LaserTracker
 from calibration.models import moving_axes, parse_basis
 from calibration.optimal.candidates import Obstacle, places_around, positions, seen, with_targets
 from calibration.optimal.exchange import Selection, exchanged, filled
@@ -94,9 +94,11 @@ class _Field:
 
 
 def optimised(
-    machine: Machine, instrument: LaserTracker, wish: Wish, progress: Callable[[str], None] = lambda _: None
+    machine: Machine, instrument: Instrument, wish: Wish, progress: Callable[[str], None] = lambda _: None
 ) -> Optimised:
     """The best plan that is found; UserError when nothing can be seen, or not what is to be seen."""
+    if not isinstance(instrument, LaserTracker):
+        raise UserError("an optimised plan is for a laser tracker")
     if (wish.points is None) == (wish.minutes is None):
         raise UserError("an optimised plan takes a number of points or of minutes, one of the two")
     places = positions(machine, wish.choices, wish.candidates)
@@ -104,6 +106,7 @@ def optimised(
     progress("positions")
     found = _seen_from(machine, instrument, wish, places, tracker)
     number = _number(machine, wish, found)
+    _refuse_hidden(found)
     chosen = _chosen(found, number, wish)
     plan, visible = _planned(machine, instrument, wish, found, chosen, tracker)
     judged = found.judged
@@ -119,6 +122,8 @@ def _tracker(
     trackers = list(wish.trackers) or places_around(machine, wish.choices, first)
     if len(trackers) == 1:
         return trackers[0]
+    timing = wish.choices.timing
+    number = wish.points or int((wish.minutes or 0.0) * 60.0 / (timing.dwell_s or timing.point_s))
     some, values = places[::IN_LITTLE], []
     for k, tracker in enumerate(trackers, start=1):
         progress(f"place {k} of {len(trackers)} of the tracker")
@@ -128,7 +133,7 @@ def _tracker(
             values.append(np.inf)
             continue
         selection = found.selection()
-        filled(selection, max(_number(machine, wish, found) // IN_LITTLE, 20), found.allowed)
+        filled(selection, number // IN_LITTLE, found.allowed)
         values.append(selection.variance)
     if not np.isfinite(min(values)):
         raise UserError("the tracker sees nothing from any of the places it may stand at")
@@ -203,7 +208,9 @@ def _number(machine: Machine, wish: Wish, found: _Field) -> int:
             low, high = (middle, high) if _minutes(machine, wish, found, spread) <= wish.minutes else (low, middle)
         number = low
     if not 10 <= number <= len(found.state):
-        raise UserError(f"{number} points: an optimised plan has at least 10, and at most the {len(found.state)} it sees")
+        raise UserError(
+            f"{number} points: an optimised plan has at least 10, and at most the {len(found.state)} it sees"
+        )
     return number
 
 
@@ -219,6 +226,18 @@ def _as_plan(
         machine, found.state.positions[rows], found.state.target[rows], wish.choices.targets, wish.choices.timing,
         wish.change_min, shuffled=shuffled,
     )  # fmt: skip
+
+
+def _refuse_hidden(found: _Field) -> None:
+    """UserError for an effect that not even all candidates together show."""
+    if found.besides:
+        spread = np.linalg.inv(found.prior + _information(found.rows))
+        for name, k in found.besides.items():
+            if spread[k, k] > VISIBLE**2:
+                raise UserError(
+                    f"{name} can't be told from the error motions and the tracker's place: measured at all of "
+                    f"{len(found.rows)} positions it would be known to {np.sqrt(spread[k, k]):.0%} of its typical size"
+                )
 
 
 def _chosen(found: _Field, number: int, wish: Wish) -> np.ndarray:
@@ -251,8 +270,8 @@ def _planned(
             return plan, told
     worst = max(told, key=lambda name: told[name])
     raise UserError(
-        f"{len(chosen)} points from {', '.join(f'{v:g}' for v in tracker)} would show {worst} to {told[worst]:.0%} of its "
-        f"typical size only, {VISIBLE:.0%} are wanted: more points, more targets, or another instrument"
+        f"{len(chosen)} points from {', '.join(f'{v:g}' for v in tracker)} would show {worst} to {told[worst]:.0%} of "
+        f"its typical size only, {VISIBLE:.0%} are wanted: more points, more targets, or another instrument"
     )
 
 

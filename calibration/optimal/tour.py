@@ -38,7 +38,7 @@ def plan_of(
     *,
     shuffled: np.random.Generator | None = None,
 ) -> Plan:
-    """The plan through positions `(n, axes)`, one target after the other; in a short way or, with a generator, shuffled."""
+    """The plan through positions `(n, axes)`, one target after the other: in a short way, or shuffled."""
     order = []
     for name in targets:
         mine = np.flatnonzero(target == name)

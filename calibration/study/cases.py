@@ -16,6 +16,8 @@ import machines
 from calibration.effect_text import read_effects
 from calibration.instruments import Instrument
 from calibration.measurement import SPINDLE_NOSE, Target
+from calibration.optimal.candidates import obstacle_of
+from calibration.optimal.optimise import Wish, optimised
 from calibration.plan import Choices, Plan, Timing
 from calibration.plan_file import read_plan
 from calibration.reach import Reach
@@ -30,6 +32,8 @@ from kinematics.errors import UserError
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE
 
+OPTIMISED = "optimised"
+"""The strategy that lays positions where they tell most."""
 ACTIVE = 180.0
 """Incidence, degrees, of a reflector that turns to the tracker by itself."""
 
@@ -98,7 +102,11 @@ def _case(
         trackers = _trackers(entry)
         reach = _reach(entry, study)
         besides = read_effects([_path(text, folder) for text in fit.effects], machine, "[fit] effects")
-        plan = _plan(entry, machine, folder)
+        if entry.strategy == OPTIMISED:
+            best = optimised(machine, instrument, _wish(entry, trackers, reach, machine))
+            plan, trackers = best.plan, (best.tracker,)
+        else:
+            plan = _plan(entry, machine, folder)
         tool = next(iter(plan.targets.values())).position
         sensors = {
             name: (start - REFERENCE, end - REFERENCE) for name, (start, end) in study.instrument.temperature.items()
@@ -149,7 +157,24 @@ def targets_of(entry: CaseEntry) -> dict[str, Target]:
     return {name: Target(vector) for name, vector in named.items()} or {"1": SPINDLE_NOSE}
 
 
+def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, machine: Machine) -> Wish:
+    """What an optimised case wants."""
+    points = sum(entry.points) if isinstance(entry.points, tuple) else entry.points
+    return Wish(
+        choices_of(entry),
+        points,
+        entry.minutes,
+        trackers,
+        reach,
+        [obstacle_of(box) for box in entry.obstacles],
+        read_effects(entry.visible, machine, "visible"),
+        entry.candidates,
+    )
+
+
 def _plan(entry: CaseEntry, machine: Machine, folder: Path) -> Plan:
+    if entry.minutes is not None or entry.obstacles or entry.visible:
+        raise UserError(f'minutes, obstacles and visible are of strategy = "{OPTIMISED}"')
     if entry.strategy.lower().endswith(".csv"):
         if entry.points is not None or entry.spacing_mm is not None or entry.tools:
             raise UserError(f"{entry.strategy} says already where to measure, and with which tools")

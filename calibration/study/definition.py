@@ -89,9 +89,12 @@ class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     incidence_deg: Positive | None = None
     """Above those of the instrument, where they differ from case to case; 180 for an active reflector."""
     minutes: Positive | None = None
-    """Of an optimised strategy, instead of points."""
-    candidates: int = 2000
+    """Of an optimised strategy, instead of points; as all that follow."""
+    candidates: Annotated[int, msgspec.Meta(ge=100, le=20_000)] = 2000
     obstacles: tuple[dict[str, Range], ...] = ()
+    """Boxes in the workpiece frame, ranges of x, y, z in mm."""
+    visible: tuple[str, ...] = ()
+    """Effects that the measurement has to show."""
     fit: FitEntry | None = None
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinematics.errors import UserError
-from postproc.commands import plan_path
+from postproc.commands import optimising, plan_path
 from postproc.commands import strategy as options
 from postproc.commands.shared import MachineName, machine_of, result
 
@@ -26,14 +26,18 @@ EPILOG = (
     "--target t1=0,0,-120 --target t2=90,40,-180 --target-order alternating -o plan.csv`\n\n"
     "`ncomp plan --machine cframe --strategy on-the-fly --target t=0,0,-120 --length-m 21 --feed 2500 -o path.csv "
     "--nc path.nc`, or `--path mine.nc` to judge a program\n\n"
-    "`ncomp plan --machine gantry --strategy axes --spacing 200 --runs 5 -o plan.csv --nc plan.nc --feed 3000`"
+    "`ncomp plan --machine gantry --strategy axes --spacing 200 --runs 5 -o plan.csv --nc plan.nc --feed 3000`\n\n"
+    "`ncomp plan --machine gantry --optimise --minutes 120 --elevation -59:79 --incidence 60 -o plan.csv --nc plan.nc`"
 )
 
 
 def plan(
     machine: MachineName,
-    strategy: Annotated[str, typer.Option(metavar="NAME[+NAME...]", help="How positions are laid; see below.")],
     output: Annotated[str, typer.Option("--output", "-o", metavar="PLAN.csv", help="Plan; - for standard output.")],
+    strategy: Annotated[
+        str | None,
+        typer.Option(metavar="NAME[+NAME...]", help="How positions are laid; see below. Or *--optimise*."),
+    ] = None,
     points: options.Points = None,
     spacing: options.Spacing = None,
     ranges: options.Ranges = None,
@@ -54,6 +58,14 @@ def plan(
     minutes: plan_path.PathMinutes = None,
     path: plan_path.GivenPath = None,
     seed: options.Seed = 0,
+    optimise: optimising.Optimise = False,
+    tracker: optimising.Places = None,
+    uncertainty: optimising.Uncertainties = None,
+    elevation: optimising.Elevation = None,
+    incidence: optimising.Incidence = None,
+    obstacle: optimising.Obstacles = None,
+    visible: optimising.Visible = None,
+    candidates: optimising.Candidates = 2000,
     nc: Annotated[
         str | None,
         typer.Option("--nc", metavar="PLAN.nc", rich_help_panel=PROGRAM, help="Write the program that goes there."),
@@ -107,15 +119,22 @@ def plan(
         feed=feed,
     )
     manner = _manner(found, dwell, feed, rapid, target_order, work_offset)
+    asked = optimising.Asked(tracker, uncertainty, elevation, incidence, obstacle, visible, candidates)
+    asked.check(
+        optimise, strategy=strategy, spacing=spacing, order=order, approach=approach, runs=runs, references=references
+    )
     if strategy == plan_path.STRATEGY:
         _refuse_of_points(points, spacing, dwell, order, approach, references or None)
         length = plan_path.Length(length_m, minutes, manner.feed)
         _plan_on_the_fly(found, choices, length, path, manner, dialect or "iso", (output, nc))
         return
-    for option, value in (("length-m", length_m), ("minutes", minutes), ("path", path)):
+    for option, value in (("length-m", length_m), ("minutes", None if optimise else minutes), ("path", path)):
         if value is not None:
             raise UserError(f"--{option} is of --strategy {plan_path.STRATEGY}")
-    made = options.plan_of(found, strategy, points, spacing, choices)
+    if strategy is None:
+        made = optimising.optimised_plan(found, choices, points, minutes, asked)
+    else:
+        made = options.plan_of(found, strategy, points, spacing, choices)
     with result(nc) as program, result(output) as table:
         write_plan(made, table)
         if nc is not None:

@@ -30,7 +30,13 @@ PathLength = Annotated[
     ),
 ]
 PathMinutes = Annotated[
-    float | None, typer.Option("--minutes", min=0.01, rich_help_panel=PANEL, help="Or how long it takes at the feed.")
+    float | None,
+    typer.Option(
+        "--minutes",
+        min=0.01,
+        rich_help_panel=PANEL,
+        help="Or how long it takes at the feed; of --optimise, the time there is.",
+    ),
 ]
 GivenPath = Annotated[
     str | None,

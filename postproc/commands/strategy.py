@@ -167,7 +167,7 @@ def plan_of(machine: Machine, strategy: str, points: str | None, spacing: float 
     if strategy.lower().endswith(".csv"):
         there = "a plan already, for ncomp simulate" if Path(strategy).exists() else "there is no such file"
         raise UserError(f"--strategy {strategy}: {there}")
-    made = plan(machine, strategy, _counts(points), spacing, choices)
+    made = plan(machine, strategy, counts(points), spacing, choices)
     for note in made.notes:
         say("note", note)
     return made
@@ -217,7 +217,8 @@ def targets_of(texts: Sequence[str]) -> dict[str, Target]:
     return found
 
 
-def _counts(text: str | None) -> int | list[int] | None:
+def counts(text: str | None) -> int | list[int] | None:
+    """Numbers of positions, one for each strategy."""
     if text is None:
         return None
     try:
