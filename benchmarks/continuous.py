@@ -94,7 +94,7 @@ def spacing(draws: int) -> None:
         fits, curves = [], []
         for step in (5.0, 25.0, 90.0):
             case = virtual_case(seed, (*TABLE, WARMING), targets=Targets(step, 5), u_um=0.3)
-            found = estimate(case.measured.records, first_run(case.quasi), positions=np.arange(10.0, 441.0, 1.0))
+            found = estimate(case.measured.records, first_run(case.quasi), positions=np.arange(10.5, 440.0, 1.0))
             fits.append(found)
             curves.append(found.curve("forward")[0])
         compared = [next(iter(each.comparisons.values())).errors["least squares"] for each in fits]

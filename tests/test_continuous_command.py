@@ -191,7 +191,7 @@ def test_the_same_seed_makes_the_same_files(command, tmp_path):
         (("--vibration", "-1:2"), "frequency above zero"),
         (("--settling", "1:2"), "3 numbers"),
         (("--end-effect", "3:0"), "length above zero"),
-        (("--truth", "run.csv"), "different files"),
+        (("--truth", "run.csv"), "both name"),
         (("--rate", "1e9"), "samples"),
         (("--feed", "nan"), "feed"),
     ],

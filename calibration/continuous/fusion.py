@@ -24,6 +24,7 @@ from kinematics.transforms import Array
 
 SMALLEST, LARGEST, START = 1e-3, 1e4, 0.3
 """Standard deviations that are looked for, um, and the one that is begun with."""
+MOST_TRIES = 200
 LEAST_FREE = 3
 """Degrees of freedom below which a spread of readings says nothing."""
 REACH = 0.25
@@ -234,7 +235,9 @@ def _spread(
         noise, sizes = 0.0, np.zeros(len(names))
     else:
         begin = np.log(np.full(1 + len(names), START))
-        found = minimize(cost, begin, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-3, "maxfev": 400})
+        found = minimize(
+            cost, begin, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-2, "maxfev": MOST_TRIES}
+        )
         best = np.exp(np.clip(found.x, np.log(SMALLEST), np.log(LARGEST)))
         noise, sizes = float(best[0]) * np.sqrt(free / max(free - 2.0, 1.0)), best[1:]
     by_name = dict(zip(names, sizes.tolist(), strict=True))

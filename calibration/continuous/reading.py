@@ -176,7 +176,7 @@ def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
         yield Record(
             f"{prefix}{name} {WAYS[way]}",
             way,
-            time,
+            time - time[0],
             columns["displacement_mm"][rows],
             low if way > 0 else high,
             high if way > 0 else low,

@@ -12,7 +12,7 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands.reading import HeaderLines, header_of
-from postproc.commands.shared import JsonFile, check_places, refuse_one_place, result, write_json
+from postproc.commands.shared import JsonFile, check_apart, check_places, result, write_json
 
 if TYPE_CHECKING:
     from calibration.continuous.estimate import TableRows
@@ -70,8 +70,7 @@ def continuous(
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
-    refuse_one_place(json, output, "the table")
-    refuse_one_place(report, output, "the table")
+    check_apart({"--output": output, "--json": json, "--report": report})
     check_places(data, (output, json, report))
     if direction not in DIRECTIONS:
         raise UserError(f"--direction {direction}: expected one of {', '.join(DIRECTIONS)}")

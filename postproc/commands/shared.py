@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
@@ -81,6 +81,18 @@ def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Pa
         if not path.parent.is_dir():
             why = "Not a directory" if path.parent.exists() else "No such file or directory"
             raise UserError(f"can't write {output}: {why}")
+
+
+def check_apart(places: Mapping[str, str | None]) -> None:
+    """UserError where two results, by the names of their options, are to go to one place."""
+    seen: dict[str, str] = {}
+    for option, place in places.items():
+        if place is None:
+            continue
+        where = place if place == "-" else str(Path(place).resolve())
+        if where in seen:
+            raise UserError(f"{seen[where]} and {option} both name {place}")
+        seen[where] = option
 
 
 @contextmanager

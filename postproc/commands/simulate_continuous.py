@@ -9,7 +9,7 @@ import typer
 from kinematics.errors import UserError
 from postproc.commands import strategy as options
 from postproc.commands import virtual_machine as virtual
-from postproc.commands.shared import MachineName, check_places, machine_of, result
+from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, result
 
 if TYPE_CHECKING:
     from kinematics.effects import Effect
@@ -89,9 +89,9 @@ def simulate_continuous(
     from kinematics.model import encode_model
     from postproc.terminal import console
 
-    places = [output, quasistatic, truth]
-    check_places((calibration,), places)
-    _check_apart(places)
+    places = {"--output": output, "--quasistatic": quasistatic, "--truth": truth}
+    check_places((calibration,), places.values())
+    check_apart(places)
     options.check_finite(
         start_mm=start_mm, end_mm=end_mm, feed=feed, acceleration=acceleration, jerk=jerk, lag=lag, rate=rate,
         noise=noise, jitter=jitter, dropped=dropped, spacing=spacing, dwell=dwell, u_um=u_um,
@@ -126,15 +126,6 @@ def simulate_continuous(
         f"{len(measured.records)} continuous runs with {samples} samples and {len(measured.quasi)} readings at targets "
         f"of {axis}, {len(model.effects)} effects, seed {seed}"
     )
-
-
-def _check_apart(places: list[str | None]) -> None:
-    """UserError where two results are to go to one place."""
-    from pathlib import Path
-
-    named = [place if place == "-" else str(Path(place).resolve()) for place in places if place is not None]
-    if len(set(named)) < len(named):
-        raise UserError("--output, --quasistatic and --truth are to name different files")
 
 
 def _check_way(machine: Machine, axis: str, start: float, end: float, spacing: float) -> None:
