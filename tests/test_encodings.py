@@ -53,7 +53,9 @@ def program(dialect, comment="ascii", end="lf", wrapped="plain"):
 def corrected(path, model):
     out, source = io.BytesIO(), open_source(str(path))
     dialect = find_dialect("auto", source.name, source.text_head)
-    Pipeline(Job(source, dialect, GANTRY, model, setup_of(GANTRY), travel_check=False)).run(out, lambda _: None)
+    # in one piece: no blocks of its own are asked for here
+    job = Job(source, dialect, GANTRY, model, setup_of(GANTRY), travel_check=False, tolerance_um=1e4)
+    Pipeline(job).run(out, lambda _: None)
     return dialect.name, out.getvalue()
 
 
