@@ -100,4 +100,5 @@ def test_a_circle_that_closes_but_for_the_sum_of_increments_is_full():
     (arc,) = merged(read_motions(circle, HEIDENHAIN, DMU50, setup())).arcs.values()
     assert arc.full
     verdict, _ = judged(circle)
-    assert verdict.after.largest < 0.09
+    # cut in two, the second half a CP: it ends on the circle about a pole of four decimals
+    assert verdict.after.largest < 0.2
