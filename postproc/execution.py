@@ -136,7 +136,9 @@ class Walk:
             if first != text:
                 block = self.blocks[place]
                 shown = " and ".join(repr(part.strip()) for part in (first, text))
-                raise block.refuse(f"runs at several places, where it wants different corrections: {shown}")
+                raise block.refuse(
+                    f"runs at several places, where it wants different corrections: {shown}; --unroll writes it out"
+                )
         return [], []
 
     def rest(self) -> tuple[list[Block], list[str]]:

@@ -63,24 +63,31 @@ def correct(
         typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
     ] = None,
     tolerance_um: Annotated[
-        float, typer.Option("--tolerance-um", min=0.0, help="Note feed moves that stray farther between their ends.")
+        float,
+        typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would stray farther between their ends."),
     ] = 1.0,
     temperature: Temperatures = None,
     elapsed: Elapsed = None,
     log: ConditionsLog = None,
+    unroll: Annotated[
+        bool, typer.Option("--unroll", help="Write loops and calls out: every block as often as it runs.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Correct a program that ncomp has corrected already.")] = False,
     json: JsonFile = None,
 ) -> None:
     """Correct a program: every block end where it should be, by the machine's error model.
 
-    Only coordinate words change; blocks are added where play is taken up, and a comment that names machine and
-    calibration. What ncomp does not fully understand is refused: exit status 2, no output.
+    Only coordinate words change; blocks are added where long moves are split and where play is taken up, and a
+    comment that names machine and calibration. What ncomp does not fully understand is refused: exit status 2, no
+    output.
     """
     from postproc.conditions import make_conditions
     from postproc.dialects import find_dialect
+    from postproc.notes import Notes
     from postproc.pipeline import Job, Pipeline
     from postproc.source import open_source
     from postproc.terminal import progress_of, show_report
+    from postproc.unroll import unrolled
 
     refuse_one_place(json, output, "the program")
     check_places((program, calibration, *(tool_table or ()), log), (json,))
@@ -91,6 +98,8 @@ def correct(
     source = open_source(program)
     setup = setup_of(found, work_offset, tool_length, tool_table)
     language = find_dialect(dialect, source.name, source.text_head)
+    if unroll:
+        source = unrolled(source, language, lambda: language.interpreter(found, setup, Notes()))
     conditions = make_conditions(temperature or (), elapsed, log)
     job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um, conditions)
     with result(json) as results:
