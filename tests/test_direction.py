@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from programs import RandomProgram, correct, load, model_of, random_model, random_setup, read
+from programs import WHOLE, RandomProgram, correct, load, model_of, random_model, random_setup, read
 from test_pipeline import ACCEPTED, machine_for, real_programs, run
 
 from kinematics.effects import Backlash
@@ -311,7 +311,7 @@ def test_a_tool_change_leaves_only_z_unknown():
 def test_without_play_nothing_is_added():
     model = random_model(GANTRY, 5)
     text = Path(7).text(20)
-    result = correct(text, GANTRY, model)
+    result = correct(text, GANTRY, model, **WHOLE)
     assert result.report.added_blocks == 0
     assert "TAKE-UP" not in result.text
     assert result.text.count("\n") == text.count("\n") + 1
