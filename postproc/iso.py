@@ -35,6 +35,7 @@ from postproc.iso_codes import (
     REFUSED_M,
     ROTATION_END,
     STANDING,
+    TILT,
     TOOL_CHANGE,
     TURNS,
 )
@@ -69,6 +70,8 @@ class IsoInterpreter:
     def __post_init__(self) -> None:
         control = self.machine.control
         self.scope = variables_of(control.family)
+        self.columns = {name: i for i, name in enumerate(self.machine.names)}
+        self.rotary: list[bool] = self.machine.rotary.tolist()
         self.begun = self.ended = False
         self.opened = self.torn = False
         """A tape mark has stood before all words; the first one came behind words."""
@@ -223,24 +226,24 @@ class IsoInterpreter:
     def axis_words(self, content: Content) -> AxisWords:
         """The axis words of a block with their values; an angle of polar coordinates counts as it stands."""
         result = []
+        block, linear, incremental = content.block, self.modes.unit, not self.modes.absolute
         angle = self.modes.plane[1] if self.polar is not None else ""
         for i in content.axes:
-            address = content.block.words[i].address
-            axis = self.recorder.axis(content.block, address)
-            unit = 1.0 if self.machine.axes[axis].rotary or address == angle else self.modes.unit
-            value = self.values.number(content.block, i, unit)
-            result.append((AxisWord(axis, i, not self.modes.absolute), value))
+            address = block.words[i].address
+            axis = self.columns.get(address)
+            if axis is None:
+                axis = self.recorder.axis(block, address)
+            unit = 1.0 if self.rotary[axis] or address == angle else linear
+            result.append((AxisWord(axis, i, incremental), self.values.number(block, i, unit)))
         return result
 
-    def _places(self, content: Content) -> tuple[AxisWords, Polar | None]:
-        """Axis words, and what they say in polar coordinates."""
+    def _polar_words(self, content: Content, places: PolarPlaces) -> tuple[AxisWords, Polar | None]:
+        """Axis words but those of the plane, and what these say in polar coordinates."""
         words = self.axis_words(content)
-        if self.polar is None:
-            return words, None
         if not self.modes.absolute:
             raise content.refuse("polar coordinates with G91 are not corrected")
         axes = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
-        others, polar = self.polar.take(content.block, axes, words)
+        others, polar = places.take(content.block, axes, words)
         if polar is None:
             self.recorder.keep_still(axes)
         self.alone = True
@@ -272,18 +275,21 @@ class IsoInterpreter:
     def _move(self, index: int, content: Content, settled: bool) -> None:
         if self.motion is None:
             raise content.refuse("coordinates before any G0, G1, G2 or G3")
-        if self.frames.tilted and not self.frames.upright:
+        tilted = self.frames.placed_by == TILT
+        if tilted and not self.frames.upright:
             raise content.refuse("a move in a tilted plane before G53.1 has turned the tool into it")
         if self.cycle is not None:
             self._drill(index, content, self.cycle)
             return
         self._check_move_words(content)
-        words, polar = self._places(content)
+        words, polar = (
+            (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
+        )
         target = self.recorder.target(content.block, words)
         named = [word for word, _ in words]
         if polar is not None:
             self._go_polar(target, polar)
-        if self.frames.lengths.vectors or self.frames.tilted:
+        if tilted or self.frames.lengths.vectors:
             named += self._turn_tool(content, target, named)
         kind = MOTION[self.motion]
         arc = None
@@ -310,10 +316,10 @@ class IsoInterpreter:
 
     def _turn_tool(self, content: Content, target: list[float], named: list[AxisWord]) -> list[AxisWord]:
         """Where tool vectors take the rotary axes, which no word names; in a tilted plane they stand."""
-        if any(self.machine.rotary[word.axis] for word in named):
+        if any(self.rotary[word.axis] for word in named):
             raise content.refuse("a rotary axis beside tool vectors or in a tilted plane")
         said = [content.other.get(letter) for letter in "IJK"]
-        if said == [None, None, None] or self.frames.tilted:
+        if said == [None, None, None] or self.frames.placed_by == TILT:
             return []
         if None in said or self.motion not in (0.0, 1.0):
             raise content.refuse("a tool vector needs I, J and K, and a straight line")
@@ -345,13 +351,15 @@ class IsoInterpreter:
 
     def _drill(self, index: int, content: Content, cycle: CannedCycle) -> None:
         block = content.block
-        rotary = any(self.machine.rotary[self.recorder.axis(block, block.words[i].address)] for i in content.axes)
+        rotary = any(self.rotary[self.recorder.axis(block, block.words[i].address)] for i in content.axes)
         check_cycle_words(content, rotary)
         self._check_cycle_frame(content, cycle)
         times = [self.values.whole(block, content.other[letter]) for letter in "KL" if letter in content.other]
         if len(times) > 1 or any(not 1 <= n <= MOST_HOLES for n in times):
             raise content.refuse("a canned cycle that runs no or very many times, or K and L at once")
-        words, polar = self._places(content)
+        words, polar = (
+            (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
+        )
         i = content.other.get("R")
         retract = None if i is None else (i, self.values.number(block, i, self.modes.unit))
         if self.modes.unsaid:
@@ -368,7 +376,7 @@ class IsoInterpreter:
             raise content.refuse("G90 or G91 within a canned cycle: controls differ in how its depth is read then")
         if cycle.axis != self.machine.index(self.modes.plane[2]):
             raise content.refuse("another plane within a canned cycle")
-        if self.recorder.frame.tcp and not self.frames.tilted:
+        if self.recorder.frame.tcp and self.frames.placed_by != TILT:
             raise content.refuse("canned cycles under TCP are not corrected")
         if self.frames.scaled_along(cycle.axis):
             raise content.refuse("a canned cycle while its depth is scaled or mirrored: controls differ here")

@@ -43,20 +43,21 @@ class Content:
 
 def sort_words(block: Block) -> Content:
     """The content of a block; Refusal for one address twice."""
-    content = Content(block)
-    for i, (address, value, *_) in enumerate(block.words):
+    content, done = Content(block), ""
+    for i, word in enumerate(block.words):
+        address = word[0]
         if address == "G":
-            content.g.append(value or 0.0)
+            content.g.append(word[1] or 0.0)
         elif address == "M":
-            content.m.append(value or 0.0)
-        elif address in AXES:
-            if any(block.words[j].address == address for j in content.axes):
-                raise block.refuse(f"two {address} words")
-            content.axes.append(i)
-        elif address in content.other:
+            content.m.append(word[1] or 0.0)
+        elif address in done:
             raise block.refuse(f"two {address} words")
         else:
-            content.other[address] = i
+            done += address
+            if address in AXES:
+                content.axes.append(i)
+            else:
+                content.other[address] = i
     return content
 
 
