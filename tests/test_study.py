@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +30,9 @@ from calibration.study.truths import Truths
 from calibration.truth import TABLE_1
 from calibration.volumetric import deviation_on, volumetric_error_um
 from kinematics.errors import UserError
+from kinematics.forward import tool_point
+from kinematics.model import write_model
+from kinematics.state import State
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "studies"
 PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}
@@ -404,3 +408,49 @@ def test_no_such_cluster(command):
     assert "--dask nonsense://x" in done.err
     with pytest.raises(UserError):
         read_cases(study_of({"machine": "gantry", "case": [{**GANTRY, "tracker": []}]}, "test"), Path())
+
+
+# ---- along a program
+
+
+PART = "G21 G90 G94\nG0 X100 Y100 Z100\n" + "".join(
+    f"G0 X{x} Y{y} Z{z}\n" for x in (200, 1800, 3300, 4700) for y in (300, 1500, 2700) for z in (150, 1300)
+) + "M30\n"  # fmt: skip
+
+
+def test_what_a_correction_leaves_along_a_program(command):
+    """A fitted calibration on disk, a program corrected by it, and the true machine running it."""
+    Path("study.toml").write_text(STUDY.replace('name = "more"', 'name = "last"'))
+    Path("part.nc").write_text(PART)
+    done = command("study", "study.toml", "-o", "r.csv", "--json", "r.json", "--program", "part.nc", "-w", 1)
+    assert done.status == 0, done.err
+    head = Path("r.csv").read_text().splitlines()[0].split(",")
+    assert head[7:] == ["program0_rms_um", "program0_p95_um", "program_rms_um", "program_p95_um"]
+    told = json.loads(Path("r.json").read_text())["cases"][1]
+    ready = Prepared.of(read_cases(study_of(_tomllib(STUDY), "study"), Path())[1])
+    drawn = ready.sample(Chunk(0, 1))
+    ((parts, scale), _), *_ = ready.choices(drawn).items()
+    parameters = ready.fitted(parts, scale, drawn, np.array([0]))[:, 0]
+    found = ready.fits.columns.model(parts).with_parameters(parameters)
+    write_model(found, Path("fitted.json"))
+    corrected = command("part.nc", "--machine", "gantry", "--calibration", "fitted.json", "-o", "c.nc")
+    assert corrected.status == 0, corrected.err
+    truth, machine = ready.case.truths.machine(drawn.coefficients[:, 0]), machines.load("gantry")
+    ends = [_positions(Path(name)) for name in ("part.nc", "c.nc")]
+    wanted, got = (
+        tool_point(machine, ends[0]),
+        tool_point(machine, ends[1], (0, 0, 0), truth.errors(machine, State(ends[1]))),
+    )
+    assert volumetric_error_um(got - wanted, wanted).rms == pytest.approx(told["program_um"][0], abs=0.15)
+    assert told["program_um"][0] < told["program0_um"][0]
+
+
+def _tomllib(text: str) -> dict:
+    import tomllib
+
+    return tomllib.loads(text)
+
+
+def _positions(path: Path) -> np.ndarray:
+    moves = re.findall(r"G[01] X(\S+) Y(\S+) Z(\S+)", path.read_text())
+    return np.array(moves, float)

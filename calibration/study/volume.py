@@ -19,6 +19,8 @@ from kinematics.transforms import Array
 
 GRID = 9
 """Positions on each linear axis (contract 4.2)."""
+RIGID = 1e-9
+"""Share of the largest singular value below which a rigid motion moves no point."""
 WAVES = (0.6180339887498949, 0.7548776662466927, 0.5698402909980532)
 """Steps, as shares of their way, of rotary axes from one position of the grid to the next: never in phase."""
 
@@ -34,7 +36,7 @@ class Volume:
     transform: Array
     """`(n, 3, (axes + 1) * 6)`, mm."""
     rigid: Array
-    """Orthonormal columns `(3 n, 6)`."""
+    """Orthonormal columns `(3 n, 6 or fewer)`."""
 
     @classmethod
     def of(
@@ -52,12 +54,13 @@ class Volume:
         for step, (axis, (low, high)) in zip(WAVES, (turned or {}).items(), strict=False):
             i = machine.index(axis)
             positions[:, i] = (low + (np.arange(1, len(positions) + 1) * step % 1.0) * (high - low)) * machine.scale[i]
-        return cls.at(machine, _standing(positions, sensors), np.array(tool))
+        return cls.at(machine, standing(positions, sensors), np.array(tool))
 
     @classmethod
     def at(cls, machine: Machine, state: State, tool: Array) -> Volume:
         """Any positions, with a tool `(3,)` or `(n, 3)`, mm."""
-        rigid, _ = np.linalg.qr(rigid_columns(tool_point(machine, state.positions, tool)))
+        u, values, _ = np.linalg.svd(rigid_columns(tool_point(machine, state.positions, tool)), full_matrices=False)
+        rigid = u[:, values > RIGID * values[0]]  # points on one line leave a turn free
         return cls(machine, state, tool, place_transform(machine, state.positions, tool)[:, :3], rigid)
 
     def columns(self, model: ErrorModel) -> Array:
@@ -67,7 +70,8 @@ class Volume:
         return np.asarray(flat - self.rigid @ (self.rigid.T @ flat))
 
 
-def _standing(positions: Array, sensors: Iterable[str]) -> State:
+def standing(positions: Array, sensors: Iterable[str] = ()) -> State:
+    """The machine at positions `(n, axes)`, mm and rad, come to in this order, standing still, at 20 degC."""
     n, still = len(positions), np.zeros(positions.shape)
     return with_moves(
         State(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,13 +11,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinematics.errors import UserError
+from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
 from postproc.commands.shared import JsonFile, check_places, refuse_one_place, result, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from calibration.study.run import Draws, Result
+    from calibration.study.volume import Volume
+    from postproc.motions import Motions
 
+MANY = 3000
+"""Moves of a program that are judged, evenly spread."""
 DOUBTFUL = 0.1
 """Share of the error that linear and exact fits may differ by before it is said loudly."""
 EPILOG = (
@@ -25,6 +30,7 @@ EPILOG = (
     "`ncomp study examples/studies/trajectory.toml -o trajectory.csv --report trajectory.html`\n\n"
     "`ncomp study my_study.toml -o results.csv --workers 8 --json results.json`\n\n"
     "`ncomp study my_study.toml -o results.csv --dask tcp://scheduler:8786`\n\n"
+    "`ncomp study my_study.toml -o results.csv --program part.nc --tool-length T1=120`\n\n"
     "docs/study.md has all keys of a study. An interrupted study goes on where it was."
 )
 
@@ -42,6 +48,14 @@ def study(
         str | None,
         typer.Option("--dask", metavar="ADDRESS", help="Work on the cluster of this Dask scheduler instead."),
     ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option("--program", metavar="PART.nc", help="Also judge by what a correction leaves along this program."),
+    ] = None,
+    dialect: DialectName = "auto",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
     json: JsonFile = None,
     report: Annotated[
         str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
@@ -52,22 +66,32 @@ def study(
     Machines are drawn at random, measured by a virtual instrument with noise, fitted and judged. The results do not
     depend on how the work is spread.
     """
-    from calibration.study.cases import read_cases
+    from calibration.study.cases import read_cases, with_volume
     from calibration.study.definition import read_study
     from calibration.study.results import summary, write_results
     from calibration.study.run import Draws, run
     from calibration.study.spread import workers as team_of
     from calibration.study.store import Store
+    from postproc.dialects import find_dialect
+    from postproc.source import open_source
     from postproc.terminal import console
     from postproc.terminal import output as screen
+    from postproc.verify import merged, read_motions
 
     refuse_one_place(json, output, "the results")
-    check_places((definition,), (output, json, report))
+    check_places((definition, program, *(tool_table or ())), (output, json, report))
     if dask is not None and workers is not None:
         raise UserError("--workers are processes of this machine, --dask is a cluster: one or the other")
     wanted = read_study(definition)
     with console.status("laying out the cases"):
         cases = read_cases(wanted, definition.parent)
+    if program is not None:
+        machine = cases[0].plan.machine
+        source = open_source(program)
+        language = find_dialect(dialect, source.name, source.text_head)
+        moves = read_motions(source, language, machine, setup_of(machine, work_offset, tool_length, tool_table))
+        along = _ends(merged(moves), program, wanted.instrument.temperature)
+        cases = [with_volume(case, along) for case in cases]
     number = None if wanted.draws == "adaptive" else wanted.draws
     draws = Draws(number, wanted.tolerance_um, wanted.most_draws)
     store = Store.beside(output)
@@ -82,6 +106,20 @@ def study(
             shown.write(study_page(found, wanted, f"ncomp study {definition}"))
     store.clear(case.key for case in cases)
     _show(found, draws, console if "-" in (output, json, report) else screen)
+
+
+def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
+    """Where the moves of a program end, as a place to judge a machine in."""
+    import numpy as np
+
+    from calibration.study.volume import Volume, standing
+
+    rows = np.flatnonzero(motions.judged)
+    if not len(rows):
+        raise UserError(f"{program}: no move says all axes that place the tool: there is nothing to judge")
+    if len(rows) > MANY:
+        rows = rows[np.linspace(0, len(rows) - 1, MANY).astype(int)]
+    return Volume.at(motions.machine, standing(motions.machine_target[rows], sensors), motions.tool[rows])
 
 
 @contextmanager
