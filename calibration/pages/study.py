@@ -114,10 +114,11 @@ def _curve(results: Sequence[Result]) -> str:
 
 
 def _places(results: Sequence[Result]) -> str:
-    rows = -(-len(results) // ACROSS)
+    across = min(ACROSS, len(results))
+    rows = -(-len(results) // across)
     with figure(8.0, 2.2 * rows) as (canvas, drawn):
         for k, result in enumerate(results, start=1):
-            place: Any = canvas.add_subplot(rows, ACROSS, k, projection="3d")
+            place: Any = canvas.add_subplot(rows, across, k, projection="3d")
             x, y, z = _targets(result).T / 1e3
             place.scatter(x, y, z, s=1, color=BEFORE, rasterized=True)
             for tracker in result.case.trackers:
