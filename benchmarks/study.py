@@ -113,9 +113,7 @@ def bars(draws: int) -> None:
         show(result)
         less = best.after[0] - result.after[0]
         u = less.std(ddof=1) / less.size**0.5
-        print(
-            f"    tracker at {result.case.trackers[0]}; same machines: {less.mean():.2f} +- {2 * u:.2f} um (k=2)"
-        )
+        print(f"    tracker at {result.case.trackers[0]}; same machines: {less.mean():.2f} +- {2 * u:.2f} um (k=2)")
         print(f"    less than by {best.case.name}, {np.mean(less > 0):.0%} of them")
 
 
