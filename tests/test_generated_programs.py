@@ -26,7 +26,7 @@ words = st.one_of(values, formulas)
 @st.composite
 def lines(draw, level: int, used: list[int]):
     """A few statements; `used` holds the numbers of O-words given so far."""
-    kinds = ["line", "line", "rapid", "assign", "arc", "increment", "shift", "cycle"]
+    kinds = ["line", "line", "rapid", "assign", "arc", "increment", "shift", "cycle", "preset", "turned", "holes"]
     kinds += ["while", "repeat", "if", "call"] if level else []
     return "".join([draw(statement(kind, level, used)) for kind in draw(st.lists(st.sampled_from(kinds), max_size=5))])
 
@@ -53,6 +53,19 @@ def statement(draw, kind: str, level: int, used: list[int]):
             return f"G91 G1 X{draw(words)} Z{draw(values)}\nG90\n"
         case "shift":
             return f"G52 X{draw(values)}\nG1 X{draw(words)} Y1. Z1.\nG52 X0.\nG1 X0. Y0. Z9.\n"
+        case "preset":
+            return f"G92 X{draw(values)} Y{draw(words)}\nG1 X{draw(words)} Z1.\nG92.1\nG1 X0. Y0. Z9.\n"
+        case "turned":
+            angle, plane = draw(st.integers(-180, 180)), draw(st.sampled_from(["", "G52 X2.\n"]))
+            body = (
+                f"G55\n{plane}G1 X{draw(words)} Y{draw(words)} Z1.\nG91 G3 X4. Y0. I2.\nG90\nG1 X1. Y{draw(values)}\n"
+            )
+            return f"G10 L2 P2 X{draw(values)} R{angle}\n{body}G52 X0.\nG54 G1 X0. Y0. Z9.\n"
+        case "holes":
+            first, second, normal = draw(st.sampled_from(["XYZ", "ZXY", "YZX"]))
+            plane = {"Z": "G17", "Y": "G18", "X": "G19"}[normal]
+            drilled = f"{plane} G81 {first}{draw(words)} {second}2. {normal}-{draw(st.integers(1, 9))}. R20. L2\n"
+            return f"G0 {normal}40.\n{drilled}{second}3.\nG80 G17\nG1 {normal}9.\n"
         case "cycle":
             return f"G0 Z40.\nG81 X{draw(words)} Y{draw(words)} Z-{draw(st.integers(1, 9))}. R20.\nG80\nG1 Z30.\n"
         case "while":
@@ -68,7 +81,7 @@ def statement(draw, kind: str, level: int, used: list[int]):
 
 def places(motions):
     """Ends of all moves but cycles, in machine coordinates."""
-    return motions.machine_target[motions.kind != Kind.CYCLE]
+    return motions.machine_target[~np.isin(motions.kind, (Kind.CYCLE, Kind.PRESET))]
 
 
 def seen_by(linuxcnc, program, drilling):
@@ -85,7 +98,12 @@ def test_linuxcnc_runs_the_same_moves(linuxcnc, body):
     assert correct(text, machine, travel_check=False).text == text
     written = correct(text, machine, shifted(machine, X=3.0, Y=-4.2, Z=5.5), travel_check=False).text.partition("\n")[2]
     before, after = read(text, machine), read(written, machine)
-    np.testing.assert_allclose(after.target - before.target, np.broadcast_to(SHIFT, before.target.shape), atol=1e-9)
-    drilling = {i for i, line in enumerate(text.split("\n"), start=1) if line.startswith("G81")}
+    moved = after.machine_target - before.machine_target
+    turned = np.array([frame.couples for frame in before.frames])[before.frame]
+    np.testing.assert_allclose(moved[~turned], np.broadcast_to(SHIFT, moved[~turned].shape), atol=1e-9)
+    np.testing.assert_allclose(moved, np.broadcast_to(SHIFT, moved.shape), atol=8e-5)
+    drilling = {
+        i for i, line in enumerate(text.split("\n"), start=1) if "R20." in line or line in ("Y3.", "X3.", "Z3.")
+    }
     for program, motions in ((text, before), (written, after)):
         np.testing.assert_allclose(seen_by(linuxcnc, program, drilling), places(motions), atol=1e-6)
