@@ -12,33 +12,43 @@ the fly. many: half a million readings from a file to a calibration. five-axes: 
 from __future__ import annotations
 
 import argparse
+import resource
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import msgspec
 import numpy as np
 
 import machines
-from calibration.calibrate import calibrate
+from calibration.calibrate import Calibration, calibrate
 from calibration.fit import fit
 from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
+from calibration.measurement import Measurement, Target, with_moves
 from calibration.models import BasisChoice, with_effects
+from calibration.normal import residuals
 from calibration.on_the_fly.blind import common_odd_mode
+from calibration.on_the_fly.drive import Manner
+from calibration.on_the_fly.footing import with_footing
 from calibration.on_the_fly.gain import Volume
 from calibration.on_the_fly.nominal_path import NominalPath, target_path
 from calibration.on_the_fly.on_path import CELL_MM, CORNER_MM, on_path
 from calibration.on_the_fly.planned import planned
 from calibration.on_the_fly.readings import Readings
+from calibration.on_the_fly.virtual import Session, readings_of, write_readings
+from calibration.outliers import first_registration
 from calibration.simulate import observe, tracker_pose
-from calibration.strategies import evaluation_grid
-from calibration.truth import model_of
+from calibration.strategies import evaluation_grid, plan
+from calibration.truth import model_of, random_truth
 from calibration.visibility import visibility
-from calibration.volumetric import aligned, deviation_on
+from calibration.volumetric import aligned, deviation_on, volumetric_error_um
 from kinematics.basis import Fourier
 from kinematics.effects import COMPONENTS, ErrorMotion
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
+from kinematics.model import ErrorModel, no_errors
 from kinematics.state import State
 from kinematics.transforms import Array
 
@@ -54,7 +64,6 @@ TARGETS = {"t": Target(TOOL)}
 AT = (-1500.0, -300.0, 200.0)
 GRID_UM, LENGTH_MM, FEED = 103.0, 21_000.0, 2500.0
 NODES = {"X": BasisChoice("b-spline", 13), "Y": BasisChoice("b-spline", 13), "Z": BasisChoice("b-spline", 10)}
-FEEDS = {"on the fly": (5000.0, 15000.0)}
 
 
 def main() -> None:
@@ -65,6 +74,9 @@ def main() -> None:
     arguments = parser.parse_args()
     parts: dict[str, Callable[[], None]] = {
         "paths": lambda: paths(arguments.draws),
+        "standstill": standstill,
+        "many": many,
+        "five-axes": five_axes,
     }
     for name in arguments.what or parts:
         parts[name]()
@@ -103,12 +115,12 @@ def _judged(path: NominalPath, machine: Machine, noise: float, draw: int) -> tup
     rng = np.random.default_rng([8, draw])
     truth = _truth(machine, rng)
     tracker = LaserTracker(u_range_um=noise or 0.02, u_angle_um=noise or 0.02)
-    measurement = on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path).measurement
+    measurement = with_footing(on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path))
     found = calibrate(measurement, hold_out=False)
-    before = found.before_rms_um * np.sqrt(np.pi) / 2.0 * np.sqrt(2.0)  # mean length of two equal components
-    after = float(np.linalg.norm(found.fit.residual[found.fit.kept], axis=1).mean() * 1e3)
-    own, left = _on_grid(machine, truth, found.model)
-    return float(before), after, own, left
+    registration, _ = first_registration(measurement)
+    nominal = residuals(measurement, no_errors(machine), registration)
+    before, after = (np.linalg.norm(each, axis=1).mean() * 1e3 for each in (nominal, found.fit.residual))
+    return float(before), float(after), *_on_grid(machine, truth, found.model)
 
 
 def _on_grid(machine: Machine, truth: ErrorModel, found: ErrorModel) -> tuple[float, float]:
@@ -174,24 +186,156 @@ def _hidden(path: NominalPath, machine: Machine) -> str:
 
 
 def _diagonals(machine: Machine) -> NominalPath:
-    """Both diagonals of every face, then those of space, in rapid from one to the next."""
+    """Both diagonals of every face, then those of space; the ways between, edges and face diagonals, count as well."""
     low, high = machine.travel[:, [machine.index(name) for name in "XYZ"]]
-    places, counts = [], []
+    places = []
     for moving in ((0, 1), (0, 2), (1, 2), (0, 1, 2)):
         for corner in np.ndindex(2, 2, 2):
             if corner[moving[0]] == 0:
                 other = [1 - c if i in moving else c for i, c in enumerate(corner)]
                 places += [low + np.array(corner) * (high - low), low + np.array(other) * (high - low)]
-                counts += [False, True]
     q = np.zeros((len(places), 3))
     q[:, [machine.index(name) for name in "XYZ"]] = places
-    return _path(machine, q, np.array(counts))
+    return _path(machine, q[np.append(True, np.abs(np.diff(q, axis=0)).max(axis=1) > 0.0)])
 
 
-def _path(machine: Machine, corners: Array, counts: np.ndarray | None = None) -> NominalPath:
+def _path(machine: Machine, corners: Array) -> NominalPath:
     moves = np.diff(corners, axis=0)[:, ~machine.rotary]
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(moves, axis=1))])
-    return NominalPath(machine, corners, way, np.ones(len(corners), bool) if counts is None else counts, "path.nc")
+    return NominalPath(machine, corners, way, np.ones(len(corners), bool), "path.nc")
+
+
+# ---- at rest and on the fly
+
+
+def standstill() -> None:
+    """The same machine by 320 points at rest and along the planned path, each error motion and the volume compared."""
+    machine = machines.parse(MACHINE, "fixed")
+    rng = np.random.default_rng(5)
+    truth = _truth(machine, rng)
+    tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
+    poses = {"1": tracker_pose(AT, rng)}
+    targets = {
+        "a": Target(TOOL), "b": Target((90.0, 40.0, -160.0)), "c": Target((-60.0, 80.0, -120.0)),
+    }  # fmt: skip
+    at_rest = plan(machine, "hexahedron+random", (170, 150))
+    n = len(at_rest.positions)
+    state = with_moves(State(np.tile(at_rest.positions, (3, 1)), target=np.repeat(list(targets), n)))
+    resting = calibrate(observe(machine, truth, state, tracker, rng, poses, targets), hold_out=False)
+    volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
+    path = _path(machine, planned(volume, LENGTH_MM, np.random.default_rng(0)).corners)
+    session = Session(path, [Manner(10_000.0, rate=100.0)], targets, poses)
+    made = readings_of(session, truth, tracker, rng)
+    taken = on_path(_as_read(made, np.full(len(made), "1")), path)
+    moving = calibrate(with_footing(taken), hold_out=False)
+    print(f"{3 * n} points at rest (3 targets): chi2/dof {resting.fit.chi2_reduced:.3f}; {taken.reduction}")
+    for name, each in (("at rest", resting), ("on the fly", moving)):
+        own, left = _on_grid(machine, truth, each.model)
+        print(f"  {name}: grid {own:.1f} -> {left:.2f} um, chi2/dof {each.fit.chi2_reduced:.3f}")
+    inside, worst = _motions_agree(resting, moving)
+    print(f"  error motions differ by less than U (k=2) of the difference at {100 * inside:.1f} % of places; {worst}")
+
+
+def _motions_agree(first: Calibration, second: Calibration) -> tuple[float, str]:
+    """Share of the places along all axes where the error motions agree within U, and the worst difference."""
+    total, agree, worst, where = 0, 0, 0.0, ""
+    ends = {axis.name: axis.travel for axis in first.fit.measurement.machine.axes}
+    curves = [_curves(each, ends) for each in (first, second)]
+    for name, (value, u) in curves[0].items():
+        other, u_other = curves[1][name]
+        apart = np.abs(value - other)
+        both = 2.0 * np.sqrt(u**2 + u_other**2)
+        total, agree = total + len(apart), agree + int(np.count_nonzero(apart < both))
+        if apart.max() > worst:
+            worst, where = (
+                float(apart.max()),
+                f"largest difference {apart.max():.2f} (um, urad) in {name}, U {both[np.argmax(apart)]:.2f}",
+            )
+    return agree / total, where
+
+
+def _curves(found: Calibration, ends: dict[str, tuple[float, float]]) -> dict[str, tuple[Array, Array]]:
+    """Error motions in the datum, without means and slopes, and their standard uncertainties, along the travel."""
+    model, result = found.model, {}
+    whole = np.array(model.covariance)
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        if isinstance(effect, ErrorMotion):
+            x = np.linspace(ends[effect.axis][0] + 10.0, ends[effect.axis][1] - 10.0, 41)
+            line = np.stack([np.ones_like(x), x], axis=1)
+            off = np.eye(len(x)) - line @ np.linalg.pinv(line)
+            columns = off @ effect.basis.columns(x)
+            u = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", columns, whole[part, part], columns), 0.0))
+            result[effect.name] = columns @ np.array(effect.parameters), u
+    return result
+
+
+# ---- half a million readings, five axes
+
+
+def many() -> None:
+    """Half a million readings: the file, the command, its time and its memory."""
+    machine = machines.parse(MACHINE, "fixed")
+    rng = np.random.default_rng(6)
+    volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
+    corners = planned(volume, LENGTH_MM, np.random.default_rng(0)).corners
+    path = _path(machine, corners)
+    session = Session(path, [Manner(FEED, rate=980.0)], TARGETS, {"1": tracker_pose(AT, rng)})
+    tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
+    made = readings_of(session, _truth(machine, rng), tracker, rng)
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        (place / "fixed.toml").write_text(MACHINE)
+        words = [" ".join(f"{n}{v:.4f}" for n, v in zip(machine.names, q, strict=True)) for q in corners.tolist()]
+        (place / "path.nc").write_text(
+            "\n".join(["G21 G90 G94", *(f"G53 G1 {text} F{FEED}" for text in words), "M30", ""])
+        )
+        with (place / "points.csv").open("wb") as file:
+            write_readings(made, file)
+        size = (place / "points.csv").stat().st_size * 1e-6
+        command = [
+            sys.executable,
+            "-c",
+            "from postproc.cli import run; run()",
+            "fit",
+            "points.csv",
+            "--path",
+            "path.nc",
+        ]
+        start = time.perf_counter()
+        subprocess.run([*command, "--machine", "fixed.toml", "-o", "cal.json"], cwd=place, check=True)
+        spent = time.perf_counter() - start
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(
+        f"{len(made)} readings ({size:.0f} MB): {spent:.1f} s ({used.ru_utime:.1f} s of processor) from the file to "
+        f"the calibration, {used.ru_maxrss / 1e3:.0f} MB"
+    )
+
+
+def five_axes() -> None:
+    """All axes of a DMU 50 along one planned path, three targets."""
+    machine = machines.load("dmu50")
+    rng = np.random.default_rng(7)
+    targets = {"a": Target(TOOL), "b": Target((90.0, 40.0, -180.0)), "c": Target((-60.0, 80.0, -130.0))}
+    volume = Volume(machine, machine.travel, targets, CELL_MM, CORNER_MM)
+    start = time.perf_counter()
+    best = planned(volume, 14_000.0, np.random.default_rng(0))
+    spent = time.perf_counter() - start
+    path = _path(machine, best.corners)
+    truth = random_truth(machine, rng)
+    tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
+    session = Session(path, [Manner(3000.0, rate=100.0)], targets, {"1": tracker_pose(AT, rng)})
+    made = readings_of(session, truth, tracker, rng)
+    taken = on_path(_as_read(made, np.full(len(made), "1")), path)
+    found = calibrate(with_footing(taken), hold_out=False)
+    places = rng.uniform(*machine.travel, (2000, 5))
+    wanted, points = deviation_on(machine, truth, places, TOOL)
+    got, _ = deviation_on(machine, found.model, places, TOOL)
+    before, after = (volumetric_error_um(each, points) for each in (wanted, got - wanted))
+    print(f"dmu50, {best.length_mm * 1e-3:.1f} m in {spent:.0f} s, noise gain {best.gain.noise:.3f}: {taken.reduction}")
+    print(
+        f"  all over the volume {before.rms:.1f} -> {after.rms:.2f} um RMS (largest {before.largest:.1f} -> "
+        f"{after.largest:.1f}), chi2/dof {found.fit.chi2_reduced:.3f}"
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -31,6 +31,8 @@ class OnTheFly:
 
     measurement: Measurement
     reduction: Reduction
+    ways: Mapping[str, TargetPath]
+    """Of each target, by name."""
 
 
 def on_path(
@@ -82,7 +84,7 @@ def on_path(
         len(readings), corners, unsteady, astray, len(taken.first), cell, corner_mm, len(passes), tuple(feeds),
         max(way.length for way in ways.values()) * 1e-3, correlated,
     )  # fmt: skip
-    return OnTheFly(_measurement(taken, readings, path), reduction)
+    return OnTheFly(_measurement(taken, readings, path), reduction, ways)
 
 
 class _Rows(NamedTuple):

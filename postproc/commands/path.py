@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,6 +75,7 @@ def read_on_the_fly(
     corner_mm: float,
 ) -> OnTheFly:
     """Readings along a path as a measurement, whose notes are shown."""
+    from calibration.on_the_fly.footing import with_footing
     from calibration.on_the_fly.on_path import on_path
     from calibration.on_the_fly.readings import read_readings
     from calibration.readers import table_in
@@ -84,7 +86,9 @@ def read_on_the_fly(
     for note in (*notes, *readings.notes):
         say("note", note)
     with console.status("reading") as status:
-        return on_path(readings, path, cell_mm=cell_mm, corner_mm=corner_mm, progress=status.update)
+        taken = on_path(readings, path, cell_mm=cell_mm, corner_mm=corner_mm, progress=status.update)
+        status.update("where on the path each reading was taken")
+        return replace(taken, measurement=with_footing(taken))
 
 
 def refuse_without_path(**options: object) -> None:
