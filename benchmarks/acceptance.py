@@ -4,7 +4,8 @@ Every file below the folder goes through the main job twice, on the first of the
 dmu50, trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX
 that move no part of it, and as one on which a tool change moves nothing): with `--calibration none`, where an accepted
 program must come out byte for byte, and for a machine that is out of square by 20 urad. One that asks for the radius of
-a tool is given a tool table, in which all tools are alike. Prints a table per folder, and one line per program that the first, or only the second, refuses.
+a tool is given a tool table, in which all tools are alike. Prints a table per folder, and one line per program that the
+first, or only the second, refuses.
 """
 
 from __future__ import annotations
