@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.forward import tool_point
+from kinematics.inverse import linear_positions
 from kinematics.machine import NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
@@ -58,13 +59,26 @@ class CorrectedWays:
         return np.asarray(bare.in_program(corrected) - program)
 
     def misses(self, rows: np.ndarray, shares: Array) -> Array:
-        """What the uncorrected machine misses `(k, 3)`, mm, in the workpiece frame: minus the shifts, nearly."""
-        bare = self._bare.take(rows)
+        """What the uncorrected machine misses `(k, 3)`, mm: minus the shifts, nearly.
+
+        In the workpiece frame; along the axes that place the tool where rotary axes turn without TCP.
+        """
+        bare, machine = self._bare.take(rows), self.motions.machine
         q = bare.in_machine(places(self.motions, rows, shares))
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
-        machine = self.motions.machine
-        errors = self.models[0].errors(machine, states(q))
-        return np.asarray(tool_point(machine, q, bare.tool, errors) - tool_point(machine, q, bare.tool))
+        wanted = tool_point(machine, q, bare.tool)
+        missed = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - wanted
+        turned = self.turned[rows]
+        if turned.any():
+            there = linear_positions(machine, q[turned], wanted[turned] + missed[turned], bare.tool[turned])
+            missed[turned] = (there - q[turned])[:, machine.translators]
+        return np.asarray(missed)
+
+    @cached_property
+    def turned(self) -> NDArrayBool:
+        """Moves `(n,)` along which rotary axes turn without TCP."""
+        tcp = np.array([frame.tcp for frame in self.motions.frames], bool)[self.motions.frame]
+        return np.asarray((self.extents[:, self.motions.machine.rotary] > 0.0).any(axis=1) & ~tcp)
 
     @cached_property
     def weights(self) -> Array:
@@ -247,9 +261,7 @@ def bent(ways: CorrectedWays, rows: np.ndarray, tolerance: float) -> np.ndarray:
     Of straight moves by the error in the middle; a row that has to be looked at more closely is among them.
     """
     motions = ways.motions
-    tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame[rows]]
-    turns = ways.extents[rows][:, motions.machine.rotary].max(axis=1, initial=0.0) > 0.0
-    close = (ways.models[1] is not None) | (turns & ~tcp) | (ways.steps[rows] > 2.0)
+    close = (ways.models[1] is not None) | (ways.steps[rows] > 2.0)
     arcs = motions.kind[rows] == Kind.ARC
     flat = np.zeros(len(rows), bool)
     lines = np.flatnonzero(~close & ~arcs)
