@@ -2,7 +2,7 @@
 
 The least mean variance of the volumetric error, aligned, for a number of points or of minutes: positions and targets
 by exchange (`calibration.optimal.exchange`), the tracker's place by the same for each of them in little. What is
-fitted later is not known yet: meant are smooth error motions, cubic splines, of their typical size.
+fitted later is not known yet: meant are smooth error motions (Legendre polynomials, the higher the smaller).
 """
 
 from __future__ import annotations
@@ -24,13 +24,16 @@ from calibration.study.bases import with_besides
 from calibration.study.equations import Columns
 from calibration.study.setups import laid_out
 from calibration.study.volume import Volume
-from kinematics.effects import Effect
+from kinematics.basis import Legendre
+from kinematics.effects import Effect, ErrorMotion
 from kinematics.errors import UserError
 from kinematics.machine import Machine, Vector
+from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 
-BASIS = "cubic:8"
+BASIS = "legendre:12"
+"""Of linear axes; its k-th parameter is expected to have the typical size over 1 + k: errors are smooth."""
 ROTARY_BASIS = "fourier:3"
 FREE = 1e-9
 """Information on the registration beforehand."""
@@ -179,7 +182,7 @@ def _equations(columns: Columns, n: int) -> tuple[Array, Array, Array, dict[str,
     }
     model = columns.model(with_besides(columns, bases))
     table = [(effect.name, quantity) for effect in model.effects for quantity in effect.parameter_table]
-    scale = np.array([quantity.typical if quantity.linear else 0.0 for _, quantity in table])
+    scale = np.array([quantity.typical if quantity.linear else 0.0 for _, quantity in table]) * _smooth(model)
     own = columns.registration
     rows = np.concatenate([own, columns.observed(model) * scale], axis=1)
     prior = np.diag(np.append(np.full(own.shape[1], FREE), np.ones(len(scale))))
@@ -193,6 +196,18 @@ def _equations(columns: Columns, n: int) -> tuple[Array, Array, Array, dict[str,
         if k >= first and quantity.linear
     }
     return rows.reshape(n, -1, rows.shape[1]), prior, judged, besides
+
+
+def _smooth(model: ErrorModel) -> Array:
+    """Sizes `(p,)` of the parameters, as shares of the typical one."""
+    return np.concatenate(
+        [
+            1.0 / np.arange(1, len(effect.parameters) + 1)
+            if isinstance(effect, ErrorMotion) and isinstance(effect.basis, Legendre)
+            else np.ones(len(effect.parameters))
+            for effect in model.effects
+        ]
+    )
 
 
 def _number(machine: Machine, wish: Wish, found: _Field) -> int:
