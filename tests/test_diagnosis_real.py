@@ -1,11 +1,12 @@
 """Diagnoses of real data, and part of the exam: questions whose answers the tests' own virtual machine knows."""
 
 import json
+from pathlib import Path
 
 import pytest
 from virtual_machine import draws, exam
 
-ROOT = exam.ROOT
+ROOT = Path(__file__).parents[1]
 SLIT = ("command=IOC_TEST:Axis1-PosAct", "observed=IOC_TEST:ec0-s4-EL7211-Enc-PosAct", "axis=X", "u_um=0.3")
 MACHINES = {kind: draws.MACHINES[i % 2] for i, kind in enumerate(draws.KINDS)}
 """One machine with three axes for each kind."""
