@@ -69,8 +69,8 @@ def _table(results: Sequence[Result]) -> Table:
         u = f"{standard_errors(result.after[0])[0]:.2f}"
         rows.append((result.case.name, str(result.points), f"{result.minutes:.0f}", *numbers, u))
     places = ("volume", "program")[: len(results[0].before)]
-    columns = [f"{place} {what}" for place in places for what in ("before", "after", "95 %")]
-    return Table(("case", "points", "min", *columns, "u (k=1) of the mean"), rows)
+    columns = [f"{place} {what}, um" for place in places for what in ("before", "after", "95 %")]
+    return Table(("case", "points", "min", *columns, "u (k=1) of the mean, um"), rows)
 
 
 def _distributions(results: Sequence[Result]) -> str:
