@@ -159,9 +159,11 @@ def _mode(value: Tree[Token]) -> tuple[Tree[Token], str]:
     """What stands in AC(...) and the like, and which it is."""
     only = value.children[0] if len(value.children) == 1 else None
     if isinstance(only, Tree) and only.data == "function" and str(only.children[0]).upper() in MODES:
-        (argument,) = only.children[1].children  # type: ignore[union-attr]
-        if isinstance(argument, Tree) and argument.children:
-            return argument.children[0], str(only.children[0]).upper()  # type: ignore[return-value]
+        mode, given = str(only.children[0]).upper(), only.children[1].children  # type: ignore[union-attr]
+        values = [argument.children for argument in given if isinstance(argument, Tree)]
+        if len(values) != 1 or not values[0]:
+            raise Ambiguous(f"{mode} takes one value")
+        return values[0][0], mode  # type: ignore[return-value]
     return value, ""
 
 

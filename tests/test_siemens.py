@@ -345,6 +345,8 @@ REFUSED = {
     "$P_UIFR[1]=CROT(Z,30)": "a frame that turns",
     "RET(1)": "RET with arguments",
     "X=DC(5)": "DC for an axis that does not turn",
+    "X=AC(1,2)": "AC takes one value",
+    "X=IC()": "IC takes one value",
     "TRANS X5\nX=IC(5)": "an increment of X before its position is said in this frame",
     "G74 X1=0\nX=IC(5)": "an increment of X from a position that the program has not said",
     "DEF INT n=7": "n is an address and no name for a variable",
