@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from kinematics.machine import Machine
+from postproc.block_values import straight
 from postproc.dialects import Dialect, Interpreter
 from postproc.execution import turns
-from postproc.flow import Flow, straight
+from postproc.flow import Flow
 from postproc.lines import ranges
 from postproc.motions import Kind, Motions
 from postproc.notes import Notes
@@ -130,7 +131,7 @@ def _walk(source: Source, dialect: Dialect, interpreter: Interpreter, findings: 
     try:
         blocks = dialect.link(blocks)
         flow = Flow(blocks, interpreter.scope, dialect.labels, dialect.begins)
-        running = (block for _, block in flow.run(lambda: interpreter.ended))
+        running = (block for _, block in flow.run(interpreter))
         findings.take(interpreter.read(_noted(running, done)))
     except Refusal as refusal:
         findings.refuse(refusal)

@@ -25,6 +25,10 @@ class Interpreter(Protocol):
         """The program has come to its end."""
 
     @property
+    def moved(self) -> bool:
+        """The last block moved the tool; Refusal where whether a modal call follows it depends on the control."""
+
+    @property
     def recorder(self) -> Recorder:
         """Where the axes are."""
 
@@ -76,6 +80,7 @@ def _iso() -> Dialect:
         iso.IsoInterpreter,
         "({})",
         lambda block: block.kind == "tape_mark" or (bool(block.words) and block.words[0].address == "O"),
+        begins=lambda block: any(word.address == "O" for word in block.words),
     )
 
 

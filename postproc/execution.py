@@ -14,8 +14,9 @@ from typing import Protocol
 import numpy as np
 
 from kinematics.errors import UserError
+from postproc.block_values import straight
 from postproc.dialects import Dialect, Interpreter
-from postproc.flow import Flow, straight
+from postproc.flow import Flow
 from postproc.motions import Motions
 from postproc.program import Block, Refusal
 from postproc.source import CHUNK, Source, chunks
@@ -116,7 +117,7 @@ class Walk:
             lines = self.dialect.join_lines(self.source.lines())
             self.blocks = self.dialect.link([self.dialect.read_block(line, text) for line, text in lines])
             flow = Flow(self.blocks, self.interpreter.scope, self.dialect.labels, self.dialect.begins)
-            steps = flow.run(lambda: self.interpreter.ended)
+            steps = flow.run(self.interpreter)
             size = sum(len(block.text) for block in self.blocks)
             more = True
             while more:

@@ -9,21 +9,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Protocol, cast
 
-from postproc.expressions import Expression, NotKnown, Scope, Value, evaluate, may_be_one, number, variables, whole
-from postproc.program import Block, Word
+from postproc.block_values import with_values
+from postproc.expressions import Expression, NotKnown, Scope, Value, evaluate, number, whole
+from postproc.program import Block
 from postproc.statements import (
-    TURNS,
-    Again,
-    Assign,
-    Begin,
     Call,
-    Code,
-    Else,
-    End,
+    EndModal,
     Jump,
-    Leave,
+    Modal,
     Rerun,
     Return,
     Select,
@@ -32,16 +27,12 @@ from postproc.statements import (
     When,
     turns,
 )
-from postproc.structures import find_structures
-
-Part = TypeVar("Part")
+from postproc.structure_steps import StructureSteps
 
 LONGEST = 2_000_000
 """Blocks that a program may run."""
 DEEPEST = 100
 """Subprograms in subprograms."""
-FREE = frozenset(("F", "S", "FU", "FZ", "FT"))
-"""Addresses whose values need not be known: they move the tool nowhere."""
 
 
 class Variables(Scope, Protocol):
@@ -50,66 +41,42 @@ class Variables(Scope, Protocol):
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """Begin a subprogram, with its own local variables or, for None, those of its caller."""
 
-    def leave(self) -> None:
-        """End it."""
+    def leave(self) -> dict[int, Value | NotKnown]:
+        """End it; what its numbered local variables hold then."""
 
 
-def straight(blocks: Iterable[Block], scope: Scope) -> Iterator[Block]:
-    """The blocks of a program without jumps, with the values of their words."""
-    for block in blocks:
-        if block.code is None:
-            yield block
-            continue
-        _assign(block, block.code.before, scope)
-        yield with_values(block, scope)
-        _assign(block, block.code.after, scope)
+class Reader(Protocol):
+    """What reads the blocks as they run."""
+
+    @property
+    def ended(self) -> bool:
+        """The last block ended the program."""
+
+    @property
+    def moved(self) -> bool:
+        """The last block moved the tool; Refusal where whether a modal call follows it depends on the control."""
 
 
-def with_values(block: Block, scope: Scope) -> Block:
-    """The block with values in the place of formulas; Refusal where a value that moves something is not known."""
-    if all(word.formula is None for word in block.words):
-        return block
-    return block._replace(words=tuple(_with_value(block, word, scope) for word in block.words))
+@dataclass(eq=False)
+class _Called:
+    """A subprogram and what it is called with."""
 
+    first: int
+    """The block that it begins with."""
+    times: int
+    arguments: dict[int, Value | NotKnown] | None
+    depth: int = 0
+    """Of a modal call: in how many frames its G66 stands."""
 
-def _with_value(block: Block, word: Word, scope: Scope) -> Word:
-    if word.formula is None:
-        return word
-    try:
-        return word._replace(value=number(word.formula.expression, scope))
-    except NotKnown as reason:
-        if word.address in FREE:
-            return word
-        raise block.refuse(f"{block.text[word.at : word.end]}: {reason}") from None
-
-
-def _assign(block: Block, steps: Iterable[Step], scope: Scope) -> None:
-    """Run steps that do not turn."""
-    for step in steps:
-        try:
-            if not isinstance(step, When):
-                assert not isinstance(step, TURNS)
-                step.run(scope)
-            elif number(step.condition, scope):
-                _assign(block, (step.then,), scope)
-        except NotKnown as reason:
-            raise block.refuse(str(reason)) from None
-
-
-def check_order(block: Block) -> Block:
-    """The block, refused when it sets a variable and reads it elsewhere: controls differ in what comes first."""
-    code = block.code or Code()
-    steps = [step for step in code.before + code.after if isinstance(step, Assign)]
-    if not steps:
-        return block
-    read = [(-1, v) for word in block.words if word.formula for v in variables(word.formula.expression)]
-    read += [(-1, v) for word in block.words for e in word.arguments or () for v in variables(e)]
-    for i, step in enumerate(steps):
-        read += [(i, v) for e in (step.value, *step.target.indices) for v in variables(e)]
-    for i, step in enumerate(steps):
-        if any(j != i and may_be_one(variable, step.target) for j, variable in read):
-            raise block.refuse("sets a variable and reads it in one block: controls differ in what comes first")
-    return block
+    def after(self, left: dict[int, Value | NotKnown]) -> None:
+        """Take over what a pass has left in its variables: whether the next one finds it depends on the control."""
+        if self.arguments is None:
+            return
+        unsure = NotKnown("a macro that runs again finds it as it was called, or as it left it: controls differ")
+        given = self.arguments
+        self.arguments = {
+            n: given[n] if n in given and left.get(n) == given[n] else unsure for n in given.keys() | left.keys()
+        }
 
 
 @dataclass
@@ -122,15 +89,12 @@ class _Frame:
     """The block behind which a part is done; -1 for a subprogram, which says so itself."""
     left: int
     """Passes still to come behind this one."""
-    scoped: bool
+    called: _Called | None
+    """The subprogram; None for a part, and for the main program."""
+    modals: int | None
+    """How many of the modal calls hold for its moves; None for all."""
     loops: dict[int, int] = field(default_factory=dict)
     """By the block that opens it: passes that a loop has still to run."""
-
-
-def _given(part: Part | None) -> Part:
-    """What a structure of its kind always has."""
-    assert part is not None
-    return part
 
 
 def never(_: Block) -> bool:
@@ -151,23 +115,22 @@ class Flow:
         self.blocks, self.scope = blocks, scope
         self.programs = list(itertools.accumulate(map(begins, blocks)))
         """Of every block: which program of the file it belongs to."""
-        self.structures = find_structures(blocks)
         self.labels: dict[str, list[int]] = {}
         for i, block in enumerate(blocks):
             for label in labels(block):
                 self.labels.setdefault(label, []).append(i)
-        self.frames = [_Frame(len(blocks), 0, -1, 0, False)]
+        self.frames = [_Frame(len(blocks), 0, -1, 0, None, None)]
+        self.modals: list[_Called] = []
+        """Calls that run behind moves, in the order of their G66."""
         self._turns: dict[type, Callable[[int, Block, Any], int | None]] = {
             Jump: self._jump,
             When: self._when,
             Select: self._select,
-            Begin: self._begin,
-            Else: self._else,
-            End: self._end,
-            Leave: self._leave_loop,
-            Again: self._next_pass,
+            **StructureSteps(blocks, scope, lambda: self.frames[-1].loops, self._leave).turns,
             Call: self._call,
             Return: self._return,
+            Modal: self._modal,
+            EndModal: self._end_modal,
             Rerun: self._rerun,
         }
         self.ran: set[int] = set()
@@ -175,8 +138,8 @@ class Flow:
         self._jumped = False
         """The block that comes now has been jumped to."""
 
-    def run(self, ended: Callable[[], bool]) -> Iterator[tuple[int, Block]]:
-        """Blocks in the order in which they run, with their indices; `ended` says that the last one ended the run."""
+    def run(self, reader: Reader) -> Iterator[tuple[int, Block]]:
+        """Blocks in the order in which they run, with their indices; each is read before the next is asked for."""
         at, ran = 0, 0
         while at < len(self.blocks):
             block = self.blocks[at]
@@ -188,11 +151,17 @@ class Flow:
             if block.code is not None:
                 then = self._steps(at, block, block.code.before)
             if then is None:
-                alone = jumped or (block.code is not None and any(map(turns, block.code.after)))
+                modal = self._modal_call()
+                turning = block.code is not None and any(map(turns, block.code.after))
+                alone = jumped or turning or modal is not None
                 yield at, with_values(block._replace(alone=True) if alone else block, self.scope)
-                if block.code is not None and not ended():
+                if modal is not None and reader.moved:
+                    if reader.ended or (block.code is not None and block.code.after):
+                        raise block.refuse("a move, and what turns the run of the program, while G66 is on")
+                    then = self._enter(at, block, modal)
+                elif block.code is not None and not reader.ended:
                     then = self._steps(at, block, block.code.after)
-            if ended():
+            if reader.ended:
                 return
             at = self._behind(at) if then is None else then
 
@@ -234,78 +203,6 @@ class Flow:
         chosen = next(same, step.default)
         return None if chosen is None else self._jump(at, block, chosen)
 
-    # ---- structures
-
-    def _begin(self, at: int, _: Block, __: Begin) -> int | None:
-        step = cast(Begin, self.structures.steps.get(at))
-        if isinstance(step, End):  # a WHILE that closes a DO
-            return self._end(at, _, step)
-        end = self.structures.end[at]
-        match step.kind:
-            case "IF" if not self._holds(step.test):
-                return self._branch(at)
-            case "WHILE":
-                runs = self._holds(step.test)
-            case "REPEAT":
-                passes = whole(_given(step.test), self.scope)
-                self.frames[-1].loops[at] = passes
-                runs = passes > 0
-            case "FOR":
-                self._count(step, number(_given(step.first), self.scope))
-                runs = self._counting(step)
-            case kind:
-                runs = kind != "SUB"
-        return None if runs else end + 1
-
-    def _else(self, at: int, _: Block, __: Else) -> int:
-        return self.structures.end[at] + 1
-
-    def _end(self, at: int, _: Block, __: End) -> int | None:
-        begin = self.structures.begin[at]
-        opened, step = cast(Begin, self.structures.steps[begin]), cast(End, self.structures.steps[at])
-        match step.kind:
-            case "WHILE" | "LOOP":
-                return begin
-            case "SUB":
-                return self._leave()
-            case "DO" if step.until is not None:
-                again = not self._holds(step.until)
-            case "DO":
-                again = self._holds(step.again)
-            case "REPEAT":
-                self.frames[-1].loops[begin] -= 1
-                again = self.frames[-1].loops[begin] > 0
-            case "FOR":
-                self._count(opened, number(_given(opened.counter), self.scope) + 1.0)
-                again = self._counting(opened)
-            case _:
-                again = False
-        return begin + 1 if again else None
-
-    def _leave_loop(self, at: int, _: Block, __: Leave) -> int:
-        return self.structures.end[self.structures.begin[at]] + 1
-
-    def _next_pass(self, at: int, _: Block, __: Again) -> int:
-        return self.structures.end[self.structures.begin[at]]
-
-    def _branch(self, at: int) -> int:
-        """The first block of the branch of an IF that runs when the first one does not."""
-        while True:
-            at = self.structures.following[at]
-            step = self.structures.steps[at]
-            if not isinstance(step, Else) or step.test is None or self._holds(step.test):
-                return at + 1
-
-    def _holds(self, condition: Expression | None) -> bool:
-        return number(_given(condition), self.scope) != 0.0
-
-    def _count(self, step: Begin, value: float) -> None:
-        counter = _given(step.counter)
-        self.scope.set(counter.name, tuple(evaluate(index, self.scope) for index in counter.indices), value)
-
-    def _counting(self, step: Begin) -> bool:
-        return number(_given(step.counter), self.scope) <= number(_given(step.test), self.scope)
-
     # ---- jumps and calls
 
     def _jump(self, at: int, block: Block, step: Jump) -> int | None:
@@ -335,23 +232,33 @@ class Flow:
         return value if isinstance(value, str) else f"{value:.10g}"
 
     def _call(self, at: int, block: Block, step: Call) -> int | None:
+        if step.arguments is not None and self._modal_call() is not None:
+            raise block.refuse("a macro within a modal call: whether its moves call the other depends on the control")
+        return self._enter(at, block, self._called(block, step))
+
+    def _called(self, block: Block, step: Call) -> _Called:
         name = self._name(step.name)
         places = self.labels.get(name, [])
         if len(places) != 1:
             raise block.refuse(
                 f"{len(places)} subprograms {name} in this file" if places else f"no {name} in this file"
             )
-        times = 1 if step.times is None else whole(step.times, self.scope)
-        if times < 1:
-            return None
-        if len(self.frames) > DEEPEST:
-            raise block.refuse("subprograms that call each other without end")
         arguments: dict[int, Value | NotKnown] | None = None
         if step.arguments is not None:
             arguments = {number_: self._argument(expression) for number_, expression in step.arguments}
-        self.scope.enter(arguments)
-        self.frames.append(_Frame(at, places[0] + 1, -1, times - 1, True))
-        return places[0] + 1
+        times = 1 if step.times is None else whole(step.times, self.scope)
+        return _Called(places[0] + 1, times, arguments, len(self.frames))
+
+    def _enter(self, at: int, block: Block, called: _Called) -> int | None:
+        """Begin the subprogram; one that runs behind a move has the modal calls before its own."""
+        if called.times < 1:
+            return None
+        if len(self.frames) > DEEPEST:
+            raise block.refuse("subprograms that call each other without end")
+        modals = self.modals.index(called) if called in self.modals else self.frames[-1].modals
+        self.scope.enter(called.arguments)
+        self.frames.append(_Frame(at, called.first, -1, called.times - 1, called, modals))
+        return called.first
 
     def _argument(self, expression: Expression) -> Value | NotKnown:
         try:
@@ -359,23 +266,58 @@ class Flow:
         except NotKnown as reason:
             return reason
 
-    def _return(self, _: int, block: Block, step: Return) -> int | None:
-        if self.frames[-1].scoped:
+    def _return(self, at: int, block: Block, step: Return) -> int | None:
+        frame = self.frames[-1]
+        if frame.called is None:
+            if step.label is None and step.outside:
+                raise block.refuse(step.outside)
+            return None if step.label is None else self._jump(at, block, Jump(step.label))
+        if step.label is None:
             return self._leave()
-        if step.outside:
-            raise block.refuse(step.outside)
-        return None
+        if frame.left > 0 or frame.called in self.modals:
+            raise block.refuse("M99 with P in a subprogram with passes to come, or behind a move while G66 is on")
+        back = Jump(self._name(step.label))
+        self._end_frame(frame)
+        return self._jump(frame.caller, block, back)
 
     def _leave(self) -> int:
         """The end of a subprogram or a part: once more, or behind its call."""
         frame = self.frames[-1]
         if frame.left > 0:
             frame.left -= 1
+            if frame.called is not None:
+                frame.called.after(self.scope.leave())
+                self.scope.enter(frame.called.arguments)
             return frame.first
-        self.frames.pop()
-        if frame.scoped:
-            self.scope.leave()
+        self._end_frame(frame)
         return self._behind(frame.caller)
+
+    def _end_frame(self, frame: _Frame) -> None:
+        if self.modals and self.modals[-1].depth == len(self.frames):
+            raise self.blocks[frame.caller].refuse("a subprogram that ends while its G66 is on")
+        self.frames.pop()
+        if frame.called is not None:
+            frame.called.after(self.scope.leave())
+
+    # ---- modal calls
+
+    def _modal_call(self) -> _Called | None:
+        """What runs behind a move of the present frame."""
+        modals = self.frames[-1].modals
+        held = len(self.modals) if modals is None else modals
+        return self.modals[held - 1] if held else None
+
+    def _modal(self, _: int, block: Block, step: Modal) -> None:
+        if self.frames[-1].modals is not None:
+            raise block.refuse("G66 in a macro that runs behind moves")
+        self.modals.append(self._called(block, step.call))
+
+    def _end_modal(self, _: int, block: Block, __: EndModal) -> None:
+        if not self.modals:
+            return
+        if self.frames[-1].modals is not None or self.modals[-1].depth != len(self.frames):
+            raise block.refuse("G67 in another program than its G66")
+        self.modals.pop()
 
     def _rerun(self, at: int, block: Block, step: Rerun) -> int | None:
         times = 1 if step.times is None else whole(step.times, self.scope)
@@ -390,6 +332,6 @@ class Flow:
             if len(places) != 1 or places[0] < firsts[0]:
                 raise block.refuse(f"no block {step.last} behind {step.first}, or more than one")
             last = places[0]
-        self.frames.append(_Frame(at, firsts[0], last, times - 1, False))
+        self.frames.append(_Frame(at, firsts[0], last, times - 1, None, self.frames[-1].modals))
         self._jumped = True
         return firsts[0]

@@ -79,6 +79,11 @@ class HeidenhainInterpreter:
         return self.control.ended
 
     @property
+    def moved(self) -> bool:
+        """False: what runs behind moves (M89) is refused."""
+        return False
+
+    @property
     def recorder(self) -> Recorder:
         """Where the axes are."""
         return self.control.recorder

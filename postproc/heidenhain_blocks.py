@@ -13,7 +13,7 @@ from lark import Token, Tree
 from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from grammars import block_parser
-from postproc.flow import check_order
+from postproc.block_values import check_order
 from postproc.heidenhain_statements import formula_of, setting, statement
 from postproc.program import Block, Refusal, Word
 from postproc.statements import Code

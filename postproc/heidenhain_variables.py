@@ -76,8 +76,9 @@ class QParameters:
     def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
         """Labels have no parameters of their own."""
 
-    def leave(self) -> None:
+    def leave(self) -> dict[int, Value | NotKnown]:
         """Nothing ends."""
+        return {}
 
 
 class Forget(NamedTuple):

@@ -42,6 +42,7 @@ from postproc.iso_codes import (
 from postproc.iso_content import Content, check_content, sort_words
 from postproc.iso_cycles import CannedCycle, check_cycle_words
 from postproc.iso_frames import Frames
+from postproc.iso_modal import calls_macro
 from postproc.iso_modes import Modes
 from postproc.iso_placing import extended_offset, place
 from postproc.iso_polar import PolarPlaces, place_of
@@ -87,6 +88,8 @@ class IsoInterpreter:
         """The control shifts the path by the radius of the tool."""
         self.alone = False
         """No block of ncomp's own may stand beside the present one."""
+        self._last: tuple[Content, float | None] | None = None
+        """The last block, and the code that claims its coordinates; None for one without words."""
 
     def read(self, blocks: Iterable[Block]) -> Motions:
         """The moves of a chunk of blocks, each read before the next is asked for.
@@ -96,11 +99,21 @@ class IsoInterpreter:
         done = []
         for index, block in enumerate(blocks):
             done.append(block)
+            self._last = None
             if block.kind != "blank":
                 self._read_block(index, block)
                 if self.alone:
                     done[-1], self.alone = block._replace(alone=True), False
         return self.recorder.finish(done)
+
+    @property
+    def moved(self) -> bool:
+        """Whether a modal macro runs behind the last block; Refusal where that depends on the control."""
+        if self._last is None:
+            return False
+        content, claimed = self._last
+        inside = "a canned cycle" if self.cycle is not None else "radius compensation" if self.compensated else ""
+        return calls_macro(content, claimed, inside, self.recorder.stayed)
 
     def _read_block(self, index: int, block: Block) -> None:
         if self.ended:
@@ -140,6 +153,7 @@ class IsoInterpreter:
             self._place(index, content, claimed)
         elif claimed not in STANDING:
             self._leave_path(index, content, claimed)
+        self._last = content, claimed
         self.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
         self.ended = not PROGRAM_ENDS.isdisjoint(content.m)
 

@@ -13,8 +13,9 @@ from lark import Token, Tree
 from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 
 from grammars import block_parser
-from postproc.flow import check_order
-from postproc.iso_statements import CALLS, Ambiguous, computed_word, statement, with_calls
+from postproc.block_values import check_order
+from postproc.iso_calls import CALLS, with_calls
+from postproc.iso_statements import Ambiguous, computed_word, statement
 from postproc.program import Block, Refusal, Word
 from postproc.statements import Code, Step
 

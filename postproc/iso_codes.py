@@ -24,9 +24,7 @@ MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 
 # Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
 # the end of data.
-HARMLESS_G = frozenset(
-    [*(4.0, 5.0, 5.1, 8.0, 9.0, 11.0, 61.0, 61.1, 62.0, 63.0, 64.0, 67.0), *(96.0, 97.0, 103.0, 187.0)]
-)
+HARMLESS_G = frozenset([*(4.0, 5.0, 5.1, 8.0, 9.0, 11.0, 61.0, 61.1, 62.0, 63.0, 64.0), *(96.0, 97.0, 103.0, 187.0)])
 PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
 UNITS = {20.0: INCH, 21.0: 1.0}
 DISTANCES = frozenset((90.0, 91.0))
@@ -85,7 +83,8 @@ REFUSED_G = {
     43.2: "a second length offset beside the first is not corrected",
     44.0: "a negative length offset is not corrected",
     **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
-    **dict.fromkeys((65.0, 66.0, 66.1), "calls a macro"),
+    **dict.fromkeys((65.0, 66.0), "calls a macro"),
+    66.1: "calls a macro behind every block, or takes its words for arguments: not followed",
     **dict.fromkeys((53.6, 68.1, 68.3, 68.4), "turns the coordinates in a way that is not corrected"),
     **dict.fromkeys((87.0, 88.0), "a boring cycle that shifts the tool or waits for a hand is not corrected"),
 }

@@ -1,4 +1,4 @@
-"""Statements of ISO / Fanuc / LinuxCNC blocks: trees of the grammar `iso.lark`, and calls made of words."""
+"""Statements of ISO / Fanuc / LinuxCNC blocks: trees of the grammar `iso.lark`."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Any
 from lark import Token, Tree
 
 from postproc.expressions import Constant, Expression, Formula, Operation, Variable
-from postproc.iso_codes import LARGEST
+from postproc.iso_calls import CALLS
 from postproc.program import Block, Word
 from postproc.statements import (
     Again,
     Assign,
     Begin,
     Call,
-    Code,
     Else,
     End,
     Jump,
@@ -28,16 +27,11 @@ from postproc.statements import (
 
 Node = Tree[Token] | Token
 
-CALLS = re.compile(r"[MmGg][ \t]*0*(?:9[89]|65)(?![\d.])")
-"""What a block may hold that calls a subprogram or ends one."""
 FLOW = re.compile(
-    r"M[ \t]*0*9[89](?![\d.])|G[ \t]*0*65(?![\d.])|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
+    CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
     re.IGNORECASE,
 )
 """What a program may hold in which not always the next block runs."""
-ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
-"""Local variables that take the words behind G65."""
-CALLING = frozenset((("M", 98.0), ("M", 99.0), ("G", 65.0)))
 
 
 class Ambiguous(Exception):
@@ -200,62 +194,6 @@ _STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
     "end": lambda parts: End("WHILE", _key(parts[1])),
     "subroutine": _subroutine,
 }
-
-
-# ---- calls
-
-
-def with_calls(block: Block) -> Block:
-    """The block with M98, M99 and G65 as statements and no longer as words."""
-    at = [i for i, word in enumerate(block.words) if (word.address, word.value) in CALLING]
-    if not at:
-        return block
-    if len(at) > 1 or block.skippable or (block.code and (block.code.before or block.code.after)):
-        raise block.refuse("a call beside something else that turns the run of the program")
-    word = block.words[at[0]]
-    if word.value == 99.0:
-        if any(other.address in "PLQ" for other in block.words):
-            raise block.refuse("M99 with P: jumps somewhere else than behind its call")
-        step: Step = Return("M99 jumps back in the program, outside of a subprogram: it runs for ever")
-        kept = tuple(other for other in block.words if other is not word)
-        return _with_step(block, kept, step)
-    taken = "PL" if word.address == "M" else "PL" + "".join(ARGUMENTS)
-    words = {other.address: other for other in block.words if other.address in taken and other is not word}
-    if sum(other.address in taken and other is not word for other in block.words) > len(words):
-        raise block.refuse("two words of one address in a call")
-    if "P" not in words:
-        raise block.refuse(f"{word.address}{word.value:g} without P")
-    name = words.pop("P")
-    if name.value is not None and not (name.value == int(name.value) and 0 <= name.value < LARGEST):
-        raise block.refuse("P with a number that no program has")
-    packed = word.address == "M" and "L" not in words
-    times = Operation("passes", (_value(name),)) if packed else _value(words.pop("L")) if "L" in words else None
-    called = Operation("of passes" if packed else "program", (_value(name),))
-    arguments = None
-    if word.address == "G":
-        arguments = tuple((ARGUMENTS[address], _argument(block, other)) for address, other in words.items())
-    gone = set(taken)
-    kept = tuple(other for other in block.words if other is not word and other.address not in gone)
-    if word.address == "M" and any(other.address in "HQ" for other in kept):
-        raise block.refuse("M98 with a block number")
-    if any(other.address not in "NGM" for other in kept) and word.address == "G":
-        raise block.refuse("G65 beside something else")
-    return _with_step(block, kept, Call(called, arguments, times))
-
-
-def _with_step(block: Block, words: tuple[Word, ...], step: Step) -> Block:
-    return block._replace(kind="words" if words else "control", words=words, code=Code((), (step,)))
-
-
-def _value(word: Word) -> Expression:
-    return word.formula.expression if word.formula else Constant(word.value or 0.0)
-
-
-def _argument(block: Block, word: Word) -> Expression:
-    """An argument; one without decimal point is a number of increments, for some controls."""
-    if word.formula is None and word.value and "." not in block.text[word.start : word.end]:
-        return Operation("an argument without decimal point", (Constant(word.value),))
-    return _value(word)
 
 
 def labels(block: Block) -> list[str]:

@@ -131,9 +131,9 @@ class IsoVariables:
         own = self.own[-1] if arguments is None else {f"#{n}": value for n, value in arguments.items()}
         self.own.append(own)
 
-    def leave(self) -> None:
+    def leave(self) -> dict[int, Value | NotKnown]:
         """End it."""
-        self.own.pop()
+        return {int(name[1:]): value for name, value in self.own.pop().items() if name[1:].isdigit()}
 
     def _place(self, name: str, indices: tuple[Value, ...]) -> tuple[str, dict[str, Value | NotKnown]]:
         if not indices:

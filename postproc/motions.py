@@ -460,6 +460,14 @@ class Recorder:
                 raise block.refuse(f"an increment of {name} from a position that the program has not said")
         return target
 
+    @property
+    def stayed(self) -> bool:
+        """The last move, a line, ended where it had begun."""
+        if self._last is None:
+            return False
+        _, start, end, arc = self._last
+        return arc is None and all(abs(a - b) < SAME for a, b in zip(start, end, strict=True))
+
     def heading(self, plane: tuple[int, int, int]) -> tuple[float, float] | None:
         """The unit direction in which the last move arrived, in a plane; None where there is none in this frame."""
         if self._last is None or self._last[0] is not self.frame:

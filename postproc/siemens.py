@@ -93,6 +93,11 @@ class SiemensInterpreter:
                 self.begun = True
         return self.recorder.finish(done)
 
+    @property
+    def moved(self) -> bool:
+        """False: MCALL of a subprogram is refused, so that no call waits for a move."""
+        return False
+
     def _read_block(self, index: int, block: Block) -> Block:
         """Take over a block; returned with the words that a correction may change."""
         if self.ended:

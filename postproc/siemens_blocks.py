@@ -15,7 +15,7 @@ from lark import Token
 from lark.exceptions import UnexpectedInput
 
 from grammars import block_parser
-from postproc.flow import check_order
+from postproc.block_values import check_order
 from postproc.program import Block, Refusal, Word
 from postproc.siemens_statements import Ambiguous, arguments, number_of, statement, structure, valued
 from postproc.statements import Code, Label, Return, Step

@@ -189,9 +189,9 @@ class SiemensVariables:
         """A subprogram has variables of its own."""
         self.levels.append(_Level(arguments=arguments or {}))
 
-    def leave(self) -> None:
-        """They end with it."""
-        self.levels.pop()
+    def leave(self) -> dict[int, Value | NotKnown]:
+        """They end with it; what it was called with stays."""
+        return self.levels.pop().arguments
 
 
 class Receive(NamedTuple):

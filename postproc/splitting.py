@@ -73,7 +73,7 @@ def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset
     said = np.minimum(motions.known_start[row], motions.known[row])[moved]
     turned = ways.extents[row] * machine.rotary
     obstacles = {
-        "a jump comes or goes there, or the control rounds or shifts its corners": block.alone,
+        "a jump or a call comes or goes there, or the control rounds or shifts its corners": block.alone,
         "its block runs several times, in different ways": int(motions.block[row]) in varied,
         "its block makes several moves": np.count_nonzero(motions.block == motions.block[row]) > 1,
         "the control shifts it by the radius of the tool": row in motions.contours,

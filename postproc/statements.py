@@ -123,6 +123,21 @@ class Return(NamedTuple):
 
     outside: str = ""
     """Why it can't stand outside of one; nothing where it then does nothing."""
+    label: Expression | None = None
+    """Where its caller goes on, instead of behind the call; in the main program a jump."""
+
+
+class Modal(NamedTuple):
+    """Run a subprogram behind every move from here on."""
+
+    call: Call
+
+
+class EndModal(NamedTuple):
+    """End the last of the modal calls, if any."""
+
+    def run(self, scope: Scope) -> None:
+        """Nothing to end where the program has none."""
 
 
 class Rerun(NamedTuple):
@@ -134,8 +149,8 @@ class Rerun(NamedTuple):
     times: Expression | None = None
 
 
-Step: TypeAlias = Simple | Jump | When | Select | Begin | Else | End | Leave | Again | Call | Return | Rerun
-TURNS = (Jump, When, Select, Begin, Else, End, Leave, Again, Call, Return, Rerun)
+Step: TypeAlias = Simple | Jump | When | Select | Begin | Else | End | Leave | Again | Call | Return | Modal | Rerun
+TURNS = (Jump, When, Select, Begin, Else, End, Leave, Again, Call, Return, Modal, Rerun)
 """Steps after which not always the next one runs."""
 
 

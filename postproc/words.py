@@ -168,8 +168,8 @@ class WordEditor:
     def _refuse_alone(self) -> None:
         if self.block.alone:
             raise self.block.refuse(
-                "needs a block of ncomp's own beside it, where none may stand: a jump would leave it out, "
-                "radius compensation follow it, or it would say coordinates of another kind"
+                "needs a block of ncomp's own beside it, where none may stand: a jump would leave it out, a "
+                "modal macro run behind it, radius compensation follow it, or it would say coordinates of another kind"
             )
 
     @property

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from test_forward_thesis import thesis_forward
 
 import machines
-from postproc.flow import Flow, straight
+from postproc.block_values import straight
+from postproc.flow import Flow
 from postproc.heidenhain import HeidenhainInterpreter
 from postproc.heidenhain_blocks import _read_plain, join_lines, parse_block, read_block
 from postproc.heidenhain_statements import labels
@@ -58,7 +59,7 @@ class Run:
         scope = self.interpreter.scope
         if any(block.code is not None and block.code.turns for block in blocks):
             flow = Flow(blocks, scope, labels)
-            running = (block for _, block in flow.run(lambda: self.interpreter.ended))
+            running = (block for _, block in flow.run(self.interpreter))
         else:
             running = straight(blocks, scope)
         self.motions = self.interpreter.read(running)

@@ -213,7 +213,7 @@ def test_calls(text, words, step):
         ("/#1=5\n", "block-skip switch"),
         ("/M98 P5\n", "beside something else"),
         ("M98\n", "M98 without P"),
-        ("M99 P5\n", "M99 with P"),
+        ("M99 P5 L2\n", "M99 with L or Q"),
         ("G65 P5 X1. X2.\n", "two words of one address"),
         ("#5=1 GOTO 5\n", "two statements in one block"),
     ],

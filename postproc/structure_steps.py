@@ -1,0 +1,107 @@
+"""Loops and branches as they run: the block that follows where one opens, divides or closes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, cast
+
+from postproc.expressions import Expression, Scope, evaluate, number, whole
+from postproc.program import Block
+from postproc.statements import Again, Begin, Else, End, Leave
+from postproc.structures import find_structures
+
+Part = TypeVar("Part")
+
+
+def _given(part: Part | None) -> Part:
+    """What a structure of its kind always has."""
+    assert part is not None
+    return part
+
+
+class StructureSteps:
+    """Of every step of a structure: the block to go on with, None for the next one."""
+
+    def __init__(
+        self, blocks: Sequence[Block], scope: Scope, passes: Callable[[], dict[int, int]], leave: Callable[[], int]
+    ) -> None:
+        """`passes` gives, by the block that opens a loop, how often the present subprogram has still to run it;
+        `leave` ends the subprogram."""
+        self.structures, self.scope, self.passes, self.leave = find_structures(blocks), scope, passes, leave
+        self.turns: dict[type, Callable[[int, Block, Any], int | None]] = {
+            Begin: self._begin,
+            Else: self._else,
+            End: self._end,
+            Leave: self._leave_loop,
+            Again: self._next_pass,
+        }
+
+    def _begin(self, at: int, _: Block, __: Begin) -> int | None:
+        step = cast(Begin, self.structures.steps.get(at))
+        if isinstance(step, End):  # a WHILE that closes a DO
+            return self._end(at, _, step)
+        end = self.structures.end[at]
+        match step.kind:
+            case "IF" if not self._holds(step.test):
+                return self._branch(at)
+            case "WHILE":
+                runs = self._holds(step.test)
+            case "REPEAT":
+                passes = whole(_given(step.test), self.scope)
+                self.passes()[at] = passes
+                runs = passes > 0
+            case "FOR":
+                self._count(step, number(_given(step.first), self.scope))
+                runs = self._counting(step)
+            case kind:
+                runs = kind != "SUB"
+        return None if runs else end + 1
+
+    def _else(self, at: int, _: Block, __: Else) -> int:
+        return self.structures.end[at] + 1
+
+    def _end(self, at: int, _: Block, __: End) -> int | None:
+        begin = self.structures.begin[at]
+        opened, step = cast(Begin, self.structures.steps[begin]), cast(End, self.structures.steps[at])
+        match step.kind:
+            case "WHILE" | "LOOP":
+                return begin
+            case "SUB":
+                return self.leave()
+            case "DO" if step.until is not None:
+                again = not self._holds(step.until)
+            case "DO":
+                again = self._holds(step.again)
+            case "REPEAT":
+                self.passes()[begin] -= 1
+                again = self.passes()[begin] > 0
+            case "FOR":
+                self._count(opened, number(_given(opened.counter), self.scope) + 1.0)
+                again = self._counting(opened)
+            case _:
+                again = False
+        return begin + 1 if again else None
+
+    def _leave_loop(self, at: int, _: Block, __: Leave) -> int:
+        return self.structures.end[self.structures.begin[at]] + 1
+
+    def _next_pass(self, at: int, _: Block, __: Again) -> int:
+        return self.structures.end[self.structures.begin[at]]
+
+    def _branch(self, at: int) -> int:
+        """The first block of the branch of an IF that runs when the first one does not."""
+        while True:
+            at = self.structures.following[at]
+            step = self.structures.steps[at]
+            if not isinstance(step, Else) or step.test is None or self._holds(step.test):
+                return at + 1
+
+    def _holds(self, condition: Expression | None) -> bool:
+        return number(_given(condition), self.scope) != 0.0
+
+    def _count(self, step: Begin, value: float) -> None:
+        counter = _given(step.counter)
+        self.scope.set(counter.name, tuple(evaluate(index, self.scope) for index in counter.indices), value)
+
+    def _counting(self, step: Begin) -> bool:
+        return number(_given(step.counter), self.scope) <= number(_given(step.test), self.scope)
