@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from postproc.circles import Point, centre_from_radius, radius_fault, same
 from postproc.motions import Arc, Recorder
 from postproc.program import Block
+
+CENTRES = "IJK"
+"""Addresses of the centre of an arc, along X, Y and Z."""
 
 
 class Ends(NamedTuple):
@@ -30,6 +34,36 @@ def begin_arc(block: Block, recorder: Recorder, plane: str, sense: int, target: 
         raise block.refuse("an arc from a position that the program has not said")
     start = recorder.position[first], recorder.position[second]
     return Ends((first, second, normal), sense, start, (target[first], target[second]))
+
+
+def centre_letters(plane: str) -> tuple[str, str]:
+    """The addresses of a centre in a plane, given by the letters of its axes."""
+    first, second = (CENTRES["XYZ".index(axis)] for axis in plane[:2])
+    return first, second
+
+
+def centre_words(
+    block: Block, other: Mapping[str, int], plane: str, value: Callable[[int], float], radius: str
+) -> tuple[int | None, int | None]:
+    """Indices of the words of a centre in a plane; Refusal where there are none, or one that says another plane.
+
+    other: indices of words by address; value: of the word of an index; radius: the address that would do as well.
+    """
+    letters = centre_letters(plane)
+    stray = [a for a in CENTRES if a not in letters and a in other and value(other[a])]
+    if stray:
+        raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(plane[:2])}")
+    first, second = other.get(letters[0]), other.get(letters[1])
+    if first is None and second is None:
+        raise block.refuse(f"an arc without {' or '.join(letters)} or {radius}")
+    return first, second
+
+
+def radius_alone(block: Block, other: Mapping[str, int], radius: str) -> int | None:
+    """The index of the word of the radius, if any; Refusal beside words of a centre."""
+    if radius in other and not other.keys().isdisjoint(CENTRES):
+        raise block.refuse("an arc by its radius and its centre at once")
+    return other.get(radius)
 
 
 def arc_by_radius(block: Block, ends: Ends, radius: float, word: int, form: str = "radius") -> Arc:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from postproc.arcs import CENTRES
 from postproc.motions import Kind
 
 AXES = "XYZABCUVW"
-CENTRES = "IJK"
 MEANINGFUL = frozenset(AXES + CENTRES + "RGMTHO")
 """Addresses that move the tool or change what others mean."""
 INCH = 25.4

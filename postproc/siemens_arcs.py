@@ -5,11 +5,19 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from postproc.arcs import Ends, arc_by_centre, arc_by_radius, begin_arc
+from postproc.arcs import (
+    CENTRES,
+    Ends,
+    arc_by_centre,
+    arc_by_radius,
+    begin_arc,
+    centre_letters,
+    centre_words,
+    radius_alone,
+)
 from postproc.circles import Point, point_at
 from postproc.motions import Arc, AxisWord, Known, Recorder
 from postproc.program import Block
-from postproc.siemens_codes import CENTRES
 from postproc.siemens_content import Content, given_as, plain_of, value_in, value_of, with_word
 
 ARC_WORDS = frozenset((*CENTRES, "CR", "AR", "TURN"))
@@ -35,9 +43,9 @@ class Turn(NamedTuple):
         return first, second, normal
 
     @property
-    def letters(self) -> list[str]:
+    def letters(self) -> tuple[str, str]:
         """Of the words of a centre."""
-        return [CENTRES["XYZ".index(axis)] for axis in self.plane[:2]]
+        return centre_letters(self.plane)
 
 
 def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float]) -> Arc:
@@ -46,24 +54,16 @@ def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, targe
     turns = value_in(block, content, "TURN") or 0.0
     if turns != int(turns) or turns < 0.0:
         raise block.refuse(f"TURN={turns:g} is no number of turns")
-    if "CR" not in content.other:
+    index = radius_alone(block, content.other, "CR")
+    if index is None:
         return _by_centre(block, content, turn, ends)._replace(turns=int(turns))
-    if content.other.keys() & set(CENTRES):
-        raise block.refuse("an arc by its radius and its centre at once")
     if turns:
         raise block.refuse("TURN beside a radius, or beside an angle and an end")
-    index = content.other["CR"]
     return arc_by_radius(block, ends, value_of(block, block.words[index]) * turn.unit, index)
 
 
 def _by_centre(block: Block, content: Content, turn: Turn, ends: Ends) -> Arc:
-    letters = turn.letters
-    stray = [a for a in CENTRES if a in content.other and a not in letters]
-    if any(value_of(block, block.words[content.other[a]]) for a in stray):
-        raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(turn.plane[:2])}")
-    indices = content.other.get(letters[0]), content.other.get(letters[1])
-    if indices == (None, None):
-        raise block.refuse(f"an arc without {' or '.join(letters)} or CR")
+    indices = centre_words(block, content.other, turn.plane, lambda i: value_of(block, block.words[i]), "CR")
     said, absolute = _centre(block, content, turn)
     return arc_by_centre(block, ends, said, indices, absolute=absolute)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from postproc.arcs import CENTRES
 from postproc.iso_codes import INCH
 from postproc.motions import Kind
 
@@ -87,7 +88,6 @@ REFUSED_NAMES = {
 }  # fmt: skip
 HARMLESS_ADDRESSES = _all("N F S H FA FB FZ FD FRC FRCM SPOS SPOSA OVR OVRRAP ADIS ADISPOS SCC")
 """Of words that move no axis of the path."""
-CENTRES = "IJK"
 VECTOR = ("A3", "B3", "C3")
 """The direction of the tool, from its tip."""
 VECTOR_WORDS = frozenset(VECTOR)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from programs import load, model_of, random_model, setup_of, source_of
-from test_generated_programs import HEAD, lines
+from test_generated_programs import HEAD, OUTSIDE, lines
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -125,7 +125,7 @@ def test_what_is_not_known_is_refused():
 
 
 @settings(max_examples=15)
-@given(lines(2, []))
+@given(lines(OUTSIDE, []))
 def test_generated_programs(linuxcnc, body):
     """LinuxCNC makes the same moves of the program and of what is written out; each is corrected at its place."""
     text = HEAD + body + "M2\n"
