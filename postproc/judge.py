@@ -74,8 +74,8 @@ class Judge:
                 self.approach = self._directions.follow(motions.machine_target, known_before(motions))
         return self.last_states(rows)
 
-    def last_states(self, rows: NDArrayBool) -> States:
-        """The same for other rows of the last chunk."""
+    def last_states(self, rows: np.ndarray) -> States:
+        """The same for other rows of the last chunk, as a mask or by their numbers."""
         return self._conditions.states(None if self.approach is None else self.approach[rows])
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from kinematics.classes import ORIENTATION, select
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
+from kinematics.transforms import Array
 from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
 from postproc.dialects import Dialect
@@ -33,6 +34,7 @@ from postproc.significance import uncertainties_um
 from postproc.source import ENCODING, Source
 from postproc.splitting import Splitter
 from postproc.take_up import TakeUps
+from postproc.trace import Trace
 from postproc.travel import check_size, note_outside, refuse_outside
 from postproc.writer import Writer, Written
 
@@ -64,7 +66,7 @@ class Job:
 class Pipeline:
     """Carries the state between chunks; `run` is its one use."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: Job, *, traced: bool = False) -> None:
         self.job = job
         self.notes = Notes()
         self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
@@ -84,6 +86,8 @@ class Pipeline:
             tolerance_um=job.tolerance_um,
         )
         self.report = _new_report(job)
+        self.trace = Trace(job.machine, self.model) if traced else None
+        """For figures; None where nobody asked for them."""
         self.report.notes = standing_notes(job.model, job.conditions)
         self._marked = False
         self._beyond: dict[str, float] = {}
@@ -168,38 +172,47 @@ class Pipeline:
 
     def _judge(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Gather what the correction is and what the exact model predicts before and after it."""
-        job, report = self.job, self.report
-        machine, tool = job.machine, motions.tool
-        own, judged = ~motions.inner, motions.judged
-        correctable = motions.programmed & own
-        moved = (written.ends - motions.target)[correctable]
-        report.corrected += int((np.abs(moved) > 0.0).any(axis=1).sum())
+        job, report, own = self.job, self.report, ~motions.inner
+        machine, judged, correctable = job.machine, motions.judged, motions.programmed & own
+        moved = written.ends - motions.target
+        report.corrected += int((np.abs(moved[correctable]) > 0.0).any(axis=1).sum())
         report.not_judged += int((~judged & own).sum())
         for i in machine.translators:
-            report.correction.setdefault(machine.names[i], Statistic()).add(moved[:, i] * 1e3)
+            report.correction.setdefault(machine.names[i], Statistic()).add(moved[correctable, i] * 1e3)
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
-            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[:, i]) * 1e6)
+            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[correctable, i]) * 1e6)
         self._note_assumed(motions, correctable)
         commanded = written.moves(motions)
+        errors = np.full((len(motions), 2), np.nan)
+        errors[judged] = self._judge_ends(motions, commanded, correction.nominal, judged)
+        if judged.any():
+            self._judge_between(motions, commanded)
+            self._note_turning(motions, correction, written)
+        if self.trace is not None:
+            self.trace.add(motions, correctable, moved, errors)
+            self.trace.add_ways(motions, self.before)
+
+    def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, judged: NDArrayBool) -> Array:
+        """Errors `(judged, 2)`, um, before and after at the ends of judged rows; nominal `(n, axes)`, mm and rad."""
+        report, machine, tool = self.report, self.job.machine, motions.tool[judged]
         states_before = self.before.states(motions, judged)
         states_after = self.after.states(commanded, judged)
         if not judged.any():
-            return
-        nominal, ends = correction.nominal[judged], motions.in_machine(written.ends)[judged]
-        before = missed(machine, self.model, nominal, nominal, tool[judged], states_before)
-        after = missed(machine, self.model, ends, nominal, tool[judged], states_after)
+            return np.empty((0, 2))
+        nominal, ends = nominal[judged], motions.in_machine(commanded.target)[judged]
+        before = missed(machine, self.model, nominal, nominal, tool, states_before)
+        after = missed(machine, self.model, ends, nominal, tool, states_after)
         report.before.add(before.point_um)
         report.after.add(after.point_um)
         report.tilt_before.add(before.axis_urad)
         report.tilt_after.add(after.axis_urad)
-        self._judge_between(motions, commanded)
-        self._note_turning(motions, correction, written)
         some = slice(None, None, max(1, len(nominal) // UNCERTAINTY_ROWS))
-        whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[judged][some])
+        whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some])
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along)
         for name, excess in self.model.outside(machine, states_before(nominal)).items():
             self._beyond[name] = max(excess, self._beyond.get(name, 0.0))
+        return np.stack([before.point_um, after.point_um], axis=1)
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
         """Say which moves were corrected although the program had not said yet where an axis stands."""
@@ -224,18 +237,25 @@ class Pipeline:
         rows = motions.judged_ways
         if not rows.any():
             return
-        states, strayed = self.after.last_states(rows), np.zeros(int(rows.sum()))
-        for share in BETWEEN:
-            nominal = motions.in_machine(motions.along(share))[rows]
-            actual = motions.in_machine(commanded.along(share))[rows]
-            here = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
-            strayed = np.maximum(strayed, here)
+        if self.trace is not None:
+            self.trace.between_before.add(self._strayed(motions, motions, self.before, rows))
+        strayed = self._strayed(motions, commanded, self.after, rows)
         self.report.between_ends.add(strayed)
         beyond = strayed > self.job.tolerance_um
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
             block = int(motions.block[row])
             reason = self.splitter.whole.get(block, "its error jumps, or an axis with play turns back in it")
             self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
+
+    def _strayed(self, motions: Motions, commanded: Motions, judge: Judge, rows: NDArrayBool) -> Array:
+        """Largest errors `(rows,)`, um, of commanded moves between their ends."""
+        states, strayed = judge.last_states(rows), np.zeros(int(rows.sum()))
+        for share in BETWEEN:
+            nominal = motions.in_machine(motions.along(share))[rows]
+            actual = motions.in_machine(commanded.along(share))[rows]
+            here = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
+            strayed = np.maximum(strayed, here)
+        return strayed
 
 
 def _new_report(job: Job) -> Report:

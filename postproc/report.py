@@ -96,6 +96,42 @@ class Report:
     tools: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
+    def facts(self) -> list[tuple[str, str]]:
+        """What ran, in which set-up, and how much it was, in words for people."""
+        program, machine, calibration = self.program, self.machine, self.calibration
+        age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
+        split = f"; {self.split_moves} moves split" if self.split_moves else ""
+        where = "play is taken up or moves are split" if self.split_moves else "play is taken up"
+        added = f"{split}; {self.added_blocks} blocks added where {where}" if self.added_blocks else ""
+        tools = ", ".join(f"T{name}: {value}" for name, value in self.tools.items()) or "none called: length 0"
+        facts = [
+            ("program", f"{program['name']}  ({program['dialect']}, {self.blocks} blocks)"),
+            ("machine", f"{machine['name']}  {machine['chain']}"),
+            ("calibration", f"{calibration['id']}{age}"),
+            ("work offsets", "; ".join(f"{name}: {value}" for name, value in self.work_offsets.items())),
+            ("tool lengths", f"{tools} (mm)"),
+            ("conditions", self.conditions.text()),
+            ("moves", f"{self.moves} read, {self.corrected} corrected in {self.changed_blocks} blocks{added}"),
+        ]
+        return [(what, text) for what, text in facts if text or what != "conditions"]
+
+    def corrections(self) -> list[tuple[str, Statistic]]:
+        """By axis, with its unit where that is not um."""
+        turning = [(f"correction {axis}, urad", statistic) for axis, statistic in self.turning.items()]
+        return [(f"correction {axis}", statistic) for axis, statistic in self.correction.items()] + turning
+
+    def errors(self) -> list[tuple[str, Statistic]]:
+        """Of what was judged: predicted errors, in um where no unit is named."""
+        named = [
+            ("error at block ends before", self.before),
+            ("error at block ends after", self.after),
+            ("error between block ends after", self.between_ends),
+            ("tool axis before, urad", self.tilt_before),
+            ("tool axis after, urad", self.tilt_after),
+            ("standard uncertainty (k=1)", self.uncertainty),
+        ]
+        return [(name, statistic) for name, statistic in named if statistic.count]
+
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""
         return {

@@ -40,25 +40,10 @@ def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[i
 
 def show_report(report: Report) -> None:
     """The summary of a correction."""
-    calibration = report.calibration
-    if calibration["demonstration"]:
+    if report.calibration["demonstration"]:
         say("demonstration calibration", "it describes no real machine; don't cut with it")
-    offsets = "; ".join(f"{name}: {value}" for name, value in report.work_offsets.items())
-    tools = ", ".join(f"T{name}: {value}" for name, value in report.tools.items()) or "none called: length 0"
-    console.print(f"program      {report.program['name']}  ({report.program['dialect']}, {report.blocks} blocks)")
-    console.print(f"machine      {report.machine['name']}  {report.machine['chain']}")
-    age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
-    console.print(f"calibration  {calibration['id']}{age}")
-    console.print(f"work offsets {offsets}")
-    console.print(f"tool lengths {tools} (mm)")
-    if report.conditions.text():
-        console.print(f"conditions   {report.conditions.text()}")
-    split = f"; {report.split_moves} moves split" if report.split_moves else ""
-    where = "play is taken up or moves are split" if report.split_moves else "play is taken up"
-    added = f"{split}; {report.added_blocks} blocks added where {where}" if report.added_blocks else ""
-    console.print(
-        f"moves        {report.moves} read, {report.corrected} corrected in {report.changed_blocks} blocks{added}"
-    )
+    for what, text in report.facts():
+        console.print(f"{what:<12} {text}")
     if report.correction:
         console.print(_correction_table(report))
     for note in report.notes:
@@ -144,21 +129,11 @@ def say(what: str, text: str) -> None:
 
 def _correction_table(report: Report) -> Table:
     table = Table("um", "max", "RMS")
-    for axis, statistic in report.correction.items():
-        table.add_row(f"correction {axis}", f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
-    for axis, statistic in report.turning.items():
-        table.add_row(f"correction {axis}, urad", f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
+    for name, statistic in report.corrections():
+        table.add_row(name, f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
     table.add_section()
-    for name, statistic in (
-        ("error at block ends before", report.before),
-        ("error at block ends after", report.after),
-        ("error between block ends after", report.between_ends),
-        ("tool axis before, urad", report.tilt_before),
-        ("tool axis after, urad", report.tilt_after),
-        ("standard uncertainty (k=1)", report.uncertainty),
-    ):
-        if statistic.count:
-            table.add_row(name, f"{statistic.largest:.3f}", f"{statistic.rms:.3f}")
+    for name, statistic in report.errors():
+        table.add_row(name, f"{statistic.largest:.3f}", f"{statistic.rms:.3f}")
     if report.significance.share is not None:
         table.add_row("share of the improvement that is significant (k=2)", f"{report.significance.share:.0%}", "")
     return table

@@ -22,6 +22,7 @@ from postproc.commands.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
+    check_apart,
     check_places,
     machine_of,
     model_of,
@@ -40,6 +41,7 @@ EPILOG = (
     "-o part_c.h`\n\n"
     "`ncomp part.nc --machine mill.toml --calibration cal.json --temperature spindle=31.5 --elapsed 3600 "
     "-o part_c.nc`\n\n"
+    "`ncomp part.nc --machine dmu50 -o part_c.nc --report part.html`  with a page of figures to look at\n\n"
     "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte"
 )
 
@@ -74,6 +76,9 @@ def correct(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Correct a program that ncomp has corrected already.")] = False,
     json: JsonFile = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE.html", help="Page with figures; - for standard output.")
+    ] = None,
 ) -> None:
     """Correct a program: every block end where it should be, by the machine's error model.
 
@@ -90,7 +95,8 @@ def correct(
     from postproc.unroll import unrolled
 
     refuse_one_place(json, output, "the program")
-    check_places((program, calibration, *(tool_table or ()), log), (json,))
+    check_apart({"--output": output, "--json": json, "--report": report})
+    check_places((program, calibration, *(tool_table or ()), log), (json, report))
     check_places((calibration, *(tool_table or ()), log), (output,))  # a program may be replaced by its corrected self
     found = machine_of(machine)
     model = model_of(calibration, found)
@@ -102,12 +108,21 @@ def correct(
         source = unrolled(source, language, lambda: language.interpreter(found, setup, Notes()))
     conditions = make_conditions(temperature or (), elapsed, log)
     job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um, conditions)
-    with result(json) as results:
-        with progress_of(source.size, "correcting") as progress, result(output) as file:
-            report = Pipeline(job).run(file, progress)
-        report.notes += setup.unused_tools()
-        write_json(report.json(), results)
-    show_report(report)
+    pipeline = Pipeline(job, traced=report is not None)
+    with (
+        progress_of(source.size, "correcting") as progress,
+        result(json) as results,
+        result(report) as page,
+        result(output) as file,
+    ):
+        done = pipeline.run(file, progress)
+        done.notes += setup.unused_tools()
+        write_json(done.json(), results)
+        if pipeline.trace is not None:
+            from postproc.commands.job_page import job_page
+
+            page.write(job_page(job, done, pipeline.trace, f"ncomp {program} --machine {machine} -o {output}"))
+    show_report(done)
 
 
 def _classes(text: str | None, machine: Machine) -> frozenset[str] | None:
