@@ -19,7 +19,7 @@ from postproc.report import Statistic
 
 BINS = 2000
 """At most so many stretches of the program are told apart."""
-WAYS = 2000
+WAYS = 4000
 """At most so many moves are kept to be drawn."""
 PIECES = 16
 """Straight pieces that a move is drawn in."""

@@ -42,8 +42,8 @@ def correction_figure(bins: Bins, machine: Machine) -> str:
         grid = canvas.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for place, i in zip(grid, shown, strict=True):
             _area(place, bins, low[:, i], high[:, i], BEFORE)
-            if bins.width == 1:
-                place.stairs(high[:, i], bins.edges, baseline=None, color=BEFORE, linewidth=1)
+            for values in (low, high) if bins.width > 1 else (high,):
+                place.stairs(values[:, i], bins.edges, baseline=None, color=BEFORE, linewidth=1)
             place.set_ylabel(f"{machine.names[i]}, {'urad' if machine.rotary[i] else 'um'}")
         grid[-1].set_xlabel("moves of the program")
     return drawn[0]
@@ -58,15 +58,20 @@ def plan_figure(ways: Ways) -> str:
     from matplotlib.collections import LineCollection
 
     pieces = np.stack([ways.points[:, :-1], ways.points[:, 1:]], axis=2).reshape(-1, 2, 3)
+    width = 2.5 if ways.stride > 1 else 1.0  # dots, where only some moves are left
     colours = ((ways.errors[:, :-1] + ways.errors[:, 1:]) / 2.0).reshape(-1)
     with figure(9.0, 4.2) as (canvas, drawn):
         canvas.set_dpi(FINE)
         places = canvas.subplots(1, 2)
         for place, (i, j) in zip(places, ((0, 1), (0, 2)), strict=True):
             lines = LineCollection(
-                list(pieces[:, :, [i, j]]), array=colours, cmap="viridis", linewidths=1.0, rasterized=True
+                list(pieces[:, :, [i, j]]),
+                array=colours,
+                cmap="viridis",
+                linewidths=width,
+                capstyle="round",
+                rasterized=True,
             )
-            lines.set_clim(0.0 if not colours.max() else None)
             place.add_collection(lines)
             place.autoscale()
             place.set_aspect("equal", "datalim")

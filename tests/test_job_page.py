@@ -1,0 +1,231 @@
+"""The page of a correction: the numbers of the run, bounded figures, and no page where there is no program."""
+
+import itertools
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from programs import load, random_model, shifted
+
+from kinematics.model import write_model
+from postproc import trace
+
+BOX = Path(__file__).parents[1] / "examples" / "box.nc"
+DEMO = ("--machine", "dmu50", "--work-offset", "G54=-30,-20,150", "--tool-length", "T1=80")
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json")
+LINK = re.compile(r"""(?:src|href|xlink:href)\s*=\s*["'](?!#|data:)|@import|url\((?!#|["']?data:)""")
+SVG = re.compile(r"<svg.*?</svg>", re.DOTALL)
+LONG = "G21 G17 G90\nG0 X500.0 Y500.0 Z100.0\n" + "".join(
+    f"G1 X{500 + 10 * np.cos(i / 9):.3f} Y{500 + i}.5 Z{100 + i % 7}.0 F500\n" for i in range(150)
+)
+
+
+@pytest.fixture
+def ncomp(command, tmp_path):
+    """The command line, in a folder of its own with a program and a calibration."""
+    (tmp_path / "in.nc").write_text(LONG)
+    write_model(random_model(load("gantry"), 5), tmp_path / "cal.json")
+    return command
+
+
+def table(page, title):
+    """Rows of the table of a section, by their first cell."""
+    section = page.split(f"<h2>{title}</h2>")[1].split("<h2>")[0]
+    rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", section, re.DOTALL)]
+    return {row[0]: row[1:] for row in rows if row}
+
+
+def texts(page):
+    """The words of each figure."""
+    return ["".join(ElementTree.fromstring(svg).itertext()) for svg in SVG.findall(page)]
+
+
+def test_page_of_the_demo(command):
+    done = command(BOX, *DEMO, "-o", "out.nc", "--json", "out.json", "--report", "out.html")
+    assert (done.status, done.out) == (0, b"")
+    page, results = Path("out.html").read_text(), json.loads(Path("out.json").read_text())
+    _numbers_agree(page, results)
+    assert "DEMONSTRATION CALIBRATION" in page.split('class="verdict">')[1].split("</p>")[0]
+    setup = table(page, "Set-up")
+    assert setup["work offsets"] == ["G54: X -30, Y -20, Z 150"]
+    assert setup["tool lengths"] == ["T1: 80 (mm)"]
+    assert setup["classes"] == ["all but FOR"]
+    assert setup["program&#39;s hash"][0].startswith(results["program"]["sha256"])
+    notes = page.split("<h2>Notes</h2>")[1].split("<h2>")[0]
+    assert all(note in notes for note in results["notes"])
+    along, corrections, plan = texts(page)
+    assert "before, um" in along
+    assert "after, um" in along
+    assert all(f"{axis}, um" in corrections for axis in "XYZ")
+    assert all(f"{axis}, mm" in plan for axis in "xyz")
+    assert "error before, um" in plan
+    assert not LINK.search(page)
+
+
+def _numbers_agree(page, results):
+    errors, predicted = table(page, "Errors"), results["predicted_error_um"]
+    for name, key in (
+        ("error at block ends before", "before"),
+        ("error at block ends after", "after"),
+        ("error between block ends after", "between_block_ends_after"),
+        ("standard uncertainty (k=1)", "standard_uncertainty_of_prediction"),
+    ):
+        _same(errors[name], predicted[key])
+    assert errors["moves that are not judged"] == ["", "", str(results["moves"]["not_judged"])]
+    for axis, numbers in results["correction_um"].items():
+        _same(table(page, "Corrections")[f"correction {axis}"], numbers)
+    verdict = page.split('class="verdict">')[1].split("</p>")[0]
+    before, after = predicted["before"], predicted["after"]
+    assert f"{before['rms']:.2f} -&gt; {after['rms']:.2f}" in verdict
+    assert f"{before['max']:.2f} -&gt; {after['max']:.2f}" in verdict
+
+
+def _same(cells, numbers):
+    largest, rms, count = cells
+    assert (float(largest), float(rms)) == pytest.approx((numbers["max"], numbers["rms"]), abs=6e-4)
+    assert int(count) == numbers["count"]
+
+
+def test_largest_errors_are_those_of_the_run(ncomp):
+    ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html")
+    page, results = Path("out.html").read_text(), json.loads(Path("out.json").read_text())
+    _numbers_agree(page, results)
+    lines = Path("in.nc").read_text().splitlines()
+    for column, what in ((-2, "before"), (-1, "after")):
+        rows = table(page, f"Largest errors {what}")
+        sizes = [float(cells[column]) for cells in rows.values()]
+        assert sizes == sorted(sizes, reverse=True)
+        assert sizes[0] == pytest.approx(results["predicted_error_um"][what]["max"], abs=6e-4)
+        for line, cells in rows.items():
+            for axis, value in zip([axis.name for axis in load("gantry").axes], cells, strict=False):
+                assert float(re.search(rf"{axis}([-\d.]+)", lines[int(line) - 1])[1]) == float(value)
+
+
+def test_the_program_is_the_same_without_a_page(ncomp):
+    assert ncomp("in.nc", *GANTRY, "-o", "with.nc", "--report", "out.html").status == 0
+    assert ncomp("in.nc", *GANTRY, "-o", "without.nc").status == 0
+    assert Path("with.nc").read_bytes() == Path("without.nc").read_bytes()
+
+
+def test_long_programs_are_drawn_in_steps(ncomp, monkeypatch):
+    monkeypatch.setattr(trace, "BINS", 16)
+    monkeypatch.setattr(trace, "WAYS", 20)
+    assert ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html").status == 0
+    page = Path("out.html").read_text()
+    assert "Each step stands for 16 moves" in page
+    assert "One feed move in" in page
+    _numbers_agree(page, json.loads(Path("out.json").read_text()))
+
+
+def test_without_errors_there_is_nothing_to_draw(ncomp):
+    assert ncomp("in.nc", "--machine", "gantry", "-c", "none", "-o", "out.nc", "--report", "out.html").status == 0
+    page = Path("out.html").read_text()
+    assert "written back as it was" in page
+    assert not texts(page)
+    assert Path("out.nc").read_text() == LONG
+
+
+def test_a_program_that_says_too_little_is_not_judged(ncomp, tmp_path):
+    write_model(shifted(load("gantry"), X=-10.0), tmp_path / "shift.json")
+    Path("in.nc").write_text("G21 G90\nG1 X50.0 F100\n")
+    done = ncomp("in.nc", "--machine", "gantry", "-c", "shift.json", "-o", "out.nc", "--report", "-")
+    assert done.status == 0
+    page = done.out.decode()
+    assert "Nothing is judged" in page
+    assert table(page, "Corrections")["correction X"] == ["10.000", "10.000", "1"]
+    assert len(texts(page)) == 1
+
+
+def test_what_stays_whole_is_named_by_reason(ncomp):
+    Path("in.nc").write_text("G21 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X1500.0 F100 M9\n")
+    ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html")
+    (whole,) = json.loads(Path("out.json").read_text())["not_split"]
+    (row,) = table(Path("out.html").read_text(), "Moves that stay whole").items()
+    assert row == (whole["reason"], [f"{whole['strays_up_to_um']:.3f}", "3"])
+    assert "M function" in whole["reason"]
+
+
+@pytest.mark.parametrize("line", ["G31 X5", "G1 X#500", "G1 X9000.0"])
+def test_a_refusal_leaves_no_page(ncomp, tmp_path, line):
+    Path("in.nc").write_text(LONG + line + "\n")
+    before = sorted(tmp_path.iterdir())
+    done = ncomp("in.nc", *GANTRY, "-o", "out.nc", "--report", "out.html")
+    assert done.status == 2
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("-o", "a", "--report", "./a"), "--output and --report both name ./a"),
+        (("-o", "a", "--json", "b", "--report", "b"), "--json and --report both name b"),
+        (("--report", "-"), "--output and --report both name -"),
+        (("-o", "a", "--report", "in.nc"), "in.nc is read here"),
+        (("-o", "a", "--report", "cal.json"), "cal.json is read here"),
+        (("-o", "a", "--report", "no/a.html"), "can't write no/a.html: No such file or directory"),
+    ],
+)
+def test_places_are_checked_beforehand(ncomp, tmp_path, options, words):
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    done = ncomp("in.nc", *GANTRY, *options)
+    assert (done.status, done.out) == (2, b"")
+    assert words in done.err
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.usefixtures("ncomp")
+def test_what_draws_is_loaded_on_demand():
+    arguments = ["ncomp", "in.nc", *GANTRY, "-o", "out.nc"]
+    code = f"import sys; sys.argv = {arguments!r}\nfrom postproc.cli import run\ntry: run()\nexcept SystemExit: pass\n"
+    code += "print(*(name.partition('.')[0] for name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert Path("out.nc").exists()
+    assert not set(done.stdout.split()) & {"matplotlib", "jinja2", "calibration"}
+
+
+# ---- what is kept of a program
+
+sizes = st.lists(st.integers(0, 60), min_size=1, max_size=8)
+
+
+@given(sizes, st.integers(1, 5), st.integers(0, 99))
+def test_stretches_hold_the_extremes_and_rms_of_their_moves(chunks, half, seed):
+    rng = np.random.default_rng(seed)
+    count = sum(chunks)
+    errors, corrections = rng.uniform(0, 50, (count, 2)), rng.normal(size=(count, 3))
+    errors[rng.random(count) < 0.2] = np.nan
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trace, "BINS", 2 * half)
+        bins = trace.Bins(3)
+        for first, last in itertools.pairwise(np.cumsum([0, *chunks])):
+            bins.add(errors[first:last], corrections[first:last])
+    assert len(bins) <= 2 * half
+    assert bins.edges[-1] == count
+    low, high = bins.corrections
+    for i, (first, last) in enumerate(itertools.pairwise(bins.edges.astype(int))):
+        judged = errors[first:last][~np.isnan(errors[first:last, 0])]
+        expected = (judged.max(axis=0), np.sqrt((judged**2).mean(axis=0))) if len(judged) else (np.nan, np.nan)
+        np.testing.assert_allclose(bins.largest[i], expected[0])
+        np.testing.assert_allclose(bins.rms[i], expected[1])
+        np.testing.assert_array_equal(low[i], corrections[first:last].min(axis=0))
+        np.testing.assert_array_equal(high[i], corrections[first:last].max(axis=0))
+
+
+@given(sizes, st.integers(1, 9))
+def test_ways_are_thinned_evenly(chunks, most):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trace, "WAYS", most)
+        ways = trace.Ways()
+        for first, last in itertools.pairwise(np.cumsum([0, *chunks]).tolist()):
+            kept = ways.rows(np.arange(first, last))
+            one = np.broadcast_to(kept[:, None], (len(kept), trace.PIECES + 1)).astype(float)
+            ways.add(np.repeat(one[:, :, None], 3, axis=2), one)
+    assert len(ways.points) <= most
+    np.testing.assert_array_equal(ways.errors[:, 0], np.arange(0, sum(chunks), ways.stride))
