@@ -8,7 +8,8 @@ import numpy as np
 
 from kinematics.transforms import Array
 from postproc.circles import sweep
-from postproc.motions import Arc, Motions
+from postproc.motions import Motions
+from postproc.moves import Arc
 
 
 def places(motions: Motions, rows: np.ndarray, shares: Array) -> Array:

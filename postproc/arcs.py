@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from postproc.circles import Point, centre_from_radius, radius_fault, same
-from postproc.motions import Arc, Recorder
+from postproc.moves import Arc
 from postproc.program import Block
+from postproc.recorder import Recorder
 
 CENTRES = "IJK"
 """Addresses of the centre of an arc, along X, Y and Z."""

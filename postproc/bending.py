@@ -28,7 +28,8 @@ from postproc.circles import moved_centre
 from postproc.compensate import corrected_positions
 from postproc.conditions import Conditions
 from postproc.frames import Frame, cartesian
-from postproc.motions import Arc, Kind, Motions
+from postproc.motions import Motions
+from postproc.moves import Arc, Kind
 from postproc.pieces import arc_ends, arc_turned, part_of
 from postproc.reversals import needs_direction
 

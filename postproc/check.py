@@ -13,7 +13,8 @@ from postproc.dialects import Dialect, Interpreter
 from postproc.execution import turns
 from postproc.flow import Flow
 from postproc.lines import ranges
-from postproc.motions import Kind, Motions
+from postproc.motions import Motions
+from postproc.moves import Kind
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.setup import Setup

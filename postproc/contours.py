@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 from postproc.circles import SAME, Point, same
-from postproc.motions import Arc, Recorder
+from postproc.moves import Arc
 from postproc.program import Block
+from postproc.recorder import Recorder
 
 MOST_TURNED = 0.01
 """rad: 0.5 um off the path for a tool of 10 mm radius."""

@@ -11,9 +11,10 @@ from typing import Protocol
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from postproc.flow import Variables, never
-from postproc.motions import Motions, Recorder
+from postproc.motions import Motions
 from postproc.notes import Notes
 from postproc.program import Block
+from postproc.recorder import Recorder
 from postproc.setup import Setup
 
 

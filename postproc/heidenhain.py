@@ -31,9 +31,11 @@ from postproc.heidenhain_planes import Planes
 from postproc.heidenhain_tools import Tools
 from postproc.heidenhain_variables import QParameters
 from postproc.iso_codes import INCH
-from postproc.motions import Kind, Motions, Recorder
+from postproc.motions import Motions
+from postproc.moves import Kind
 from postproc.notes import Notes
 from postproc.program import Block
+from postproc.recorder import Recorder
 from postproc.setup import Setup
 
 _TCPM = re.compile(

@@ -8,7 +8,7 @@ the first and last elements of the contour, so the way is as tangential as it wa
 from __future__ import annotations
 
 from postproc.heidenhain_control import Content, Control
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.program import Block
 
 END_SAID = frozenset(("LCT",))

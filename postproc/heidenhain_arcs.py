@@ -14,7 +14,7 @@ from postproc.circles import SAME, Point, centre_from_radius, radius_fault, same
 from postproc.frames import cartesian
 from postproc.heidenhain_codes import DIRECTIONS
 from postproc.heidenhain_control import Content, Control, value_of
-from postproc.motions import Arc, AxisWord, Kind, PolarEnd
+from postproc.moves import Arc, AxisWord, Kind, PolarEnd
 from postproc.program import Block
 
 Plane = tuple[int, int, int]

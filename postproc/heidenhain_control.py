@@ -14,9 +14,10 @@ from postproc.frames import Frame, Placement, cartesian, rotated
 from postproc.heidenhain_places import Places
 from postproc.heidenhain_variables import QParameters
 from postproc.iso_codes import AXES
-from postproc.motions import AxisWord, Recorder
+from postproc.moves import AxisWord
 from postproc.notes import Notes
 from postproc.program import Block, Word
+from postproc.recorder import Recorder
 from postproc.setup import Setup
 
 UPRIGHT = 1e-4

@@ -25,7 +25,7 @@ from postproc.heidenhain_control import Content, Control, value_of
 from postproc.heidenhain_patterns import places
 from postproc.heidenhain_places import SHIFT
 from postproc.heidenhain_planes import Planes
-from postproc.motions import AxisWord, Kind, Known
+from postproc.moves import AxisWord, Kind, Known
 from postproc.program import Block
 
 _CALL = re.compile(r"CYCL CALL(?: M ?(\d*))?", re.IGNORECASE)

@@ -22,7 +22,7 @@ from kinematics.transforms import Array
 from postproc.expressions import NotKnown
 from postproc.frames import Placement, cartesian, rotated
 from postproc.heidenhain_control import Control, value_of
-from postproc.motions import AxisWord
+from postproc.moves import AxisWord
 from postproc.program import Block
 
 ROTARY_Q = {"A": 120.0, "B": 121.0, "C": 122.0}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from postproc.motions import Cycle
+from postproc.moves import Cycle
 from postproc.words import WordEditor
 
 

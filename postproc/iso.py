@@ -48,7 +48,8 @@ from postproc.iso_placing import extended_offset, place
 from postproc.iso_polar import PolarPlaces, place_of
 from postproc.iso_values import Values
 from postproc.iso_variables import IsoVariables, variables_of
-from postproc.motions import AxisWord, Kind, Motions, Polar
+from postproc.motions import Motions
+from postproc.moves import AxisWord, Kind, Polar
 from postproc.notes import Notes
 from postproc.program import Block
 from postproc.setup import Setup

@@ -7,7 +7,8 @@ from postproc.circles import radius_fault
 from postproc.iso_content import Content
 from postproc.iso_modes import Modes
 from postproc.iso_values import Values
-from postproc.motions import Arc, Recorder
+from postproc.moves import Arc
+from postproc.recorder import Recorder
 
 
 def read_arc(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from postproc.arcs import CENTRES
-from postproc.motions import Kind
+from postproc.moves import Kind
 
 AXES = "XYZABCUVW"
 MEANINGFUL = frozenset(AXES + CENTRES + "RGMTHO")

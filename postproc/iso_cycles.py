@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from postproc.iso_codes import CYCLE_WORDS
 from postproc.iso_content import Content
-from postproc.motions import AxisWord, Cycle, Known, Recorder
+from postproc.moves import AxisWord, Cycle, Known
 from postproc.program import Block
+from postproc.recorder import Recorder
 
 
 class Hole(NamedTuple):

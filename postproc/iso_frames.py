@@ -13,9 +13,10 @@ from postproc.iso_codes import MIRROR, SCALE, TILT
 from postproc.iso_lengths import TCP_CODES, Lengths
 from postproc.iso_offsets import Offsets, Shifts
 from postproc.iso_places import MAKERS, Said
-from postproc.motions import Known, Recorder
+from postproc.moves import Known
 from postproc.notes import Notes
 from postproc.program import Block
+from postproc.recorder import Recorder
 from postproc.setup import Setup
 
 UPRIGHT = 1e-6

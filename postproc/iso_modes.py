@@ -15,7 +15,7 @@ from postproc.iso_codes import (
     RETURN_TO_R,
     UNITS,
 )
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.notes import Notes
 
 _DEFAULTS = {

@@ -28,7 +28,7 @@ from postproc.iso_frames import Frames
 from postproc.iso_modes import Modes
 from postproc.iso_places import Said
 from postproc.iso_values import Values
-from postproc.motions import AxisWord
+from postproc.moves import AxisWord
 
 WORDS = {PRESET: "S", SCALE_END: "S", DATA: "LPRIJQ"}
 """What may stand in a block beside N, G and axes; of turns see `MAKERS`."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from postproc.motions import AxisWord, Polar
+from postproc.moves import AxisWord, Polar
 from postproc.program import Block
 
 

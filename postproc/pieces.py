@@ -13,7 +13,8 @@ import numpy as np
 from kinematics.machine import NDArrayBool
 from postproc.along import places
 from postproc.circles import Point, quadrants, same, sweep
-from postproc.motions import BY_ROW, Arc, Kind, Known, Motions
+from postproc.motions import BY_ROW, Motions
+from postproc.moves import Arc, Kind, Known
 
 
 def arc_ends(motions: Motions, row: int) -> tuple[Point, Point]:

@@ -25,7 +25,8 @@ from postproc.dialects import Dialect
 from postproc.execution import Part, execution
 from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.mark import mark_in, mark_line, mark_place
-from postproc.motions import Kind, Known, Motions
+from postproc.motions import Motions
+from postproc.moves import Kind, Known
 from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic, Straying

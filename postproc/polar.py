@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from postproc.motions import Polar
+from postproc.moves import Polar
 from postproc.numbers import decimals_for
 from postproc.words import WordEditor
 

@@ -7,7 +7,7 @@ import re
 
 from postproc.added_blocks import AddedBlock
 from postproc.circles import Point
-from postproc.motions import Arc, PolarEnd
+from postproc.moves import Arc, PolarEnd
 from postproc.numbers import decimals_for
 from postproc.words import WordEditor
 

@@ -7,7 +7,8 @@ import math
 from kinematics.machine import Machine
 from postproc.added_blocks import AddedBlock
 from postproc.circles import Point
-from postproc.motions import Arc, Motions
+from postproc.motions import Motions
+from postproc.moves import Arc
 from postproc.numbers import decimals_for
 from postproc.pieces import arc_turned
 from postproc.polar_words import add_helix_end, write_arc_end, write_line_end, write_tangent_as_circle

@@ -14,7 +14,8 @@ from kinematics.transforms import Array
 from postproc.circles import sweep
 from postproc.dialects import Dialect
 from postproc.execution import execution
-from postproc.motions import Kind, Known, Motions
+from postproc.motions import Motions
+from postproc.moves import Kind, Known
 from postproc.notes import Notes
 from postproc.program import Refusal
 from postproc.setup import Setup

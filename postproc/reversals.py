@@ -11,7 +11,8 @@ from kinematics.effects import Effect
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
-from postproc.motions import Kind, Known, Motions
+from postproc.motions import Motions
+from postproc.moves import Kind, Known
 from postproc.pieces import turning_points
 
 INNER = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)

@@ -9,9 +9,11 @@ from kinematics.machine import Machine
 from postproc.contours import follow_contour
 from postproc.frames import Frame, cartesian
 from postproc.iso_codes import HARMLESS_M, TOOL_CHANGE
-from postproc.motions import Arc, AxisWord, Kind, Known, Motions, Recorder
+from postproc.motions import Motions
+from postproc.moves import Arc, AxisWord, Kind, Known
 from postproc.notes import Notes
 from postproc.program import Block
+from postproc.recorder import Recorder
 from postproc.setup import Setup
 from postproc.siemens_arcs import ARC_WORDS, Said, Turn, arc_of, with_angle
 from postproc.siemens_calls import ends

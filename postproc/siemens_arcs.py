@@ -16,8 +16,9 @@ from postproc.arcs import (
     radius_alone,
 )
 from postproc.circles import Point, point_at
-from postproc.motions import Arc, AxisWord, Known, Recorder
+from postproc.moves import Arc, AxisWord, Known
 from postproc.program import Block
+from postproc.recorder import Recorder
 from postproc.siemens_content import Content, given_as, plain_of, value_in, value_of, with_word
 
 ARC_WORDS = frozenset((*CENTRES, "CR", "AR", "TURN"))

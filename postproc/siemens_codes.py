@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from postproc.arcs import CENTRES
 from postproc.iso_codes import INCH
-from postproc.motions import Kind
+from postproc.moves import Kind
 
 
 def _all(text: str) -> frozenset[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from postproc.expressions import NotKnown, Scope, number
-from postproc.motions import Recorder
 from postproc.notes import Notes
 from postproc.program import Block, Word
+from postproc.recorder import Recorder
 from postproc.siemens_codes import CYCLES, CYCLES_AT_PLACE
 from postproc.siemens_content import Content
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 from postproc.arcs import arc_by_centre
 from postproc.circles import Point, same
-from postproc.motions import Arc, AxisWord, Known, Recorder
+from postproc.moves import Arc, AxisWord, Known
 from postproc.program import Block, Word
+from postproc.recorder import Recorder
 from postproc.siemens_arcs import Said, Turn
 from postproc.siemens_content import Content, given_as, plain_of, value_of, with_word
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.motions import Known, Recorder
+from postproc.moves import Known
 from postproc.program import Block
+from postproc.recorder import Recorder
 from postproc.siemens_codes import VECTOR
 from postproc.siemens_content import Content, plain_of
 from postproc.tool_vectors import turned_to

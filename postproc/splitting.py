@@ -15,7 +15,8 @@ from kinematics.model import ErrorModel
 from postproc.added_blocks import END_M, LASTING, SINGLE_FEEDS, START_M
 from postproc.bending import CorrectedWays, bent, find_cuts
 from postproc.conditions import Conditions
-from postproc.motions import Known, Motions
+from postproc.motions import Motions
+from postproc.moves import Known
 from postproc.numbers import decimals_for
 from postproc.pieces import arc_turned, split
 from postproc.program import Block

@@ -17,7 +17,8 @@ from kinematics.transforms import Array
 from postproc.added_blocks import START_M
 from postproc.compensate import correct
 from postproc.conditions import Conditions
-from postproc.motions import Known, Motions
+from postproc.motions import Motions
+from postproc.moves import Known
 from postproc.notes import Notes
 from postproc.pieces import split, turning_points, with_take_ups
 from postproc.program import Block

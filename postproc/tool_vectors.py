@@ -8,8 +8,8 @@ import numpy as np
 
 from kinematics.inverse import inverse
 from postproc.frames import in_workpiece, to_machine
-from postproc.motions import Recorder
 from postproc.program import Block
+from postproc.recorder import Recorder
 
 
 def turned_to(block: Block, recorder: Recorder, target: Sequence[float], vector: Sequence[float]) -> dict[int, float]:

@@ -6,7 +6,8 @@ import numpy as np
 
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
-from postproc.motions import Known, Motions
+from postproc.motions import Motions
+from postproc.moves import Known
 from postproc.notes import Notes
 
 TOLERANCE = 1e-9

@@ -23,7 +23,8 @@ from postproc.conditions import Conditions
 from postproc.dialects import Dialect
 from postproc.execution import execution
 from postproc.judge import Judge, in_a_program, where
-from postproc.motions import BY_ROW, COLUMNS, Kind, Motions
+from postproc.motions import BY_ROW, COLUMNS, Motions
+from postproc.moves import Kind
 from postproc.notes import Notes
 from postproc.pieces import like
 from postproc.report import Statistic

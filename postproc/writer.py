@@ -7,7 +7,6 @@ by then, a word is inserted. The writer keeps what the control will hold after r
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,42 +18,24 @@ from postproc.added_blocks import (
     AddedBlock,
     Tag,
     end_words,
-    feed_index,
     feed_words,
     lacks_motion,
     mode_words,
     part,
 )
-from postproc.circles import (
-    OUT_OF_ROUND,
-    SAME,
-    Point,
-    centre_from_radius,
-    height_over_chord,
-    moved_centre,
-    point_at,
-    same,
-    sweep,
-)
+from postproc.circle_writer import ABOUT_POLES, CircleWriter, round_off
 from postproc.compensate import Correction
 from postproc.contours import check_turned
 from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.holes import Depth, HoleWriter
-from postproc.motions import Arc, Kind, Known, Motions
+from postproc.inverse_time import say_time, share_time
+from postproc.motions import Motions
+from postproc.moves import Arc, Kind, Known
 from postproc.numbers import decimals_for, decimals_holding
-from postproc.pieces import arc_ends, arc_turned
 from postproc.polar import PolarWriter
 from postproc.pole_writer import PoleWriter
 from postproc.program import edited
 from postproc.words import ORDER, Layout, WordEditor
-
-STRAY = 5e-4
-"""mm: an arc by radius whose middle strays farther than this is rewritten by its centre. Near a half circle rounding
-the radius, and near a full one rounding the end points, moves the path by many times as much."""
-HALF = 1e-6
-"""rad: arcs nearer than this to half a turn are half a turn, which the signs of the radius say alike."""
-DOT = 0.01
-"""mm: the radius of an arc so small that it does not matter which way round it is run."""
 
 
 class Written(NamedTuple):
@@ -74,17 +55,6 @@ class Written(NamedTuple):
     def moves(self, motions: Motions) -> Motions:
         """The rows as the control moves them."""
         return replace(motions, start=self.starts, target=self.ends, arcs=self.arcs)
-
-
-def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
-    """Centre of an arc whose ends go to other places, and its middle by `middle_shift` `(axes,)`, mm."""
-    arc = motions.arcs[row]
-    before, after = arc_ends(motions, row)
-    start_shift = (start[0] - before[0], start[1] - before[1])
-    end_shift = (end[0] - after[0], end[1] - after[1])
-    x, y = middle_shift[list(arc.plane[:2])].tolist()
-    turned = arc_turned(motions, row)
-    return moved_centre((before, after), arc.centre, turned, (start_shift, (x, y), end_shift))
 
 
 class Writer:
@@ -116,6 +86,7 @@ class Writer:
         self._added = 0
         self._polar = PolarWriter()
         self._poles = PoleWriter(machine)
+        self._circles = CircleWriter(machine, self._poles)
         self._holes = HoleWriter()
         self._bottom = 0.0
         """Of the last hole."""
@@ -220,7 +191,7 @@ class Writer:
         if self._inner[row]:
             self._at_end[block] = [editor.cut(word) for word in end_words(editor.block)]
             if motions.timed[row]:
-                self._share_time(motions, row, editor)
+                share_time(motions, row, editor)
         self._begun.add(block)
         self._straight = False
 
@@ -241,7 +212,7 @@ class Writer:
             # exactly: a full circle that closes but for a hair is, for the control, just that hair
             wanted[axis] = start[axis]
         if arc is not None and not arc.full:
-            self._round_off(motions, row, start, wanted, correction.middle_shift[row])
+            round_off(motions, row, start, wanted, correction.middle_shift[row])
         linear_unit = float(motions.unit[row])
         said = self._said[row]
         named = set()
@@ -274,7 +245,9 @@ class Writer:
             decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
             held[axis] = self._insert(editor, axis, held[axis], base, number, unit, decimals)
         if arc is not None:
-            self._write_circle(motions, row, arc, (start, held), correction.middle_shift[row], editor)
+            self._arcs[row] = self._circles.write(
+                motions, row, (start, held), correction.middle_shift[row], editor, self._pole_editor(motions, row)
+            )
         if row in motions.contours:
             i, j = motions.contours[row]
             nominal = motions.start[row].tolist(), motions.target[row].tolist()
@@ -314,24 +287,6 @@ class Writer:
         decimals, name = self._decimals(z, unit), self.machine.names[z]
         self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, held[z], unit, decimals)
 
-    def _round_off(self, motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
-        """Move the wanted end of a nearly full circle in or out where it would be too far from round.
-
-        A full circle ends where it starts, whatever the correction there; so does one that is nearly full.
-        """
-        arc = motions.arcs[row]
-        i, j, _ = arc.plane
-        first, last = (start[i], start[j]), (wanted[i], wanted[j])
-        before, after = arc_ends(motions, row)
-        centre = _new_centre(motions, row, first, last, shift)
-        radius = math.dist(last, centre)
-        fault = math.dist(first, centre) - radius - math.dist(before, arc.centre) + math.dist(after, arc.centre)
-        excess = abs(fault) - OUT_OF_ROUND / 2
-        if excess > 0.0:
-            share = math.copysign(excess, fault) / radius
-            wanted[i] += share * (last[0] - centre[0])
-            wanted[j] += share * (last[1] - centre[1])
-
     def _insert(
         self,
         editor: WordEditor | AddedBlock,
@@ -349,112 +304,11 @@ class Writer:
         editor.insert(self.machine.names[axis], number, decimals)
         return base + number * unit
 
-    def _write_circle(
-        self,
-        motions: Motions,
-        row: int,
-        arc: Arc,
-        ends: tuple[list[float], list[float]],
-        middle_shift: Array,
-        editor: WordEditor | AddedBlock,
-    ) -> None:
-        """Make start, end and centre as written one circle again, moved as the path along the arc is moved."""
-        block = motions.blocks[motions.block[row]]
-        i, j = arc.plane[:2]
-        if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
-            raise block.refuse("an arc from a position that the program has not said in this frame")
-        start, end = ((at[i], at[j]) for at in ends)
-        if same(start, end) != arc.full:
-            raise block.refuse("an arc so short, or so nearly a full circle, that rounding makes it the other")
-        turned = arc_turned(motions, row)
-        centre = _new_centre(motions, row, start, end, middle_shift)
-        unit = float(motions.unit[row])
-        if arc.form in ("pole", "polar", "tangent"):
-            centre = self._poles.write_arc(
-                motions, row, arc._replace(centre=centre), ends, self._pole_editor(motions, row), editor
-            )
-            end = (ends[1][i], ends[1][j])
-        elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
-            centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
-        else:
-            # a Siemens block says by itself that its centre is absolute (I=AC), one of our own does not
-            absolute = arc.form.endswith("absolute") and not (
-                isinstance(editor, AddedBlock) and editor.beside_says("AC")
-            )
-            centre = self._write_centre(editor, arc, (0.0, 0.0) if absolute else start, centre, unit)
-        if (
-            abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0
-            and math.dist(start, centre) > DOT
-        ):
-            raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
-        if math.dist(start, centre) < SAME or math.dist(end, centre) < SAME:
-            raise block.refuse("an arc so small that rounding leaves it no radius")
-        self._arcs[row] = arc._replace(centre=centre)
-
     def _pole_editor(self, motions: Motions, row: int) -> WordEditor | None:
         """Klartext: where the pole of an arc can be said, in a CC right before it."""
         arc = motions.arcs[row]
-        own = arc.pole_block == motions.block[row] - 1 and None not in arc.words
+        own = arc.form in ABOUT_POLES and arc.pole_block == motions.block[row] - 1 and None not in arc.words
         return self._editor(motions, arc.pole_block) if own else None
-
-    def _centre_letter(self, axis: int) -> str:
-        return "IJK"["XYZ".index(self.machine.names[axis][0])]
-
-    def _write_centre(
-        self, editor: WordEditor | AddedBlock, arc: Arc, base: Point, centre: Point, unit: float
-    ) -> Point:
-        """Say the centre as seen from `base`; returns where that puts it."""
-        written = []
-        for axis, index, origin, place in zip(arc.plane, arc.words, base, centre, strict=False):
-            decimals = self._decimals(axis, unit)
-            value = round((place - origin) / unit, decimals)
-            if isinstance(editor, WordEditor) and index is not None:
-                value = editor.set(index, (place - origin) / unit, decimals)
-            elif value != 0.0 or isinstance(editor, AddedBlock):
-                editor.insert(self._centre_letter(axis), value, decimals)
-            written.append(origin + value * unit)
-        return written[0], written[1]
-
-    def _write_radius(
-        self,
-        editor: WordEditor | AddedBlock,
-        arc: Arc,
-        points: tuple[Point, Point, Point],
-        unit: float,
-        turned: float,
-    ) -> Point:
-        """Say the radius, or the centre in its place where that leads the path astray; returns the control's centre."""
-        start, end, centre = points
-        decimals = self._decimals(arc.plane[0], unit)
-        radius = math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)) / unit
-        if isinstance(editor, AddedBlock):
-            by_radius = centre_from_radius(start, end, round(radius, decimals) * unit, arc.sense)
-            if by_radius is None or self._strays(start, end, centre, by_radius, arc.sense) >= STRAY:
-                raise editor.beside.refuse("rounding its radius would move this arc in pieces: give its centre (CC, C)")
-            editor.insert("R", round(radius, decimals), decimals)
-            return by_radius
-        index = arc.words[0]
-        assert index is not None
-        said = editor.block.words[index].value or 0.0
-        # a piece of an arc of more than half a turn may be less than that
-        signed = math.copysign(radius, said if abs(turned) > math.pi - HALF else 1.0)
-        by_radius = centre_from_radius(start, end, editor.rounded(index, signed, decimals) * unit, arc.sense)
-        if by_radius is not None and self._strays(start, end, centre, by_radius, arc.sense) < STRAY:
-            editor.set(index, signed, decimals)
-            return by_radius
-        if editor.block.kind != "words":
-            raise editor.block.refuse("rounding its radius would move this arc: give its centre (CC and C)")
-        base = (0.0, 0.0) if arc.form == "radius-absolute" else start
-        values = [round((c - b) / unit, decimals) for c, b in zip(centre, base, strict=True)]
-        letters = [self._centre_letter(axis) for axis in arc.plane[:2]]
-        editor.replace(index, sorted(zip(letters, values, strict=True)), decimals)
-        return base[0] + values[0] * unit, base[1] + values[1] * unit
-
-    @staticmethod
-    def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
-        """Distance of the middles of two arcs with the same ends."""
-        middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
-        return math.dist(*middles)
 
     # ---- blocks of our own
 
@@ -474,7 +328,7 @@ class Writer:
         if not begun:
             added.modes(*mode_words(added.beside))
         if motions.timed[row]:
-            self._say_time(motions, row, added, moved)
+            say_time(motions, row, added, moved)
         elif not begun:
             added.feed(*feed_words(added.beside))
         editor = self._editor(motions, block)
@@ -484,41 +338,3 @@ class Writer:
         (editor.lines_after if begun else editor.lines_before)(lines)
         self._added += len(lines)
         self._straight = added.tag is Tag.TAKE_UP
-
-    def _say_time(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
-        """Under G93: a piece takes its share of the time of its move, a take-up goes as fast as the move does."""
-        if added.tag is Tag.TAKE_UP:
-            added.feed_of(_per_minute(motions, row, _way) / max(moved, SAME))
-        else:
-            added.feed_of(_per_minute(motions, row, _extent) / max(_extent(motions, row), SAME))
-
-    def _share_time(self, motions: Motions, row: int, editor: WordEditor) -> None:
-        index = feed_index(editor.block)
-        assert index is not None
-        editor.set(index, _per_minute(motions, row, _extent) / max(_extent(motions, row), SAME), 3)
-
-
-def _per_minute(motions: Motions, row: int, way: Callable[[Motions, int], float]) -> float:
-    """Under G93: how far the programmed move of a row goes in a minute, by what `way` measures of its pieces."""
-    block = motions.blocks[motions.block[row]]
-    index = feed_index(block)
-    assert index is not None
-    rows = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP))
-    return (block.words[index].value or 0.0) * sum(way(motions, int(i)) for i in rows)
-
-
-def _extent(motions: Motions, row: int) -> float:
-    """Length of a piece, in a measure that is the same for all pieces of its move."""
-    way = motions.target[row] - motions.start[row]
-    return _way(motions, row) if row in motions.arcs else float(np.linalg.norm(way))
-
-
-def _way(motions: Motions, row: int) -> float:
-    """Length of a move, mm, nominal."""
-    arc = motions.arcs.get(row)
-    linear = list(motions.machine.translators)
-    way: Array = (motions.target - motions.start)[row]
-    if arc is None:
-        return float(np.linalg.norm(way[linear]))
-    start, _ = arc_ends(motions, row)
-    return math.hypot(math.dist(start, arc.centre) * arc_turned(motions, row), float(way[arc.plane[2]]))

@@ -14,7 +14,7 @@ from kinematics.forward import tool_point
 from kinematics.model import no_errors
 from kinematics.state import State
 from postproc.compensate import correct, missed
-from postproc.motions import Kind, Known
+from postproc.moves import Kind, Known
 
 ALL = (*FIVE_AXES, *THREE_AXES)
 EXACT_UM = 0.01

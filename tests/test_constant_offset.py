@@ -8,7 +8,7 @@ from programs import LINUXCNC_OFFSETS, RandomProgram, correct, load, random_setu
 from test_rs274 import FREECAD, TOOLS, wrapped
 
 from kinematics.errors import UserError
-from postproc.motions import Kind, Known
+from postproc.moves import Kind, Known
 from postproc.source import ENCODING
 
 UM = {"X": 3.0, "Y": -4.2, "Z": 7.3}

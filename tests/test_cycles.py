@@ -11,7 +11,7 @@ from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 from postproc.compensate import missed
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.verify import verify
 
 HEAD = "G21 G90 G54 G17 G98\nG0 X0. Y0. Z100.\n"

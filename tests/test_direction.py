@@ -14,7 +14,7 @@ from test_pipeline import ACCEPTED, machine_for, real_programs, run
 from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from kinematics.model import no_errors
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.pieces import like
 from postproc.reversals import Directions
 from postproc.source import ENCODING

@@ -9,7 +9,7 @@ from test_direction import play
 from test_klartext_job import HEIDENHAIN, program
 
 from kinematics.effects import Backlash
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.pieces import like
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup

@@ -15,7 +15,7 @@ from postproc.flow import Flow
 from postproc.heidenhain import HeidenhainInterpreter
 from postproc.heidenhain_blocks import _read_plain, join_lines, parse_block, read_block
 from postproc.heidenhain_statements import labels
-from postproc.motions import Kind, Known
+from postproc.moves import Kind, Known
 from postproc.notes import Notes
 from postproc.program import Refusal
 from postproc.setup import make_setup

@@ -17,7 +17,7 @@ from kinematics.machine import Control
 from postproc.iso import IsoInterpreter
 from postproc.iso_blocks import read_block
 from postproc.iso_codes import HARMLESS_G, REFUSED_G, REFUSED_M
-from postproc.motions import Kind, Known
+from postproc.moves import Kind, Known
 from postproc.notes import Notes
 from postproc.program import Refusal
 from postproc.verify import CHUNK

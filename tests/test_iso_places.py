@@ -10,7 +10,7 @@ from programs import correct, load, random_model, read, shifted
 
 from kinematics.errors import UserError
 from kinematics.forward import forward, tool_point
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.verify import verify
 
 HEAD = "G21 G90 G54 G17 G94 F500\nG0 X10. Y5. Z20.\n"

@@ -16,7 +16,7 @@ from kinematics.forward import forward
 from postproc.compensate import missed
 from postproc.dialects import find_dialect
 from postproc.heidenhain_planes import by_axes, euler, spatial
-from postproc.motions import Kind, Known
+from postproc.moves import Kind, Known
 from postproc.pipeline import Job, Pipeline
 from postproc.program import Refusal
 from postproc.verify import merged, read_motions

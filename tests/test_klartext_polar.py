@@ -13,7 +13,7 @@ from test_klartext_flow import HEAD, OFFSET, SHIFT, TAIL, correct, read
 from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from postproc.compensate import missed
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.pieces import arc_turned
 from postproc.verify import verify
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from test_direction import play
 
 from kinematics.effects import Backlash
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.pieces import like
 
 pytestmark = pytest.mark.slow

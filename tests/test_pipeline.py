@@ -29,7 +29,7 @@ from postproc.circles import sweep
 from postproc.compensate import missed
 from postproc.dialects import find_dialect
 from postproc.mark import mark_in
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup
 from postproc.source import ENCODING, chunks, open_source

@@ -27,7 +27,8 @@ from kinematics.errors import UserError
 from kinematics.machine import Machine
 from postproc.circles import sweep
 from postproc.compensate import correct as correction_of
-from postproc.motions import Kind, Known, Motions
+from postproc.motions import Motions
+from postproc.moves import Kind, Known
 from postproc.numbers import decimals_for
 from postproc.source import ENCODING
 

@@ -16,7 +16,7 @@ from programs import read as read_iso
 from kinematics.errors import UserError
 from kinematics.model import no_errors
 from postproc.dialects import find_dialect
-from postproc.motions import Kind, Known
+from postproc.moves import Kind, Known
 from postproc.pipeline import Job, Pipeline
 from postproc.program import Refusal
 from postproc.siemens_blocks import _read_plain, parse_block, read_block

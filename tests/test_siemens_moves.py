@@ -15,7 +15,7 @@ from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from kinematics.forward import forward
 from postproc.check import check
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.notes import Notes
 from postproc.siemens_blocks import read_block
 

@@ -17,7 +17,7 @@ from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError
 from postproc.compensate import missed
 from postproc.dialects import find_dialect
 from postproc.mark import mark_in
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
 from postproc.verify import merged, read_motions, verify

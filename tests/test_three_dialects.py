@@ -13,7 +13,7 @@ from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.model import no_errors
 from postproc.dialects import find_dialect
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
 from postproc.verify import merged, read_motions

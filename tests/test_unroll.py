@@ -12,7 +12,7 @@ from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.errors import UserError
 from postproc.dialects import find_dialect
-from postproc.motions import Kind
+from postproc.moves import Kind
 from postproc.notes import Notes
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
