@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from kinematics.errors import UserError
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.shared import (
     JsonFile,
     MachineName,
+    check_either,
     check_places,
     machine_of,
     refuse_one_place,
@@ -20,6 +20,7 @@ from postproc.commands.shared import (
 )
 
 if TYPE_CHECKING:
+    from calibration.diagnosis.diagnose import Diagnosis
     from calibration.measurement import Measurement
     from kinematics.machine import Machine
 
@@ -73,17 +74,15 @@ def diagnose(
     with the next measurement that does. Effects of the instrument are taken out of the data and not written.
     """
     from calibration.diagnosis.diagnose import diagnose as run
-    from kinematics.model import encode_model, read_model
-    from postproc.diagnosis_summary import show, summary
+    from kinematics.model import read_model
+    from postproc.diagnosis_summary import show
     from postproc.terminal import console
     from postproc.terminal import output as screen
 
     refuse_one_place(json, str(output), "the new calibration")
     check_places((*data, plan, calibration), (output, json, report))
-    if noise not in ("sheet", "estimate"):
-        raise UserError(f"--noise {noise}: sheet or estimate")
-    if unexplained not in ("report", "add"):
-        raise UserError(f"--unexplained {unexplained}: report or add")
+    check_either("--noise", noise, ("sheet", "estimate"))
+    check_either("--unexplained", unexplained, ("report", "add"))
     found_machine = machine_of(machine)
     present = None if calibration is None else read_model(calibration, found_machine)
     measurement = _read(data, found_machine, file_format, header, columns, plan)
@@ -95,16 +94,9 @@ def diagnose(
             left_over="add" if unexplained == "add" else "report",
             progress=status.update,
         )
-    with result(json) as results, result(report) as shown, result(str(output)) as file:
-        file.write(encode_model(found.model))
-        write_json(summary(found), results)
-        if report is not None:
-            from calibration.pages.diagnosis import diagnosis_page
-
-            against = "" if calibration is None else f" --calibration {calibration}"
-            shown.write(
-                diagnosis_page(found, f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}")
-            )
+    against = "" if calibration is None else f" --calibration {calibration}"
+    command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
+    _write(found, str(output), json, report, command)
     show(found, console if "-" in (json, report, str(output)) else screen)
 
 
@@ -123,3 +115,17 @@ def _read(
     from calibration.joining import joined
 
     return joined(each)
+
+
+def _write(found: Diagnosis, output: str, json: str | None, report: str | None, command: str) -> None:
+    """The new calibration, the results for programs and the report, all or none."""
+    from kinematics.model import encode_model
+    from postproc.diagnosis_summary import summary
+
+    with result(json) as results, result(report) as shown, result(output) as file:
+        file.write(encode_model(found.model))
+        write_json(summary(found), results)
+        if report is not None:
+            from calibration.pages.diagnosis import diagnosis_page
+
+            shown.write(diagnosis_page(found, command))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kinematics.errors import UserError
 from postproc.commands.path import (
     CellLength,
     CornerLength,
@@ -24,6 +23,7 @@ from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, Pl
 from postproc.commands.shared import (
     JsonFile,
     MachineName,
+    check_either,
     check_places,
     machine_of,
     refuse_one_place,
@@ -38,8 +38,35 @@ if TYPE_CHECKING:
 
     from calibration.calibrate import Calibration
     from calibration.fit import Fit
+    from calibration.on_the_fly.on_path import OnTheFly
     from calibration.visibility import Visibility
     from kinematics.effects import Effect
+
+BasisText = Annotated[
+    str,
+    typer.Option(
+        "--basis",
+        metavar="auto|KIND:SIZE|X=KIND:SIZE,...",
+        help="How error motions are written: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, "
+        "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
+    ),
+]
+FittedEffects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect",
+        metavar="KIND:FIELD=VALUE,...",
+        help="Another effect of docs/effects.md to fit, from these values: backlash:axis=X,width=0. Repeatable.",
+    ),
+]
+NoiseSource = Annotated[
+    str,
+    typer.Option("--noise", metavar="sheet|estimate", help="Instrument's uncertainty: as stated, or from the data."),
+]
+PriorScale = Annotated[
+    float | None,
+    typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
+]
 
 MANY = 0.05
 """Share of outliers beyond which they are none."""
@@ -58,33 +85,10 @@ def fit(
     data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file.")],
     machine: MachineName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
-    basis: Annotated[
-        str,
-        typer.Option(
-            "--basis",
-            metavar="auto|KIND:SIZE|X=KIND:SIZE,...",
-            help="How error motions are written: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, "
-            "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
-        ),
-    ] = "auto",
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--effect",
-            metavar="KIND:FIELD=VALUE,...",
-            help="Another effect of docs/effects.md to fit, from these values: backlash:axis=X,width=0. Repeatable.",
-        ),
-    ] = None,
-    noise: Annotated[
-        str,
-        typer.Option(
-            "--noise", metavar="sheet|estimate", help="Instrument's uncertainty: as stated, or from the data."
-        ),
-    ] = "sheet",
-    prior_scale: Annotated[
-        float | None,
-        typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
-    ] = None,
+    basis: BasisText = "auto",
+    effect: FittedEffects = None,
+    noise: NoiseSource = "sheet",
+    prior_scale: PriorScale = None,
     file_format: FormatName = "auto",
     header: HeaderLines = None,
     columns: ColumnMapName = None,
@@ -113,14 +117,12 @@ def fit(
     from calibration.calibrate import calibrate
     from calibration.effect_text import read_effects
     from calibration.on_the_fly.reversals import reversals
-    from kinematics.model import encode_model
     from postproc.terminal import console
     from postproc.terminal import output as screen
 
     refuse_one_place(json, str(output), "the calibration")
     check_places((data, plan, path), (output, json, report))
-    if noise not in ("sheet", "estimate"):
-        raise UserError(f"--noise {noise}: sheet or estimate")
+    check_either("--noise", noise, ("sheet", "estimate"))
     found_machine = machine_of(machine)
     effects = read_effects(effect or [], found_machine)
     taken = None
@@ -143,17 +145,27 @@ def fit(
             hold_out=hold_out,
             progress=status.update,
         )
-    with result(json) as results, result(report) as shown, result(str(output)) as file:
+    command = f"ncomp fit {data} --machine {machine} --basis {basis} --noise {noise}"
+    _write(found, taken, str(output), json, report, command)
+    to = console if "-" in (json, report) else screen
+    if taken is not None:
+        show_moving(found, taken, to)
+    show(found, to)
+
+
+def _write(
+    found: Calibration, taken: OnTheFly | None, output: str, json: str | None, report: str | None, command: str
+) -> None:
+    """The calibration, the results for programs and the report, all or none."""
+    from kinematics.model import encode_model
+
+    with result(json) as results, result(report) as shown, result(output) as file:
         file.write(encode_model(found.model))
         write_json(summary(found) | moving_summary(found, taken), results)
         if report is not None:
             from calibration.pages.fit import fit_page
 
-            shown.write(fit_page(found, f"ncomp fit {data} --machine {machine} --basis {basis} --noise {noise}"))
-    to = console if "-" in (json, report) else screen
-    if taken is not None:
-        show_moving(found, taken, to)
-    show(found, to)
+            shown.write(fit_page(found, command))
 
 
 def summary(found: Calibration) -> dict[str, Any]:

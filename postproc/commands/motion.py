@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple, cast
 
 import typer
 
@@ -14,14 +14,10 @@ from postproc.commands.shared import result
 from postproc.commands.virtual_instrument import check_distance, check_names, tracker_poses
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from calibration.instruments import LaserTracker
     from calibration.on_the_fly.nominal_path import NominalPath
     from calibration.on_the_fly.virtual import Vibration
-    from calibration.simulate import Faults
-    from kinematics.effects import Effect
-    from kinematics.model import ErrorModel
+    from postproc.commands.simulation import Simulation
 
 LONG = 200_000
 """Readings from which progress is shown."""
@@ -58,7 +54,6 @@ class Ride(NamedTuple):
     vibration: str | None
     targets: list[str]
     trackers: list[str]
-    stands_on: Literal["workpiece", "bed"]
 
 
 def refuse_with_path(options: Mapping[str, object], instrument: str) -> None:
@@ -70,22 +65,8 @@ def refuse_with_path(options: Mapping[str, object], instrument: str) -> None:
             raise UserError(f"--{name} can't go with --path: the program says where the machine goes")
 
 
-def simulate_on_path(
-    path: NominalPath,
-    model: ErrorModel,
-    told: Sequence[Effect],
-    sensor: LaserTracker,
-    ride: Ride,
-    faults: Faults,
-    noise: float,
-    temperatures: Mapping[str, tuple[float, float]],
-    draws: Sequence[np.random.Generator],
-    outputs: tuple[str, str | None],
-) -> None:
-    """Write the readings, and the truth where it is asked for.
-
-    told: effects of the model that name a target or a station. draws: of the truth, the poses, the noise, the faults.
-    """
+def simulate_on_path(path: NominalPath, ride: Ride, simulated: Simulation) -> None:
+    """Write the readings of a laser tracker, and the truth where it is asked for."""
     from calibration.measurement import SPINDLE_NOSE
     from calibration.on_the_fly.drive import Manner, duration
     from calibration.on_the_fly.virtual import Session, readings_of, write_readings
@@ -93,24 +74,26 @@ def simulate_on_path(
     from kinematics.model import encode_model
     from postproc.terminal import console, progress_of, say
 
+    model, draws = simulated.model, simulated.draws
     targets = options.targets_of(ride.targets) if ride.targets else {"1": SPINDLE_NOSE}
     poses = tracker_poses(path.machine, path.positions, ride.trackers, draws[1])
-    check_names(told, targets, poses)
+    check_names(simulated.told, targets, poses)
     manners = [Manner(feed, 1e3 * ride.acceleration, ride.rate) for feed in ride.feeds]
     passes = len(targets) * len(poses)
     seconds = passes * sum(duration(path, manner) for manner in manners)
     if seconds * ride.rate > MOST:
         raise UserError(f"--rate {ride.rate:g}: {seconds * ride.rate:.3g} readings, more than {MOST}")
-    session = Session(path, manners, targets, poses, ride.stands_on, _vibration(ride.vibration))
+    session = Session(path, manners, targets, poses, simulated.stands_on, _vibration(ride.vibration))
     with progress_of(int(seconds * ride.rate), "simulating", LONG) as progress:
         made = readings_of(
-            session, model, sensor, draws[2], noise_scale=noise, temperatures=temperatures, progress=progress
-        )
+            session, model, cast("LaserTracker", simulated.instrument), draws[2],
+            noise_scale=simulated.noise_scale, temperatures=simulated.temperatures, progress=progress,
+        )  # fmt: skip
     check_distance(made)
-    made, spoiled = spoil(made, faults, draws[3])
+    made, spoiled = spoil(made, simulated.faults, draws[3])
     if not len(made):
         raise UserError("--missing leaves no reading")
-    output, truth = outputs
+    output, truth = simulated.outputs
     with result(truth) as truth_file, result(output) as file:
         write_readings(made, file)
         truth_file.write(encode_model(model))

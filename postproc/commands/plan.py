@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -17,6 +18,26 @@ if TYPE_CHECKING:
     from postproc.measuring_program import Manner
 
 PROGRAM = "NC program"
+
+ProgramFile = Annotated[
+    str | None,
+    typer.Option("--nc", metavar="PLAN.nc", rich_help_panel=PROGRAM, help="Write the program that goes there."),
+]
+ProgramDialect = Annotated[
+    str | None,
+    typer.Option(rich_help_panel=PROGRAM, help="iso (LinuxCNC: G53, G4 P in s), fanuc or heidenhain; default: iso."),
+]
+ProgramOffset = Annotated[
+    str | None,
+    typer.Option(
+        metavar="G54=x,y,z",
+        rich_help_panel=PROGRAM,
+        help="Write positions in this work offset, so that ncomp can correct the program; "
+        "default: machine coordinates, which it leaves alone.",
+    ),
+]
+InRapid = Annotated[bool, typer.Option("--rapid", rich_help_panel=PROGRAM, help="Move in rapid, not at the feed.")]
+
 EPILOG = (
     "Strategies: planes, hexahedron (edges), diagonals, face-diagonals, space-diagonals, grid, random, space-filling, "
     "axes (each on its own, both ways: ISO 230-2); on-the-fly (a path that a tracker follows).\n\n"
@@ -66,58 +87,19 @@ def plan(
     obstacle: optimising.Obstacles = None,
     visible: optimising.Visible = None,
     candidates: optimising.Candidates = 2000,
-    nc: Annotated[
-        str | None,
-        typer.Option("--nc", metavar="PLAN.nc", rich_help_panel=PROGRAM, help="Write the program that goes there."),
-    ] = None,
-    dialect: Annotated[
-        str | None,
-        typer.Option(
-            rich_help_panel=PROGRAM, help="iso (LinuxCNC: G53, G4 P in s), fanuc or heidenhain; default: iso."
-        ),
-    ] = None,
-    work_offset: Annotated[
-        str | None,
-        typer.Option(
-            metavar="G54=x,y,z",
-            rich_help_panel=PROGRAM,
-            help="Write positions in this work offset, so that ncomp can correct the program; "
-            "default: machine coordinates, which it leaves alone.",
-        ),
-    ] = None,
-    rapid: Annotated[
-        bool, typer.Option("--rapid", rich_help_panel=PROGRAM, help="Move in rapid, not at the feed.")
-    ] = False,
+    nc: ProgramFile = None,
+    dialect: ProgramDialect = None,
+    work_offset: ProgramOffset = None,
+    rapid: InRapid = False,
 ) -> None:
     """Plan a measurement: positions inside the travel, their order, the time it takes, and the program for it."""
-    from calibration.plan_file import write_plan
-    from postproc.terminal import console
-
-    if nc is not None and (nc == output or (nc == "-" and output == "-")):
-        raise UserError(f"--nc and --output both name {nc}")
-    if nc is None:
-        for option, given in (("dialect", dialect), ("work-offset", work_offset), ("rapid", rapid or None)):
-            if given is not None:
-                raise UserError(f"--{option} is of the program: give --nc too")
+    _check_program(nc, output, {"dialect": dialect, "work-offset": work_offset, "rapid": rapid or None})
     found = machine_of(machine)
     choices = options.choices_of(
-        found,
-        ranges=ranges,
-        margin=margin,
-        rotary=rotary,
-        order=order,
-        runs=runs,
-        targets=target,
-        target_order=target_order,
-        seed=seed,
-        planes_at=planes_at,
-        rotary_points=rotary_points,
-        approach=approach,
-        overrun=overrun,
-        references=references,
-        dwell=dwell,
-        feed=feed,
-    )
+        found, ranges=ranges, margin=margin, rotary=rotary, order=order, runs=runs, targets=target,
+        target_order=target_order, seed=seed, planes_at=planes_at, rotary_points=rotary_points, approach=approach,
+        overrun=overrun, references=references, dwell=dwell, feed=feed,
+    )  # fmt: skip
     manner = _manner(found, dwell, feed, rapid, target_order, work_offset)
     asked = optimising.Asked(tracker, uncertainty, elevation, incidence, obstacle, visible, candidates)
     asked.check(
@@ -135,10 +117,28 @@ def plan(
         made = optimising.optimised_plan(found, choices, points, minutes, asked)
     else:
         made = options.plan_of(found, strategy, points, spacing, choices)
+    _write(made, manner, dialect or "iso", (output, nc))
+
+
+def _check_program(nc: str | None, output: str, given: Mapping[str, object]) -> None:
+    """UserError where the program goes to the place of the plan, and for its options where there is none."""
+    if nc is not None and nc == output:
+        raise UserError(f"--nc and --output both name {nc}")
+    for option, value in given.items():
+        if nc is None and value is not None:
+            raise UserError(f"--{option} is of the program: give --nc too")
+
+
+def _write(made: Plan, manner: Manner, dialect: str, outputs: tuple[str, str | None]) -> None:
+    """The plan, and its program where it is asked for."""
+    from calibration.plan_file import write_plan
+    from postproc.terminal import console
+
+    output, nc = outputs
     with result(nc) as program, result(output) as table:
         write_plan(made, table)
         if nc is not None:
-            program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect or "iso"))
+            program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect))
     console.print(f"{made.summary}")
 
 

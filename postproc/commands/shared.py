@@ -67,6 +67,12 @@ def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
         raise UserError(f"--json and --output both name {json}")
 
 
+def check_either(option: str, value: str, names: tuple[str, str]) -> None:
+    """UserError for a value of an option that is neither of two names."""
+    if value not in names:
+        raise UserError(f"{option} {value}: {' or '.join(names)}")
+
+
 def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Path | None]) -> None:
     """Refuse outputs that can't be written, or that would take the place of an input, before any work is done."""
     read = {Path(str(path)).resolve() for path in inputs if path not in (None, "-")}

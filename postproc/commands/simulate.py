@@ -4,36 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from kinematics.errors import UserError
 from postproc.commands import motion
 from postproc.commands import strategy as options
+from postproc.commands import virtual_instrument as instruments
 from postproc.commands import virtual_machine as virtual
 from postproc.commands.path import read_path
 from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
-from postproc.commands.shared import MachineName, check_places, machine_of, result
-from postproc.commands.virtual_instrument import (
-    check_distance,
-    check_names,
-    instrument_of,
-    standing_of,
-    tracker_poses,
-)
+from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, result
+from postproc.commands.simulation import Simulation, streams
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from calibration.instruments import Instrument, LaserTracker
-    from calibration.measurement import Measurement
+    from calibration.instruments import Instrument
     from calibration.plan import Plan
     from kinematics.machine import Machine
     from kinematics.state import State
     from kinematics.transforms import Pose
 
-INSTRUMENT, FAULTS = "The instrument", "What goes wrong"
+MeasurementFile = Annotated[
+    str, typer.Option("--output", "-o", metavar="DATA.csv", help="Measurement; - for standard output.")
+]
+StrategyName = Annotated[
+    str | None,
+    typer.Option(metavar="NAME|PLAN.csv", help="A strategy, as in *ncomp plan*, or a plan of all its options."),
+]
+
 SETUP_S = 1200.0
 """To move a tracker; virtual calibration paper, 3.2."""
 LONG = 200_000
@@ -53,13 +54,8 @@ EPILOG = (
 
 def simulate(
     machine: MachineName,
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="DATA.csv", help="Measurement; - for standard output.")
-    ],
-    strategy: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|PLAN.csv", help="A strategy, as in *ncomp plan*, or a plan of all its options."),
-    ] = None,
+    output: MeasurementFile,
+    strategy: StrategyName = None,
     truth: virtual.TruthFile = None,
     points: options.Points = None,
     spacing: options.Spacing = None,
@@ -75,56 +71,17 @@ def simulate(
     location: virtual.Location = 0.0,
     effect: virtual.EffectTexts = None,
     temperature: virtual.Temperatures = None,
-    instrument: Annotated[
-        str, typer.Option(metavar="KIND", rich_help_panel=INSTRUMENT, help="laser-tracker, interferometer or part.")
-    ] = "laser-tracker",
-    uncertainty: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--uncertainty",
-            "-u",
-            metavar="u_angle_um=10",
-            rich_help_panel=INSTRUMENT,
-            help="Standard uncertainties (k=1), by their keys in a measurement file; all others are zero. Repeatable.",
-        ),
-    ] = None,
-    tracker: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="x,y,z",
-            rich_help_panel=INSTRUMENT,
-            help="Where it stands, mm, in the workpiece frame (on the bed: machine frame). Repeatable: stations.",
-        ),
-    ] = None,
-    stands_on: Annotated[
-        str, typer.Option(metavar="workpiece|bed", rich_help_panel=INSTRUMENT, help="On the table, or on the floor.")
-    ] = "workpiece",
-    elevation: Annotated[
-        str | None,
-        typer.Option(metavar="low:high", rich_help_panel=INSTRUMENT, help="Articulation of the tracker, degrees."),
-    ] = None,
-    incidence: Annotated[
-        float | None,
-        typer.Option(
-            metavar="deg", rich_help_panel=INSTRUMENT, help="Largest angle between beam and reflector's axis."
-        ),
-    ] = None,
-    planar: Annotated[
-        bool, typer.Option("--planar", rich_help_panel=INSTRUMENT, help="A part measured in x and y only.")
-    ] = False,
-    noise: Annotated[
-        float, typer.Option(min=0.0, rich_help_panel=INSTRUMENT, help="Noise, times the uncertainties; 0 is none.")
-    ] = 1.0,
-    outliers: Annotated[
-        float, typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="50 to 500 um off.")
-    ] = 0.0,
-    duplicates: Annotated[
-        float,
-        typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="Rows that stand there twice."),
-    ] = 0.0,
-    missing: Annotated[
-        float, typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="Rows that are not there.")
-    ] = 0.0,
+    instrument: instruments.InstrumentKind = "laser-tracker",
+    uncertainty: instruments.Uncertainties = None,
+    tracker: instruments.TrackerPlaces = None,
+    stands_on: instruments.StandsOn = "workpiece",
+    elevation: instruments.Elevation = None,
+    incidence: instruments.Incidence = None,
+    planar: instruments.Planar = False,
+    noise: instruments.NoiseScale = 1.0,
+    outliers: instruments.Outliers = 0.0,
+    duplicates: instruments.Duplicates = 0.0,
+    missing: instruments.Missing = 0.0,
     path: motion.DrivenProgram = None,
     feed: motion.Feeds = None,
     acceleration: motion.Acceleration = 1.0,
@@ -140,73 +97,86 @@ def simulate(
 
     At the positions of a strategy, or on the fly, along the path of a program that does not stop.
     """
-    import numpy as np
-
     from calibration.effect_text import read_effects
-    from calibration.measurement_file import write_measurement
-    from calibration.simulate import Faults, observe, read_out, spoil, with_temperatures
-    from kinematics.model import encode_model
-    from postproc.terminal import console, progress_of, say
+    from calibration.simulate import Faults
 
-    if truth is not None and truth == output:
-        raise UserError(f"--truth and --output both name {output}")
+    check_apart({"--truth": truth, "--output": output})
     check_places((strategy, calibration, path), (output, truth))
     options.check_finite(
-        location=location,
-        incidence=incidence,
-        noise=noise,
-        outliers=outliers,
-        duplicates=duplicates,
-        missing=missing,
+        location=location, incidence=incidence, noise=noise, outliers=outliers, duplicates=duplicates, missing=missing
     )
-    found = machine_of(machine)
-    # one stream each, so that another instrument measures the same machine
-    draws = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
+    found, draws = machine_of(machine), streams(seed, 4)
     told = read_effects(effect or [], found)
-    model = virtual.virtual_model(found, errors, calibration, location, told, draws[0])
-    sensor = instrument_of(instrument, uncertainty or [], planar)
-    courses, standing = virtual.courses_of(temperature or []), standing_of(stands_on)
+    simulated = Simulation(
+        virtual.virtual_model(found, errors, calibration, location, told, draws[0]), told,
+        instruments.instrument_of(instrument, uncertainty or [], planar), instruments.standing_of(stands_on), noise,
+        Faults(outliers, duplicates=duplicates, missing=missing), virtual.courses_of(temperature or []), seed, draws,
+        (output, truth),
+    )  # fmt: skip
     if path is not None:
         given = {"strategy": strategy, "points": points, "spacing": spacing, "range": ranges, "elevation": elevation}
         motion.refuse_with_path(given | {"incidence": incidence, "duplicates": duplicates or None}, instrument)
-        setup = setup_of(found, work_offset, tool_length, tool_table)
-        motion.simulate_on_path(
-            read_path(path, found, dialect, setup), model, told, cast("LaserTracker", sensor),
-            motion.Ride(feed or [2500.0], acceleration, rate, vibration, target or [], tracker or [], standing),
-            Faults(outliers, missing=missing), noise, courses, draws, (output, truth),
-        )  # fmt: skip
+        nominal = read_path(path, found, dialect, setup_of(found, work_offset, tool_length, tool_table))
+        ride = motion.Ride(feed or [2500.0], acceleration, rate, vibration, target or [], tracker or [])
+        motion.simulate_on_path(nominal, ride, simulated)
         return
-    if strategy is None:
-        raise UserError("--strategy, or --path PATH.nc to measure on the fly: where is it to measure?")
     plan = _plan(found, strategy, points, spacing, ranges, margin, rotary, order, runs, target, target_order, seed)
-    state, poses = _placed(plan, instrument, tracker or [], draws[1])
-    check_names(told, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
-    state = with_temperatures(state, courses) if courses else state
-    rows = _reached(plan, state, sensor, poses, standing, elevation, incidence)
+    _simulate_plan(plan, simulated, instrument, tracker or [], elevation, incidence)
+
+
+def _simulate_plan(
+    plan: Plan,
+    simulated: Simulation,
+    kind: str,
+    trackers: list[str],
+    elevation: str | None,
+    incidence: float | None,
+) -> None:
+    """Write what is observed at the positions of a plan, and the truth where it is asked for.
+
+    kind: of the instrument, as in `--instrument`.
+    """
+    import numpy as np
+
+    from calibration.measurement_file import write_measurement
+    from calibration.simulate import observe, read_out, spoil, with_temperatures
+    from kinematics.model import encode_model
+    from postproc.terminal import console, progress_of, say
+
+    model, draws, standing = simulated.model, simulated.draws, simulated.stands_on
+    state, poses = _placed(plan, kind, trackers, draws[1])
+    instruments.check_names(
+        simulated.told, plan.targets, [] if state.station is None else np.unique(state.station).tolist()
+    )
+    state = with_temperatures(state, simulated.temperatures) if simulated.temperatures else state
+    rows = _reached(plan, state, simulated.instrument, poses, standing, elevation, incidence)
     repeat = len(state) // len(plan)
     axis = None if plan.axis is None else np.tile(plan.axis, repeat)[rows]
     run = np.tile(plan.run, repeat)[rows]
     with progress_of(len(state), "simulating", LONG) as progress:
         measured = observe(
-            found, model, state.rows(rows), sensor, draws[2], poses, plan.targets, stands_on=standing,
-            axis=axis if instrument == "interferometer" else None, run=run, noise_scale=noise, progress=progress,
+            plan.machine, model, state.rows(rows), simulated.instrument, draws[2], poses, plan.targets,
+            stands_on=standing, axis=axis if kind == "interferometer" else None, run=run,
+            noise_scale=simulated.noise_scale, progress=progress,
         )  # fmt: skip
     if poses is not None:
-        check_distance(measured)
-    measured, spoiled = spoil(read_out(measured), Faults(outliers, duplicates=duplicates, missing=missing), draws[3])
-    _check_left(measured)
+        instruments.check_distance(measured)
+    measured, spoiled = spoil(read_out(measured), simulated.faults, draws[3])
+    if not len(measured):
+        raise UserError("--missing leaves no observation")
+    output, truth = simulated.outputs
     with result(truth) as truth_file, result(output) as file:
         write_measurement(measured, file)
         truth_file.write(encode_model(model))
     console.print(plan.summary)
     for note in spoiled:
         say("simulated", note)
-    console.print(f"{len(measured)} observations by {instrument} of {len(model.effects)} effects, seed {seed}")
+    console.print(f"{len(measured)} observations by {kind} of {len(model.effects)} effects, seed {simulated.seed}")
 
 
 def _plan(
     machine: Machine,
-    strategy: str,
+    strategy: str | None,
     points: str | None,
     spacing: float | None,
     ranges: list[str] | None,
@@ -222,6 +192,8 @@ def _plan(
     from calibration.plan_file import read_plan
     from postproc.terminal import say
 
+    if strategy is None:
+        raise UserError("--strategy, or --path PATH.nc to measure on the fly: where is it to measure?")
     if strategy == "continuous":
         raise UserError("laser runs in motion are simulated by: ncomp simulate-continuous")
     if strategy.lower().endswith(".csv") or Path(strategy).is_file():
@@ -257,7 +229,7 @@ def _placed(
         if trackers:
             raise UserError(f"--tracker is no option of --instrument {instrument}")
         return plan.state, None
-    poses = tracker_poses(plan.machine, plan.positions, trackers, rng)
+    poses = instruments.tracker_poses(plan.machine, plan.positions, trackers, rng)
     return at_stations(plan.state, list(poses), SETUP_S), poses
 
 
@@ -294,8 +266,3 @@ def _reached(
     if not seen.rows.any():
         raise UserError("the tracker sees none of the points from where it stands")
     return np.flatnonzero(seen.rows)
-
-
-def _check_left(measured: Measurement) -> None:
-    if not len(measured):
-        raise UserError("--missing leaves no observation")

@@ -10,12 +10,39 @@ from kinematics.errors import UserError
 from postproc.commands import strategy as options
 from postproc.commands import virtual_machine as virtual
 from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, result
+from postproc.commands.simulation import streams
 
 if TYPE_CHECKING:
     from kinematics.effects import Effect
     from kinematics.machine import Machine
 
 MOTION, LASER, TARGETS = "The motion", "The laser", "The quasi-static measurement"
+
+RunsFile = Annotated[
+    str, typer.Option("--output", "-o", metavar="CONTINUOUS.csv", help="Continuous runs; - for standard output.")
+]
+Acceleration = Annotated[float, typer.Option(metavar="m/s2", min=1e-3, rich_help_panel=MOTION, help="Of the axis.")]
+Lag = Annotated[
+    float, typer.Option(metavar="ms", min=0.0, rich_help_panel=MOTION, help="Time constant of the position loop.")
+]
+Vibrations = Annotated[
+    list[str] | None,
+    typer.Option(metavar="Hz:um", rich_help_panel=LASER, help="Of the machine, all the time. Repeatable."),
+]
+Settling = Annotated[
+    str | None,
+    typer.Option(metavar="Hz:um:s", rich_help_panel=LASER, help="Vibration that dies away after each ramp."),
+]
+Dropped = Annotated[
+    float, typer.Option(metavar="share", min=0.0, max=0.9, rich_help_panel=LASER, help="Samples that are lost.")
+]
+Uncertainty = Annotated[
+    float, typer.Option("--u-um", metavar="um", min=1e-6, rich_help_panel=TARGETS, help="Of a reading (k=1).")
+]
+EndEffect = Annotated[
+    str | None,
+    typer.Option(metavar="um:mm", rich_help_panel=virtual.PANEL, help="At both ends, and how far it reaches."),
+]
 
 EPILOG = (
     "Examples:\n\n"
@@ -33,54 +60,33 @@ def simulate_continuous(
     axis: Annotated[str, typer.Option(metavar="X", help="The linear axis.")],
     start_mm: Annotated[float, typer.Option("--start-mm", metavar="mm", help="Where the run begins.")],
     end_mm: Annotated[float, typer.Option("--end-mm", metavar="mm", help="Where it ends.")],
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="CONTINUOUS.csv", help="Continuous runs; - for standard output.")
-    ],
+    output: RunsFile,
     quasistatic: Annotated[str, typer.Option(metavar="QUASISTATIC.csv", help="Readings at targets.")],
     truth: virtual.TruthFile = None,
     feed: Annotated[float, typer.Option(metavar="mm/min", min=0.1, rich_help_panel=MOTION, help="Programmed.")] = 500.0,
-    acceleration: Annotated[
-        float, typer.Option(metavar="m/s2", min=1e-3, rich_help_panel=MOTION, help="Of the axis.")
-    ] = 1.0,
+    acceleration: Acceleration = 1.0,
     jerk: Annotated[float, typer.Option(metavar="m/s3", min=1e-2, rich_help_panel=MOTION, help="Of the axis.")] = 50.0,
-    lag: Annotated[
-        float, typer.Option(metavar="ms", min=0.0, rich_help_panel=MOTION, help="Time constant of the position loop.")
-    ] = 20.0,
+    lag: Lag = 20.0,
     passes: Annotated[int, typer.Option(min=1, rich_help_panel=MOTION, help="How often the run is repeated.")] = 1,
     both: Annotated[bool, typer.Option("--both", rich_help_panel=MOTION, help="There and back each time.")] = False,
     rate: Annotated[float, typer.Option(metavar="Hz", min=1.0, rich_help_panel=LASER, help="Sampling.")] = 100.0,
     noise: Annotated[float, typer.Option(metavar="um", min=0.0, rich_help_panel=LASER, help="Of a sample.")] = 0.1,
-    vibration: Annotated[
-        list[str] | None,
-        typer.Option(metavar="Hz:um", rich_help_panel=LASER, help="Of the machine, all the time. Repeatable."),
-    ] = None,
-    settling: Annotated[
-        str | None,
-        typer.Option(metavar="Hz:um:s", rich_help_panel=LASER, help="Vibration that dies away after each ramp."),
-    ] = None,
+    vibration: Vibrations = None,
+    settling: Settling = None,
     jitter: Annotated[float, typer.Option(metavar="us", min=0.0, rich_help_panel=LASER, help="Of time stamps.")] = 0.0,
-    dropped: Annotated[
-        float, typer.Option(metavar="share", min=0.0, max=0.9, rich_help_panel=LASER, help="Samples that are lost.")
-    ] = 0.0,
+    dropped: Dropped = 0.0,
     spacing: Annotated[float, typer.Option(metavar="mm", rich_help_panel=TARGETS, help="Between targets.")] = 100.0,
     runs: Annotated[int, typer.Option(min=1, rich_help_panel=TARGETS, help="Cycles, there and back.")] = 1,
     dwell: Annotated[float, typer.Option(metavar="s", min=0.0, rich_help_panel=TARGETS, help="At each target.")] = 4.0,
-    u_um: Annotated[
-        float, typer.Option("--u-um", metavar="um", min=1e-6, rich_help_panel=TARGETS, help="Of a reading (k=1).")
-    ] = 0.2,
+    u_um: Uncertainty = 0.2,
     errors: virtual.Errors = None,
     calibration: virtual.TruthCalibration = None,
     effect: virtual.EffectTexts = None,
-    end_effect: Annotated[
-        str | None,
-        typer.Option(metavar="um:mm", rich_help_panel=virtual.PANEL, help="At both ends, and how far it reaches."),
-    ] = None,
+    end_effect: EndEffect = None,
     temperature: virtual.Temperatures = None,
     seed: options.Seed = 0,
 ) -> None:
     """Simulate laser runs of one axis at constant velocity, and a quasi-static measurement before them."""
-    import numpy as np
-
     from calibration.continuous.record_file import write_records
     from calibration.continuous.virtual import Laser, Motion, Targets, measure
     from calibration.effect_text import read_effects
@@ -99,24 +105,17 @@ def simulate_continuous(
     found = machine_of(machine)
     axis = axis.strip().upper()
     _check_way(found, axis, start_mm, end_mm, spacing)
-    draws = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(2)]
+    draws = streams(seed, 2)
     effects = [*read_effects(effect or [], found), *_at_ends(found, axis, start_mm, end_mm, end_effect)]
     model = virtual.virtual_model(found, errors, calibration, 0.0, effects, draws[0])
     laser = Laser(rate, noise, _vibrations(vibration or []), _settling(settling), jitter * 1e-6, dropped)
+    motion = Motion(start_mm, end_mm, feed, acceleration * 1e3, jerk * 1e3, lag * 1e-3)
+    targets = Targets(spacing, runs, dwell=dwell)
     with console.status("simulating"):
         measured = measure(
-            found,
-            model,
-            axis,
-            Motion(start_mm, end_mm, feed, acceleration * 1e3, jerk * 1e3, lag * 1e-3),
-            laser,
-            Targets(spacing, runs, dwell=dwell),
-            Interferometer(u_um=u_um),
-            draws[1],
-            passes=passes,
-            both=both,
+            found, model, axis, motion, laser, targets, Interferometer(u_um=u_um), draws[1], passes=passes, both=both,
             temperatures=virtual.courses_of(temperature or []),
-        )
+        )  # fmt: skip
     with result(truth) as truth_file, result(quasistatic) as targets_file, result(output) as file:
         write_records(measured.records, axis, found.name, file)
         write_measurement(measured.quasi, targets_file)

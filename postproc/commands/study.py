@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
     from calibration.study.run import Draws, Result
     from calibration.study.volume import Volume
+    from kinematics.machine import Machine
     from postproc.motions import Motions
+    from postproc.setup import Setup
 
 MANY = 3000
 """Moves of a program that are judged, evenly spread."""
@@ -72,11 +74,8 @@ def study(
     from calibration.study.run import Draws, run
     from calibration.study.spread import workers as team_of
     from calibration.study.store import Store
-    from postproc.dialects import find_dialect
-    from postproc.source import open_source
     from postproc.terminal import console
     from postproc.terminal import output as screen
-    from postproc.verify import merged, read_motions
 
     refuse_one_place(json, output, "the results")
     check_places((definition, program, *(tool_table or ())), (output, json, report))
@@ -87,10 +86,8 @@ def study(
         cases = read_cases(wanted, definition.parent)
     if program is not None:
         machine = cases[0].plan.machine
-        source = open_source(program)
-        language = find_dialect(dialect, source.name, source.text_head)
-        moves = read_motions(source, language, machine, setup_of(machine, work_offset, tool_length, tool_table))
-        along = _ends(merged(moves), program, wanted.instrument.temperature)
+        moves = _moves_of(program, dialect, machine, setup_of(machine, work_offset, tool_length, tool_table))
+        along = _ends(moves, program, wanted.instrument.temperature)
         cases = [with_volume(case, along) for case in cases]
     number = None if wanted.draws == "adaptive" else wanted.draws
     draws = Draws(number, wanted.tolerance_um, wanted.most_draws)
@@ -106,6 +103,16 @@ def study(
             shown.write(study_page(found, wanted, f"ncomp study {definition}"))
     store.clear(case.key for case in cases)
     _show(found, draws, console if "-" in (output, json, report) else screen)
+
+
+def _moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:
+    """All moves of a program."""
+    from postproc.dialects import find_dialect
+    from postproc.source import open_source
+    from postproc.verify import merged, read_motions
+
+    source = open_source(program)
+    return merged(read_motions(source, find_dialect(dialect, source.name, source.text_head), machine, setup))
 
 
 def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:

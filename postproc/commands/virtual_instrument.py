@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
 
 from kinematics.errors import UserError
 from postproc.commands import strategy as options
@@ -17,6 +19,55 @@ if TYPE_CHECKING:
     from kinematics.effects import Effect
     from kinematics.machine import Machine
     from kinematics.transforms import Array, Pose
+
+INSTRUMENT, FAULTS = "The instrument", "What goes wrong"
+
+InstrumentKind = Annotated[
+    str, typer.Option(metavar="KIND", rich_help_panel=INSTRUMENT, help="laser-tracker, interferometer or part.")
+]
+Uncertainties = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--uncertainty",
+        "-u",
+        metavar="u_angle_um=10",
+        rich_help_panel=INSTRUMENT,
+        help="Standard uncertainties (k=1), by their keys in a measurement file; all others are zero. Repeatable.",
+    ),
+]
+TrackerPlaces = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="x,y,z",
+        rich_help_panel=INSTRUMENT,
+        help="Where it stands, mm, in the workpiece frame (on the bed: machine frame). Repeatable: stations.",
+    ),
+]
+StandsOn = Annotated[
+    str, typer.Option(metavar="workpiece|bed", rich_help_panel=INSTRUMENT, help="On the table, or on the floor.")
+]
+Elevation = Annotated[
+    str | None,
+    typer.Option(metavar="low:high", rich_help_panel=INSTRUMENT, help="Articulation of the tracker, degrees."),
+]
+Incidence = Annotated[
+    float | None,
+    typer.Option(metavar="deg", rich_help_panel=INSTRUMENT, help="Largest angle between beam and reflector's axis."),
+]
+Planar = Annotated[bool, typer.Option("--planar", rich_help_panel=INSTRUMENT, help="A part measured in x and y only.")]
+NoiseScale = Annotated[
+    float, typer.Option(min=0.0, rich_help_panel=INSTRUMENT, help="Noise, times the uncertainties; 0 is none.")
+]
+Outliers = Annotated[
+    float, typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="50 to 500 um off.")
+]
+Duplicates = Annotated[
+    float,
+    typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="Rows that stand there twice."),
+]
+Missing = Annotated[
+    float, typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="Rows that are not there.")
+]
 
 SHEETS: Mapping[str, Mapping[str, float]] = {
     "laser-tracker": {"u_range_um_per_m": 0.25, "u_angle_um": 10.0, "u_angle_um_per_m": 2.5},
