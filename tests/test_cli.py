@@ -101,7 +101,7 @@ BAD_OPTIONS = {
     "work offset of no axis": (["in.nc", *GANTRY, "--work-offset", "G54=1,2,3,C=4"], "no axis C on machine gantry"),
     "bad tool length": (["in.nc", *GANTRY, "--tool-length", "long"], "--tool-length long: expected T1=mm"),
     "missing tool table": (["in.nc", *GANTRY, "--tool-table", "no.tbl"], "tool table no.tbl: No such file"),
-    "bad tool table": (["in.nc", *GANTRY, "--tool-table", "in.nc"], "tool table in.nc:1: '%' is no LinuxCNC tool entry"),
+    "bad tool table": (["in.nc", *GANTRY, "--tool-table", "in.nc"], "tool table in.nc:3: 'G21 G17 G90': G17 in a list of offsets"),
     "json and program on one stream": (["in.nc", *GANTRY, "--json", "-", "-o", "-"], "can't both go to standard output"),
     "json and program in one file": (["in.nc", *GANTRY, "--json", "./out.nc", "-o", "out.nc"], "--json and --output both name ./out.nc"),
     "missing output folder": (["in.nc", *GANTRY, "-o", "no/out.nc"], "can't write no/out.nc: No such file"),
