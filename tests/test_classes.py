@@ -141,10 +141,10 @@ def corrected(text, classes):
 
 def test_rotary_words_change_only_for_the_orientation():
     plain, text = corrected(PROGRAM, None)
-    assert "B30 C40" in text
+    assert "B37 C54" in text
     assert plain.tilt_after.largest > 20
     turned, text = corrected(PROGRAM, "L-VOL+,R-VOL+")
-    assert "B30 C40" not in text
+    assert "B37 C54" not in text
     assert turned.tilt_before.largest == plain.tilt_before.largest
     # one row stands on the pole; four decimals of a degree are 0.9 urad
     assert turned.tilt_after.rms < 0.35 * plain.tilt_after.rms
