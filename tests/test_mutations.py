@@ -95,7 +95,7 @@ def test_klartext(data):
 @pytest.mark.slow
 @pytest.mark.usefixtures("nc_data")
 @pytest.mark.parametrize("dialect", ["iso", "siemens", "heidenhain"])
-@settings(max_examples=250)
+@settings(max_examples=1500)
 @given(st.data())
 def test_many(dialect, data):
     check(*data.draw(spoilt(dialect)), dialect)

@@ -146,7 +146,7 @@ def test_other_dialects(dialect):
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), case=st.sampled_from(EVERY), dialect=st.sampled_from(list(TCP)))
 def test_any_long_lines(seed, case, dialect):
     name, tcp = case
@@ -310,7 +310,7 @@ def test_arcs_on_all_machines(name, tcp):
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), case=st.sampled_from(EVERY))
 def test_any_arcs(seed, case):
     name, tcp = case

@@ -108,7 +108,7 @@ def test_without_errors_the_bytes_stay(part):
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=150)
 @given(parts())
 def test_many_parts(part):
     machine = load("gantry")

@@ -1,8 +1,9 @@
 """How Miller et al. 2017 give a continuous run its straight line back: the three methods that theirs is compared with.
 
-Each takes the errors of single samples about their own straight line of least squares (3, 4) and adds a line: through
-the quasi-static errors at the ends of the travel (Fig. 7), through two of them inside the segment (Fig. 8), or the one
-of least squares between the run and all readings inside (5, Fig. 9), found there by a simplex search.
+Each takes the errors of single samples about their own straight line of least squares (3, 4), gives them a slope, and
+shifts them onto the readings inside the segment (step 5). The slope is that of the quasi-static errors at the ends of the
+travel (Fig. 7), of two of them inside the segment (Fig. 8), or the one of least squares between the run and all readings
+inside (5, Fig. 9), found there by a simplex search.
 """
 
 from __future__ import annotations
@@ -38,10 +39,11 @@ def compared(course: Course, quasi: QuasiStatic, inside: np.ndarray) -> Comparis
     rows = quasi.direction == course.record.direction
     targets, means = _means(quasi.rows(np.flatnonzero(rows)))
     within, values = _means(quasi.rows(np.flatnonzero(rows & inside)))
+    missing = values - _at(course.raw_x, own, within)
     lines = {
-        "end point": _through(targets, means),
-        "two points": _through(within, values),
-        "least squares": _least_squares(within, values - _at(course.raw_x, own, within)),
+        "end point": _shifted(_slope(targets, means), within, missing),
+        "two points": _shifted(_slope(within, values), within, missing),
+        "least squares": _least_squares(within, missing),
     }
     return Comparison(
         course.raw_x, {name: own + line.offset + line.slope * course.raw_x for name, line in lines.items()}
@@ -59,10 +61,14 @@ def _means(quasi: QuasiStatic) -> tuple[Array, Array]:
     return targets, np.bincount(which, quasi.deviation) / np.bincount(which)
 
 
-def _through(targets: Array, values: Array) -> Line:
-    """The line through the first and the last."""
-    slope = float((values[-1] - values[0]) / (targets[-1] - targets[0]))
-    return Line(float(values[0]) - slope * float(targets[0]), slope)
+def _slope(targets: Array, values: Array) -> float:
+    """From the first to the last."""
+    return float((values[-1] - values[0]) / (targets[-1] - targets[0]))
+
+
+def _shifted(slope: float, targets: Array, differences: Array) -> Line:
+    """The line of this slope in the middle of the differences."""
+    return Line(float(np.mean(differences - slope * targets)), slope)
 
 
 def _least_squares(targets: Array, differences: Array) -> Line:

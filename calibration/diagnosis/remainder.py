@@ -19,7 +19,7 @@ from kinematics.effects import Effect
 from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 
-IMPOSTOR = 1.0
+IMPOSTOR = 4.0
 """A smooth cause that explains less than this multiple of what is left, of a variable of its own, is none."""
 SMOOTH = (
     *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),

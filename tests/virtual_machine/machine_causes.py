@@ -260,16 +260,12 @@ class Unknown(Cause):
     size: float = 1.0
 
     def tool(self, session: Session) -> Array:
-        """Bump x slope x wave; the bump is a quarter of the travel wide, the wave 1.5 periods long.
-
-        The bump has no mean: that would be a growth of Z in time, which the table of effects does hold.
-        """
+        """Bump x slope x wave; the bump is a quarter of the travel wide, the wave 1.5 periods long."""
         u, v = (Sag._share(session, name) for name in ("X", "Z"))
         duration = float(session.clock[-1])
         wave = np.sin(3 * np.pi * session.clock / duration)
         result = np.zeros((len(session), 6))
-        bump = np.exp(-0.5 * ((u - 0.45) / 0.25) ** 2)
-        shape = (bump - bump.mean()) * (2 * v - 1) * wave
+        shape = np.exp(-0.5 * ((u - 0.45) / 0.25) ** 2) * (2 * v - 1) * wave
         result[:, "XYZ".index(self.component)] = self.size * UM * shape
         return result
 
