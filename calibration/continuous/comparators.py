@@ -1,9 +1,9 @@
 """How Miller et al. 2017 give a continuous run its straight line back: the three methods that theirs is compared with.
 
 Each takes the errors of single samples about their own straight line of least squares (3, 4), gives them a slope, and
-shifts them onto the readings inside the segment (step 5). The slope is that of the quasi-static errors at the ends of the
-travel (Fig. 7), of two of them inside the segment (Fig. 8), or the one of least squares between the run and all readings
-inside (5, Fig. 9), found there by a simplex search.
+shifts them onto the readings inside the segment (step 5). The slope is that of the quasi-static errors at the ends of
+the travel (Fig. 7), of two of them inside the segment (Fig. 8), or the one of least squares between the run and all
+readings inside (5, Fig. 9), found there by a simplex search.
 """
 
 from __future__ import annotations

@@ -177,6 +177,11 @@ class Frame:
         )
         return fewer._at_rest()
 
+    def shuffled(self, rng: np.random.Generator) -> Frame:
+        """The frame of residuals as large, the sign of each row drawn at random."""
+        signs = np.repeat(rng.choice([-1.0, 1.0], len(self.rows)), self.scalars // len(self.rows))
+        return replace(self, residual=self.residual * signs)._at_rest()
+
     @property
     def measurement(self) -> Measurement:
         """The measurement of the fit, all rows."""

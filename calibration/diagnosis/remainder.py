@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import linalg
 
+from calibration.diagnosis.by_chance import by_chance, searched
 from calibration.diagnosis.dependence import Unexplained, explaining_variables
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.selection import Accepted, Stage
@@ -20,7 +21,7 @@ from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 
 IMPOSTOR = 4.0
-"""A smooth cause that explains less than this multiple of what is left, of a variable of its own, is none."""
+"""A smooth cause that explains less than this multiple of the squares left, of a variable of its own, is none."""
 SMOOTH = (
     *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),
     *("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle"),
@@ -71,23 +72,27 @@ def unexplained(frame: Frame) -> Unexplained | None:
 
 
 def impostors(stage: Stage, left: Unexplained) -> list[Accepted]:
-    """Accepted smooth causes of variables of what is left, that explain less than that: its form is not theirs."""
-    frame = stage.frame
-    components = frame.measurement.components
-    energy = left.rms**2 * len(frame.rows) * components
-    given = variables(frame.measurement, frame.rows)
-    found = []
-    for i, each in enumerate(stage.accepted):
-        effect = each.candidate.effect
-        if effect.kind not in SMOOTH or each.candidate.replaces:
-            continue
-        without = stage.without(i)
-        own = without.projected(without.columns(effect))
-        explains = float(each.size @ own.left @ each.size)
-        shared = {_family(name) for name in depends_on(effect, given)} & {_family(name) for name in left.variables}
-        if shared and explains < IMPOSTOR * energy:
-            found.append(each)
-    return found
+    """Accepted causes that were only blamed for what is left.
+
+    Smooth ones of its variables, that explain little more than is left: its form is not theirs. And those whose shapes
+    a search finds as strongly where there is nothing of the kind.
+    """
+    given = variables(stage.frame.measurement, stage.frame.rows)
+    return [
+        each
+        for i, each in enumerate(stage.accepted)
+        if (searched(each) and by_chance(stage.frame, each)) or _not_its_form(stage, i, left, given)
+    ]
+
+
+def _not_its_form(stage: Stage, index: int, left: Unexplained, given: Mapping[str, Array]) -> bool:
+    candidate, size = stage.accepted[index].candidate, stage.accepted[index].size
+    if candidate.effect.kind not in SMOOTH or candidate.replaces:
+        return False
+    shared = {_family(name) for name in depends_on(candidate.effect, given)} & {_family(n) for n in left.variables}
+    without = stage.without(index)
+    explains = float(size @ without.projected(without.columns(candidate.effect)).left @ size)
+    return bool(shared) and explains < IMPOSTOR * left.rms**2 * stage.frame.scalars
 
 
 def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
