@@ -2,7 +2,8 @@
 
 Every file below the folder goes through the main job twice, on the first of the machines that takes it (default:
 dmu50, trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX
-that move no part of it, and as one on which a tool change moves nothing): with `--calibration none`, where an accepted
+that move no part of it, as one on which a tool change moves nothing, as a FANUC, and as one whose programs leave the
+state as they find it when they are called): with `--calibration none`, where an accepted
 program must come out byte for byte, and for a machine that is out of square by 20 urad. One that asks for the radius of
 a tool is given a tool table, in which all tools are alike. Prints a table per folder, and one line per program that the
 first, or only the second, refuses.
@@ -44,7 +45,14 @@ def variants(names: list[str]) -> list[Machine]:
     """The machines, each with its own control and with others."""
     found = []
     for machine in map(machines.load, names):
-        others = ({}, {"arc_centres": "absolute"}, {"passive_axes": ("E", "ELX")}, {"tool_change_moves": ()})
+        others = (
+            {},
+            {"arc_centres": "absolute"},
+            {"passive_axes": ("E", "ELX")},
+            {"tool_change_moves": ()},
+            {"family": "fanuc"},
+            {"calls_leave_state": True},
+        )
         controls = [dataclasses.replace(machine.control, **other) for other in others]
         found += [dataclasses.replace(machine, control=control) for control in controls]
     return found

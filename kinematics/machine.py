@@ -95,6 +95,8 @@ class Control:
     """True for a control whose kinematics place the tool point in the workpiece frame from the start (LinuxCNC)."""
     passive_axes: tuple[str, ...] = ()
     """Names of axes outside the chain, as of an extruder: their words pass as they are (Siemens programs)."""
+    calls_leave_state: bool = False
+    """Programs in other files that a program calls leave tool, frames and modes as they find them (Klartext)."""
     family: Literal["any", "fanuc", "linuxcnc"] = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
 

@@ -30,6 +30,7 @@ from postproc.heidenhain_places import SHIFT
 from postproc.heidenhain_planes import Planes
 from postproc.heidenhain_tools import Tools
 from postproc.heidenhain_variables import QParameters
+from postproc.heidenhain_vectors import normal_line
 from postproc.iso_codes import INCH
 from postproc.motions import Motions
 from postproc.moves import Kind
@@ -73,6 +74,7 @@ class HeidenhainInterpreter:
             "plane": self.planes.define,
             "transformation": lambda _, block: self._transformation(block),
             "centre": self.arcs.set_pole,
+            "program_call": lambda _, block: self._call_program(block),
         }
 
     @property
@@ -102,7 +104,8 @@ class HeidenhainInterpreter:
             if block.kind in HARMLESS_KINDS:
                 continue
             self._read_block(index, block)
-            if (control.cornered or control.compensated) and block.kind in MOVING_KINDS:
+            shifted = control.cornered or control.compensated or block.kind == "normal_line"
+            if shifted and block.kind in MOVING_KINDS:
                 done[-1] = block._replace(alone=True)
             control.cornered = block.kind in ("rounding", "chamfer")
         return control.recorder.finish(done)
@@ -158,6 +161,8 @@ class HeidenhainInterpreter:
                 approach(self.control, index, block, content)
             case "cycle_position":
                 self.cycles.call_at(index, block, content)
+            case "normal_line":
+                normal_line(self.control, index, block, content, settled)
             case "line" if content.axes:
                 self._line(index, block, content, settled)
             case _ if content.axes:
@@ -231,6 +236,15 @@ class HeidenhainInterpreter:
         self.control.forget("XYZ" if leans else "Z")
 
     # ---- statements
+
+    def _call_program(self, block: Block) -> None:
+        """CALL PGM: what it does to parameters is a step of the block."""
+        if not self.machine.control.calls_leave_state:
+            reason = "other programs are not followed; should they leave tool, frames and modes as they find them, say"
+            raise block.refuse(f"{block.detail}: {reason} calls_leave_state = true in the machine file")
+        self.control.forget(self.machine.names)
+        says = f"{block.detail}: taken to leave tool, frames and modes as they are (machine file: calls_leave_state)"
+        self.notes.add(says, block.line)
 
     def _transformation(self, block: Block) -> None:
         words = {word.address: word.value for word in block.words}

@@ -194,9 +194,12 @@ class Arcs:
         if any(word.axis in pole.plane[:2] for word, _ in words):
             raise block.refuse("a coordinate in the plane of the pole beside polar ones")
         target = self.control.target(block, words)
-        start, _ = self._ends(block, pole.plane, target)
-        place = self._place(block, pole, start)
         first, second, _ = pole.plane
+        recorder = self.control.recorder
+        start = recorder.position[first], recorder.position[second]
+        place = self._place(block, pole, start)
+        if not (recorder.known[first] and recorder.known[second]) and (block.kind != "polar_line" or not place.said):
+            raise block.refuse("polar coordinates that count from a position that the program has not said")
         target[first], target[second] = place.at
         kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
         arc = None

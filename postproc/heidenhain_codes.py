@@ -87,12 +87,11 @@ MOVING_KINDS = frozenset(
         "polar_tangent",
         "approach",
         "departure",
+        "normal_line",
     )
 )
 REFUSED_KINDS = {
-    "normal_line": "surface normals (LN) are not corrected",
     "free_contour": "free contours (FK) are not corrected",
-    "program_call": "other programs are not followed",
     "selection": "what it selects is not known",
     "probe": "where a probing move ends is not known",
 }

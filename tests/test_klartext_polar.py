@@ -279,3 +279,20 @@ def test_generated_programs_are_corrected(data):
     text = "\n".join(lines) + "\n"
     written, left, _ = judged(text)
     assert left.max() < ON_ITS_CIRCLE, written
+
+
+FROM_ANYWHERE = "BEGIN PGM A MM\nCC X+10 Y+20\nLP PR+50 PA+30 FMAX\nL Z+20\nLP PA+60 F500\nEND PGM A MM\n"
+
+
+def test_both_polar_coordinates_need_no_place_before():
+    nominal, commanded = read(FROM_ANYWHERE), read(correct(FROM_ANYWHERE, model=MODEL))
+    np.testing.assert_allclose(nominal.target[2, :2], [35, 20 + 50 * math.sin(math.radians(60))], atol=1e-9)
+    rows = ~commanded.inner
+    left = missed(GANTRY, MODEL, commanded.machine_target[rows], nominal.machine_target, nominal.tool).point_um
+    assert left[1:].max() < 0.2
+
+
+@pytest.mark.parametrize("words", ["LP PR+50", "LP PA+30", "LP PR+50 IPA+10", "CP PA+30 DR+"])
+def test_others_do(words):
+    with pytest.raises(UserError, match="count from a position that the program has not said"):
+        correct(f"BEGIN PGM A MM\nCC X+10 Y+20\n{words}\nEND PGM A MM\n")
