@@ -1,12 +1,12 @@
 """Which programs ncomp accepts, and why it refuses the others: `python benchmarks/acceptance.py FOLDER [MACHINE ...]`.
 
-Every file below the folder goes through the main job twice, on the first of the machines that takes it (default:
-dmu50, trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX
-that move no part of it, as one on which a tool change moves nothing, as a FANUC, and as one whose programs leave the
-state as they find it when they are called): with `--calibration none`, where an accepted
-program must come out byte for byte, and for a machine that is out of square by 20 urad. One that asks for the radius of
-a tool is given a tool table, in which all tools are alike. Prints a table per folder, and one line per program that the
-first, or only the second, refuses.
+Every file below the folder goes through the main job, on the first of the machines that takes it (default: dmu50,
+trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX that move
+no part of it, as one on which a tool change moves nothing, as a FANUC, and as one whose programs leave the state as
+they find it when they are called): with `--calibration none`, where an accepted program must come out byte for byte,
+for a machine that is out of square by 20 urad, and for that with `--unroll` where it is refused without. One that asks
+for the radius of a tool is given a tool table, in which all tools are alike. Prints a table per folder, and one line
+per program that the first, or only the second, refuses.
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Provenance, no_errors, reference
 from postproc.dialects import find_dialect
+from postproc.notes import Notes
 from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
+from postproc.setup import Setup, make_setup
 from postproc.source import open_source
 from postproc.tool_tables import ToolTable
+from postproc.unroll import unrolled
 
 SQUARENESS_URAD = 20.0
 TOOLS = ToolTable(tools={str(n): 0.0 for n in range(1000)}, radii={str(n): 3.0 for n in range(1000)})
@@ -58,28 +60,28 @@ def variants(names: list[str]) -> list[Machine]:
     return found
 
 
-def correct(path: Path, machine: Machine, model: ErrorModel) -> bytes:
+def correct(path: Path, machine: Machine, model: ErrorModel, *, unroll: bool = False) -> bytes:
     """The program as it comes out; UserError when it is refused."""
-    out = io.BytesIO()
-    source = open_source(str(path))
-    dialect = find_dialect("auto", source.name, source.text_head)
     try:
-        run(Job(source, dialect, machine, model, make_setup(machine), travel_check=False), out)
+        return run(path, machine, model, make_setup(machine), unroll)
     except UserError as fault:
         if "--tool-table" not in str(fault):
             raise
-        out = io.BytesIO()
-        run(Job(source, dialect, machine, model, make_setup(machine, table=TOOLS), travel_check=False), out)
+        return run(path, machine, model, make_setup(machine, table=TOOLS), unroll)
+
+
+def run(path: Path, machine: Machine, model: ErrorModel, setup: Setup, unroll: bool) -> bytes:
+    """One run of the main job."""
+    source, out = open_source(str(path)), io.BytesIO()
+    dialect = find_dialect("auto", source.name, source.text_head)
+    if unroll:
+        source = unrolled(source, dialect, lambda: dialect.interpreter(machine, setup, Notes()))
+    Pipeline(Job(source, dialect, machine, model, setup, travel_check=False)).run(out, lambda _: None)
     return out.getvalue()
 
 
-def run(job: Job, out: io.BytesIO) -> None:
-    """One run of the main job."""
-    Pipeline(job).run(out, lambda _: None)
-
-
-def refusals(path: Path, candidates: list[Machine]) -> tuple[str | None, str | None]:
-    """Why a program is refused without and with errors, None where it is not.
+def refusals(path: Path, candidates: list[Machine]) -> tuple[str | None, str | None, str | None]:
+    """Why a program is refused without errors, with errors, and with errors and `--unroll`; None where it is not.
 
     AssertionError when one that is accepted does not come back as it was.
     """
@@ -90,31 +92,39 @@ def refusals(path: Path, candidates: list[Machine]) -> tuple[str | None, str | N
         except UserError as fault:
             reasons.append(str(fault))
             continue
-        try:
-            correct(path, machine, out_of_square(machine))
-        except UserError as fault:
-            return None, str(fault)
-        return None, None
+        straight = refusal(path, machine, unroll=False)
+        return None, straight, straight and refusal(path, machine, unroll=True)
     reason = next((reason for reason in reasons if "has no axis" not in reason), reasons[0])
-    return reason, reason
+    return reason, reason, reason
+
+
+def refusal(path: Path, machine: Machine, *, unroll: bool) -> str | None:
+    """Why a program is refused with errors, None where it is not."""
+    try:
+        correct(path, machine, out_of_square(machine), unroll=unroll)
+    except UserError as fault:
+        return str(fault)
+    return None
 
 
 def main(folder: Path, machine_names: list[str]) -> None:
     """Print the table and the refusals."""
     candidates = variants(machine_names)
-    counts: dict[Path, list[int]] = defaultdict(lambda: [0, 0, 0])
+    counts: dict[Path, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
     lines = []
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
-        read, corrected = refusals(path, candidates)
+        read, corrected, written_out = refusals(path, candidates)
         row = counts[path.parent.relative_to(folder)]
         row[0] += 1
         row[1] += read is None
         row[2] += corrected is None
+        row[3] += written_out is None
         if corrected is not None:
-            lines.append(("" if read else "(read, not corrected) ") + corrected.replace(f"{folder}/", ""))
-    print(f"{'folder':<32}{'programs':>10}{'accepted':>10}{'corrected':>10}")
-    for name, (programs, accepted, done) in counts.items():
-        print(f"{name!s:<32}{programs:>10}{accepted:>10}{done:>10}")
+            kind = "" if read else "(read, not corrected) " if written_out else "(only with --unroll) "
+            lines.append(kind + corrected.replace(f"{folder}/", ""))
+    print(f"{'folder':<32}{'programs':>10}{'accepted':>10}{'corrected':>10}{'or unrolled':>13}")
+    for name, (programs, accepted, done, unrolled_too) in counts.items():
+        print(f"{name!s:<32}{programs:>10}{accepted:>10}{done:>10}{unrolled_too:>13}")
     print("\n".join(["", *lines]))
 
 
