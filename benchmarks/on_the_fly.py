@@ -24,7 +24,7 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration.calibrate import Calibration, calibrate
+from calibration.calibrate import calibrate
 from calibration.fit import fit
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement, Target, with_moves
@@ -35,7 +35,7 @@ from calibration.on_the_fly.drive import Manner
 from calibration.on_the_fly.footing import with_footing
 from calibration.on_the_fly.gain import Volume
 from calibration.on_the_fly.nominal_path import NominalPath, target_path
-from calibration.on_the_fly.on_path import CELL_MM, CORNER_MM, on_path
+from calibration.on_the_fly.on_path import CELL_MM, CORNER_MM, MARGIN, on_path
 from calibration.on_the_fly.planned import planned
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.virtual import Session, readings_of, write_readings
@@ -63,6 +63,8 @@ TOOL = (0.0, 0.0, -100.0)
 TARGETS = {"t": Target(TOOL)}
 AT = (-1500.0, -300.0, 200.0)
 GRID_UM, LENGTH_MM, FEED = 103.0, 21_000.0, 2500.0
+Curves = dict[str, tuple[Array, Array]]
+"""Values and standard uncertainties of error motions at places, by name."""
 NODES = {"X": BasisChoice("b-spline", 13), "Y": BasisChoice("b-spline", 13), "Z": BasisChoice("b-spline", 10)}
 
 
@@ -74,7 +76,7 @@ def main() -> None:
     arguments = parser.parse_args()
     parts: dict[str, Callable[[], None]] = {
         "paths": lambda: paths(arguments.draws),
-        "standstill": standstill,
+        "standstill": lambda: standstill(arguments.draws),
         "many": many,
         "five-axes": five_axes,
     }
@@ -116,7 +118,7 @@ def _judged(path: NominalPath, machine: Machine, noise: float, draw: int) -> tup
     truth = _truth(machine, rng)
     tracker = LaserTracker(u_range_um=noise or 0.02, u_angle_um=noise or 0.02)
     measurement = with_footing(on_path(_sparse(path, truth, tracker, noise > 0.0, rng), path))
-    found = calibrate(measurement, hold_out=False)
+    found = calibrate(measurement, margin=MARGIN, hold_out=False)
     registration, _ = first_registration(measurement)
     nominal = residuals(measurement, no_errors(machine), registration)
     before, after = (np.linalg.norm(each, axis=1).mean() * 1e3 for each in (nominal, found.fit.residual))
@@ -208,10 +210,25 @@ def _path(machine: Machine, corners: Array) -> NominalPath:
 # ---- at rest and on the fly
 
 
-def standstill() -> None:
-    """The same machine by 320 points at rest and along the planned path, each error motion and the volume compared."""
+def standstill(draws: int) -> None:
+    """The same machine by 320 points at rest and along the planned path: each error motion and the volume compared."""
     machine = machines.parse(MACHINE, "fixed")
-    rng = np.random.default_rng(5)
+    volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
+    path = _path(machine, planned(volume, LENGTH_MM, np.random.default_rng(0)).corners)
+    rows = np.array([_two_ways(machine, path, draw) for draw in range(draws)])
+    chi2_rest, grid_rest, chi2_fly, grid_fly, *shares = rows.mean(axis=0).tolist()
+    print(f"320 positions at rest with 3 targets, and on the fly, {draws} machines:")
+    print(f"  at rest: {grid_rest:.2f} um left on the grid, chi2/dof {chi2_rest:.3f}")
+    print(f"  on the fly: {grid_fly:.2f} um left on the grid, chi2/dof {chi2_fly:.3f}")
+    agree, rest, fly = (100 * share for share in shares)
+    print(f"  error motions within U (k=2) of each other at {agree:.1f} % of places (by machine "
+          f"{', '.join(f'{100 * share:.0f}' for share in rows[:, 4])})")  # fmt: skip
+    print(f"  within U of the truth: at rest {rest:.1f} %, on the fly {fly:.1f} %")
+
+
+def _two_ways(machine: Machine, path: NominalPath, draw: int) -> tuple[float, ...]:
+    """chi2 and um left on the grid, at rest and on the fly; shares of places within U: both, each of the truth."""
+    rng = np.random.default_rng([5, draw])
     truth = _truth(machine, rng)
     tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
     poses = {"1": tracker_pose(AT, rng)}
@@ -222,45 +239,31 @@ def standstill() -> None:
     n = len(at_rest.positions)
     state = with_moves(State(np.tile(at_rest.positions, (3, 1)), target=np.repeat(list(targets), n)))
     resting = calibrate(observe(machine, truth, state, tracker, rng, poses, targets), hold_out=False)
-    volume = Volume(machine, machine.travel, TARGETS, CELL_MM, CORNER_MM)
-    path = _path(machine, planned(volume, LENGTH_MM, np.random.default_rng(0)).corners)
     session = Session(path, [Manner(10_000.0, rate=100.0)], targets, poses)
     made = readings_of(session, truth, tracker, rng)
     taken = on_path(_as_read(made, np.full(len(made), "1")), path)
-    moving = calibrate(with_footing(taken), hold_out=False)
-    print(f"{3 * n} points at rest (3 targets): chi2/dof {resting.fit.chi2_reduced:.3f}; {taken.reduction}")
-    for name, each in (("at rest", resting), ("on the fly", moving)):
-        own, left = _on_grid(machine, truth, each.model)
-        print(f"  {name}: grid {own:.1f} -> {left:.2f} um, chi2/dof {each.fit.chi2_reduced:.3f}")
-    inside, worst = _motions_agree(resting, moving)
-    print(f"  error motions differ by less than U (k=2) of the difference at {100 * inside:.1f} % of places; {worst}")
+    moving = calibrate(with_footing(taken), margin=MARGIN, hold_out=False)
+    judged = [(each.fit.chi2_reduced, _on_grid(machine, truth, each.model)[1]) for each in (resting, moving)]
+    rest, fly = _curves(resting.model, machine), _curves(moving.model, machine)
+    exact = _curves(truth, machine)
+    return (*judged[0], *judged[1], _agree(rest, fly), _agree(rest, exact), _agree(fly, exact))
 
 
-def _motions_agree(first: Calibration, second: Calibration) -> tuple[float, str]:
-    """Share of the places along all axes where the error motions agree within U, and the worst difference."""
-    total, agree, worst, where = 0, 0, 0.0, ""
-    ends = {axis.name: axis.travel for axis in first.fit.measurement.machine.axes}
-    curves = [_curves(each, ends) for each in (first, second)]
-    for name, (value, u) in curves[0].items():
-        other, u_other = curves[1][name]
-        apart = np.abs(value - other)
-        both = 2.0 * np.sqrt(u**2 + u_other**2)
-        total, agree = total + len(apart), agree + int(np.count_nonzero(apart < both))
-        if apart.max() > worst:
-            worst, where = (
-                float(apart.max()),
-                f"largest difference {apart.max():.2f} (um, urad) in {name}, U {both[np.argmax(apart)]:.2f}",
-            )
-    return agree / total, where
+def _agree(first: Curves, second: Curves) -> float:
+    """Share of the places along all axes where the error motions agree within U."""
+    values, u = (np.concatenate([first[name][i] for name in first]) for i in (0, 1))
+    others, u_other = (np.concatenate([second[name][i] for name in first]) for i in (0, 1))
+    return float(np.mean(np.abs(values - others) < 2.0 * np.hypot(u, u_other)))
 
 
-def _curves(found: Calibration, ends: dict[str, tuple[float, float]]) -> dict[str, tuple[Array, Array]]:
+def _curves(model: ErrorModel, machine: Machine) -> Curves:
     """Error motions in the datum, without means and slopes, and their standard uncertainties, along the travel."""
-    model, result = found.model, {}
-    whole = np.array(model.covariance)
+    result = {}
+    whole = np.array(model.covariance) if model.covariance else np.zeros((len(model.parameters),) * 2)
     for effect, part in zip(model.effects, model.slices, strict=True):
         if isinstance(effect, ErrorMotion):
-            x = np.linspace(ends[effect.axis][0] + 10.0, ends[effect.axis][1] - 10.0, 41)
+            low, high = machine.axes[machine.index(effect.axis)].travel
+            x = np.linspace(low + 10.0, high - 10.0, 41)
             line = np.stack([np.ones_like(x), x], axis=1)
             off = np.eye(len(x)) - line @ np.linalg.pinv(line)
             columns = off @ effect.basis.columns(x)
@@ -326,7 +329,7 @@ def five_axes() -> None:
     session = Session(path, [Manner(3000.0, rate=100.0)], targets, {"1": tracker_pose(AT, rng)})
     made = readings_of(session, truth, tracker, rng)
     taken = on_path(_as_read(made, np.full(len(made), "1")), path)
-    found = calibrate(with_footing(taken), hold_out=False)
+    found = calibrate(with_footing(taken), margin=MARGIN, hold_out=False)
     places = rng.uniform(*machine.travel, (2000, 5))
     wanted, points = deviation_on(machine, truth, places, TOOL)
     got, _ = deviation_on(machine, found.model, places, TOOL)

@@ -18,7 +18,7 @@ from calibration.measurement import Measurement
 from calibration.models import moving_axes, stated_bases, with_effects
 from calibration.normal import residuals
 from calibration.outliers import Variance, first_registration
-from calibration.resolution import Choice, choose
+from calibration.resolution import Choice, choose, finer
 from calibration.suspects import Suspect, suspects
 from calibration.visibility import Visibility, visibility
 from kinematics.effects import Effect
@@ -52,6 +52,7 @@ def calibrate(
     measurement: Measurement,
     *,
     basis: str = AUTO,
+    margin: int = 0,
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
     variance: Variance = "sheet",
@@ -60,10 +61,13 @@ def calibrate(
 ) -> Calibration:
     """Error motions of every axis that moves, and `effects` besides, from measured points.
 
-    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. prior_scale: size of the error
+    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: sizes by
+    which bases that are chosen are finer than the evidence asks for. prior_scale: size of the error
     motions as a multiple of the typical one; None leaves it to the evidence where the basis is chosen, else 1.
     """
     choice = _choice(measurement, basis, effects, prior_scale, progress)
+    if basis.startswith(AUTO):
+        choice = finer(choice, measurement, margin)
     model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
     before = _before(found)

@@ -111,8 +111,7 @@ def explaining_variables(
     residual = white - white.mean(axis=0)
     if not names or len(white) < 4 * MOST or not np.any(residual):
         return None
-    centres = np.sort(rng.choice(len(white), min(CENTRES, len(white)), replace=False))
-    kernels = Kernels([variables[name] for name in names], centres)
+    kernels = Kernels([variables[name] for name in names], _centres(len(white), rng))
     sets = [each for size in (1, 2, 3) for each in combinations(range(len(names)), size)]
     starts = [dict.fromkeys(each, length) for each in sets for length in FIRST_LENGTHS]
     labels = blocks_in_time(white) if blocks is None else blocks
@@ -122,10 +121,29 @@ def explaining_variables(
     lengths = _best_set(kernels, [starts[i] for i in _best_of_each_size(starts, evidence)], residual, len(names))
     if not lengths:
         return None
+    chosen = sorted(lengths)
+    return _shaped(kernels, residual, [names[i] for i in chosen], {i: lengths[i] for i in chosen}, p_value)
+
+
+def of_variables(
+    white: Array, variables: Mapping[str, Array], lengths: Mapping[str, float], p_value: float, rng: np.random.Generator
+) -> Unexplained:
+    """The smooth function of variables `(n,)` that are known to matter, with their lengths, in residuals `(n, d)`."""
+    names = [name for name in variables if name in lengths]
+    kernels = Kernels([variables[name] for name in names], _centres(len(white), rng))
+    return _shaped(kernels, white - white.mean(axis=0), names, {i: lengths[n] for i, n in enumerate(names)}, p_value)
+
+
+def _centres(n: int, rng: np.random.Generator) -> np.ndarray:
+    return np.sort(rng.choice(n, min(CENTRES, n), replace=False))
+
+
+def _shaped(
+    kernels: Kernels, residual: Array, names: Sequence[str], lengths: dict[int, float], p_value: float
+) -> Unexplained:
     shape = smooth_part(*kernels.modes(lengths), residual)
     rms = float(np.sqrt(np.mean(shape**2)))
-    chosen = sorted(lengths)
-    return Unexplained(tuple(names[i] for i in chosen), tuple(lengths[i] for i in chosen), p_value, rms, shape)
+    return Unexplained(tuple(names), tuple(lengths.values()), p_value, rms, shape)
 
 
 def blocks_in_time(white: Array) -> np.ndarray:

@@ -235,13 +235,13 @@ def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
     while True:
         tests = remainder.tests(found.stage.frame)
         left = remainder.unexplained(found.stage.frame) if combined(tests, LEFT) else None
-        blamed = remainder.impostors(found.stage, left) if left else []
+        blamed = remainder.impostors(found.stage, left, found.selector.library) if left else []
         if not blamed:
             return found, tests, left
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
             (each.candidate, each.size) for each in found.stage.accepted if not _among(each, blamed)
         ]
-        found = found._replace(stage=found.selector.stage(kept), judged=())
+        found = found._replace(stage=found.selector.pruned(found.selector.stage(kept)), judged=())
 
 
 def _noise_um(frame: Frame) -> float:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import linalg
 
-from calibration.diagnosis.by_chance import by_chance, searched
-from calibration.diagnosis.dependence import Unexplained, explaining_variables
+from calibration.diagnosis.by_chance import SEARCHES, SMOOTH, by_chance
+from calibration.diagnosis.dependence import Unexplained, explaining_variables, of_variables
+from calibration.diagnosis.fitted_variables import fitted_variables
 from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.library import Candidate
 from calibration.diagnosis.selection import Accepted, Stage
 from calibration.diagnosis.whiteness import Columns, Test, whiteness
 from calibration.instruments import LaserTracker
@@ -22,11 +24,6 @@ from kinematics.transforms import Array
 
 IMPOSTOR = 4.0
 """A smooth cause that explains less than this multiple of the squares left, of a variable of its own, is none."""
-SMOOTH = (
-    *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),
-    *("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle"),
-)
-"""Kinds that do what another smooth function of their variables could do."""
 SEED = 1
 
 
@@ -67,21 +64,31 @@ def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
 
 def unexplained(frame: Frame) -> Unexplained | None:
     """A smooth function that explains the residuals of a frame, and its variables; None where there is none."""
-    given = variables(frame.measurement, frame.rows)
-    return explaining_variables(_of_machine(frame), given, np.random.default_rng(SEED))
+    given, white = variables(frame.measurement, frame.rows), _of_machine(frame)
+    found = explaining_variables(white, given, np.random.default_rng(SEED))
+    if found is None:
+        return None
+    lengths = fitted_variables(frame, found, list(given))
+    if set(lengths) == set(found.variables):
+        return found
+    return of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
 
 
-def impostors(stage: Stage, left: Unexplained) -> list[Accepted]:
+def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
     """Accepted causes that were only blamed for what is left.
 
-    Smooth ones of its variables, that explain little more than is left: its form is not theirs. And those whose shapes
-    a search finds as strongly where there is nothing of the kind.
+    Smooth ones of its variables, that explain little more than is left: its form is not theirs. Others, and shapes that
+    were searched for, which are found as strongly where there is nothing of the kind.
     """
     given = variables(stage.frame.measurement, stage.frame.rows)
     return [
         each
         for i, each in enumerate(stage.accepted)
-        if (searched(each) and by_chance(stage.frame, each)) or _not_its_form(stage, i, left, given)
+        if _not_its_form(stage, i, left, given)
+        or (
+            (each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES)
+            and by_chance(stage.frame, each, library)
+        )
     ]
 
 

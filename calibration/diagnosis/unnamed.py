@@ -57,7 +57,7 @@ class Added(NamedTuple):
 def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
     """What is left as unnamed effects beside the causes of a stage; the stage as it was where they don't predict."""
     over = f"what is left, a function of {', '.join(left.variables)},"
-    strange = [name for name in left.variables if not _may_depend_on(named.frame, name)]
+    strange = [name for name in left.variables if not may_depend_on(named.frame, name)]
     if strange:
         says = f"{over} was not added: an unnamed effect is no function of {', '.join(strange)}"
         return Added(selector, named, says)
@@ -102,11 +102,11 @@ def _tuned(selector: Selector, stage: Stage, index: int, left: Unexplained) -> t
     """
     frame = stage.without(index)
     own = [component for component in COMPONENTS if component == stage.accepted[index].candidate.axis]
-    shown, best = left, _odds_of(frame, own[0], left)
+    shown, best = left, odds_of(frame, own[0], left)
     for _ in range(PASSES):
         for i, length in product(range(len(left.lengths)), LENGTHS):
             tried = shown._replace(lengths=(*shown.lengths[:i], length, *shown.lengths[i + 1 :]))
-            odds = _odds_of(frame, own[0], tried)
+            odds = odds_of(frame, own[0], tried)
             if odds > best:
                 best, shown = odds, tried
     candidates = propose(frame, shown, own)
@@ -135,7 +135,8 @@ def propose(frame: Frame, left: Unexplained, components: Sequence[Direction] = C
     return [candidate for odds, candidate in sorted(found, key=lambda pair: -pair[0]) if odds > EVIDENCE]
 
 
-def _odds_of(frame: Frame, component: Direction, left: Unexplained) -> float:
+def odds_of(frame: Frame, component: Direction, left: Unexplained) -> float:
+    """Log odds of an error of the tool in a direction, a function of these variables, against none."""
     effect, spread = _effect(frame, component, left)
     columns = frame.columns(effect) * spread
     return evidence(frame.projected(columns).left, columns.T @ frame.residual)[0]
@@ -200,5 +201,6 @@ def surviving(whole: Array, left: Array) -> np.ndarray:
     return kept
 
 
-def _may_depend_on(frame: Frame, name: str) -> bool:
+def may_depend_on(frame: Frame, name: str) -> bool:
+    """True for a variable that an unnamed effect can be a function of."""
     return name == TIME or name.startswith(TEMPERATURE) or name in frame.measurement.machine.names

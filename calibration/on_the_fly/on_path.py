@@ -21,6 +21,8 @@ from kinematics.state import State
 from kinematics.transforms import Array, Pose, turn
 
 CELL_MM, CORNER_MM = 4.0, 5.0
+MARGIN = 1
+"""Sizes by which bases are finer than the evidence asks for: dense readings see what it tolerates."""
 MOST = 20_000
 """Cells of a measurement; longer paths have longer ones."""
 

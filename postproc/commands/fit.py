@@ -116,6 +116,7 @@ def fit(
     """
     from calibration.calibrate import calibrate
     from calibration.effect_text import read_effects
+    from calibration.on_the_fly.on_path import MARGIN
     from calibration.on_the_fly.reversals import reversals
     from postproc.terminal import console
     from postproc.terminal import output as screen
@@ -139,6 +140,7 @@ def fit(
         found = calibrate(
             measurement,
             basis=basis,
+            margin=0 if taken is None else MARGIN,
             effects=effects,
             variance="sheet" if noise == "sheet" else "estimate",
             prior_scale=prior_scale,

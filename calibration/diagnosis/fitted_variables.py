@@ -1,0 +1,72 @@
+"""Which variables what is left depends on, once more: by smooth functions of them as errors of the tool in a direction.
+
+Residuals of a tracker are along its beam and across, and the beam turns over the volume: there an error of the tool
+that depends on X looks as if it depended on Y as well. Here the function acts in a direction of the tool, is seen
+through the beam as everything else, and keeps only what model and registration leave of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from calibration.diagnosis.dependence import EVIDENCE, LENGTHS, MOST, Unexplained
+from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.unnamed import COMPONENTS, Direction, may_depend_on, odds_of
+
+ROWS = 400
+"""At most so many rows, evenly spread, decide."""
+FIRST_LENGTH = 0.45
+"""Of a variable that comes in, in parts of its range."""
+CHANGES = 4
+"""Variables that are exchanged, added or dropped at most."""
+Lengths = dict[str, float]
+"""By variable."""
+
+
+def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> Lengths:
+    """The variables of what is left, and their lengths, from those `found` along the beam; names: all there are.
+
+    Of which one goes and which comes `EVIDENCE` decides, as there. Those found stay where one of them can't be fitted.
+    """
+    best = dict(zip(found.variables, found.lengths, strict=True))
+    others = [name for name in names if may_depend_on(frame, name)]
+    if frame.measurement.components < len(COMPONENTS) or not best.keys() <= set(others):
+        return best
+    some = frame.thinned(ROWS)
+
+    def odds(lengths: Lengths, component: Direction) -> float:
+        tried = found._replace(variables=tuple(lengths), lengths=tuple(lengths.values()))
+        return odds_of(some, component, tried) - EVIDENCE * len(lengths)
+
+    component = max(COMPONENTS, key=lambda each: odds(best, each))
+    worth, best = _tuned(lambda lengths: odds(lengths, component), best)
+    for _ in range(CHANGES):
+        tried = max(_changed(best, others), key=lambda lengths: odds(lengths, component))
+        more, tried = _tuned(lambda lengths: odds(lengths, component), tried)
+        if more <= worth:
+            break
+        worth, best = more, tried
+    return best
+
+
+def _changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
+    """With one variable more, one less, or another for one."""
+    missing = [name for name in names if name not in lengths]
+    for name in lengths:
+        fewer = {each: length for each, length in lengths.items() if each != name}
+        if fewer:
+            yield fewer
+        yield from (fewer | {other: FIRST_LENGTH} for other in missing)
+    if len(lengths) < MOST:
+        yield from (lengths | {other: FIRST_LENGTH} for other in missing)
+
+
+def _tuned(worth: Callable[[Lengths], float], lengths: Lengths) -> tuple[float, Lengths]:
+    """The most likely lengths, one after the other, and what they are worth."""
+    best, found = lengths, worth(lengths)
+    for name in lengths:
+        for length in LENGTHS:
+            tried = {**best, name: length}
+            if length != best[name] and (value := worth(tried)) > found:
+                found, best = value, tried
+    return found, best
