@@ -12,9 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from calibration.diagnosis.dependence import EVIDENCE, LENGTHS, MOST, Unexplained
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.unnamed import COMPONENTS, Direction, may_depend_on, odds_of
+from kinematics.state import TEMPERATURE, TIME
 
 ROWS = 400
 """At most so many rows, evenly spread, decide."""
+KEPT = 1.0
+"""Log odds that a variable needs to stay."""
 FIRST_LENGTH = 0.45
 """Of a variable that comes in, in parts of its range."""
 CHANGES = 4
@@ -26,9 +29,10 @@ Lengths = dict[str, float]
 def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> Lengths:
     """The variables of what is left, and their lengths, from those `found` along the beam; names: all there are.
 
-    Of which one goes and which comes `EVIDENCE` decides, as there. Those found stay where one of them can't be fitted.
+    One that comes needs `EVIDENCE`, as there, one found along the beam `KEPT`. Those found stay where one of them can't
+    be fitted.
     """
-    best = dict(zip(found.variables, found.lengths, strict=True))
+    best = first = dict(zip(found.variables, found.lengths, strict=True))
     others = [name for name in names if may_depend_on(frame, name)]
     if frame.measurement.components < len(COMPONENTS) or not best.keys() <= set(others):
         return best
@@ -36,9 +40,11 @@ def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> 
 
     def odds(lengths: Lengths, component: Direction) -> float:
         tried = found._replace(variables=tuple(lengths), lengths=tuple(lengths.values()))
-        return odds_of(some, component, tried) - EVIDENCE * len(lengths)
+        return odds_of(some, component, tried) - sum(KEPT if name in first else EVIDENCE for name in lengths)
 
     component = max(COMPONENTS, key=lambda each: odds(best, each))
+    if _twice_time(best):
+        best = max(_changed(best, others), key=lambda lengths: odds(lengths, component))
     worth, best = _tuned(lambda lengths: odds(lengths, component), best)
     for _ in range(CHANGES):
         tried = max(_changed(best, others), key=lambda lengths: odds(lengths, component))
@@ -50,7 +56,16 @@ def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> 
 
 
 def _changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
-    """With one variable more, one less, or another for one."""
+    """With one variable more, one less, or another for one; of time and the temperatures at most one."""
+    return (changed for changed in _all_changed(lengths, names) if not _twice_time(changed))
+
+
+def _twice_time(lengths: Lengths) -> bool:
+    """True where time and a temperature, itself a function of it, are both there."""
+    return sum(name == TIME or name.startswith(TEMPERATURE) for name in lengths) > 1
+
+
+def _all_changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
     missing = [name for name in names if name not in lengths]
     for name in lengths:
         fewer = {each: length for each, length in lengths.items() if each != name}

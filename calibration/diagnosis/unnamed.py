@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache, reduce
 from itertools import product
 from typing import Literal, NamedTuple
 
@@ -32,7 +33,7 @@ AGAIN = 2
 """Times that the bases are chosen anew with what was added."""
 HELD = 0.998
 """Share of the function's variance that its terms hold."""
-MOST_TERMS = 120
+MOST_TERMS, MOST_IN_ODDS = 120, 300
 ROWS_PER_TERM = 2
 OWN = 0.45
 """Share of the squares of any combination of terms that the model and the registration have to leave."""
@@ -122,7 +123,7 @@ def propose(frame: Frame, left: Unexplained, components: Sequence[Direction] = C
     """Unnamed effects in the directions of the tool in which what is left is plain, the plainest first."""
     found = []
     for component in components:
-        effect, spread = _effect(frame, component, left)
+        effect, spread = _effect(frame, component, left, min(MOST_TERMS, len(frame.rows) // ROWS_PER_TERM))
         columns = frame.columns(effect) * spread
         left_of = frame.projected(columns).left
         kept = surviving(columns.T @ columns, left_of)
@@ -137,7 +138,7 @@ def propose(frame: Frame, left: Unexplained, components: Sequence[Direction] = C
 
 def odds_of(frame: Frame, component: Direction, left: Unexplained) -> float:
     """Log odds of an error of the tool in a direction, a function of these variables, against none."""
-    effect, spread = _effect(frame, component, left)
+    effect, spread = _effect(frame, component, left, MOST_IN_ODDS)
     columns = frame.columns(effect) * spread
     return evidence(frame.projected(columns).left, columns.T @ frame.residual)[0]
 
@@ -155,12 +156,12 @@ def evidence(left: Array, along: Array) -> tuple[float, float]:
     return float(odds[best]), float(AMPLITUDES[best])
 
 
-def _effect(frame: Frame, component: Direction, left: Unexplained) -> tuple[Unnamed, Array]:
-    """An effect of zero size with the terms of these lengths, and their standard deviations `(k,)`."""
+def _effect(frame: Frame, component: Direction, left: Unexplained, most: int) -> tuple[Unnamed, Array]:
+    """An effect of zero size with at most so many terms of these lengths, and their standard deviations `(k,)`."""
     state, machine = frame.measurement.state, frame.measurement.machine
     columns = [state.variable(machine, name, "unnamed") for name in left.variables]
     ranges = tuple((float(column.min()), float(column.max())) for column in columns)
-    terms, spread = terms_of(left.lengths, min(MOST_TERMS, len(frame.rows) // ROWS_PER_TERM))
+    terms, spread = terms_of(left.lengths, most)
     degrees = tuple(map(tuple, terms.tolist()))
     return Unnamed(component, left.variables, ranges, degrees, (0.0,) * len(terms)), spread
 
@@ -171,8 +172,8 @@ def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
     lengths: by variable, in parts of its range; the function has a standard deviation of 1.
     """
     each = [_coefficients(length) for length in lengths]
-    degrees = np.array(list(product(*(range(len(sizes)) for sizes in each))))
-    sizes = np.prod([own[degrees[:, i]] for i, own in enumerate(each)], axis=0)
+    degrees = np.indices([len(own) for own in each]).reshape(len(each), -1).T
+    sizes = reduce(np.multiply.outer, each).reshape(-1)
     held = sizes**2 / np.prod(2 * degrees + 1, axis=1)
     order = np.argsort(-held, kind="stable")
     count = int(np.searchsorted(np.cumsum(held[order]), HELD * held.sum())) + 1
@@ -180,6 +181,7 @@ def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
     return degrees[chosen], sizes[chosen]
 
 
+@lru_cache(maxsize=64)
 def _coefficients(length: float) -> Array:
     """Standard deviations `(DEGREE + 1,)` of the Legendre coefficients of a Gaussian process on -1 ... 1."""
     places, weights = legendre.leggauss(NODES)
