@@ -1,0 +1,109 @@
+"""What is left: its variables in the tool's directions, and causes that are held against chance beside it."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from diagnosed import CFRAME, data_with, selector
+
+from calibration.diagnosis import remainder
+from calibration.diagnosis.by_chance import DRAWS, by_chance
+from calibration.diagnosis.dependence import of_variables
+from calibration.diagnosis.fitted_variables import fitted_variables
+from calibration.diagnosis.library import Candidate
+from calibration.diagnosis.scans import waves
+from calibration.diagnosis.selection import judge
+from kinematics.effects import Backlash, Cyclic, Unnamed
+
+N = 240
+RANGES = (CFRAME.axes[CFRAME.index("X")].travel, (0.0, 15.0 * N))
+
+
+def nameless(component, size, axis="X", seed=0):
+    """A smooth function of an axis and time in one direction of the tool, um."""
+    rng = np.random.default_rng(seed)
+    terms = tuple((i, j) for i in range(4) for j in range(1, 7))
+    return Unnamed(component, (axis, "time"), RANGES, terms, tuple((size * rng.normal(size=len(terms))).tolist()))
+
+
+def stage_with(*effects, candidate, seed=3):
+    """The fit that has one candidate besides error motions, and its selector."""
+    made = selector(data_with(*effects, n=N, seed=seed))
+    bare = made.stage([])
+    (judged,) = judge(bare.frame, [candidate(bare.frame)])
+    return made, made.stage([(judged.candidate, judged.score.size)])
+
+
+def strongest_wave(frame):
+    found = judge(frame, list(waves(frame)))
+    return found[0].candidate
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_wave_found_in_what_has_no_name_is_one_of_many(seed):
+    _, stage = stage_with(nameless("Y", 3.0), candidate=strongest_wave, seed=seed)
+    assert by_chance(stage.frame, stage.accepted[0], ())
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_wave_that_is_there_is_not(seed):
+    wave = Cyclic("X", "X", 10.0, (12.0,), (9.0,))
+    _, stage = stage_with(nameless("Y", 2.0), wave, candidate=strongest_wave, seed=seed)
+    found = stage.accepted[0]
+    assert found.candidate.effect.period == pytest.approx(10.0, rel=1e-3)
+    assert not by_chance(stage.frame, found, ())
+
+
+def test_backlash_that_is_there_is_not_by_chance_and_another_is():
+    blank = {name: Candidate(Backlash(name, 0.0)) for name in "XYZ"}
+    made, stage = stage_with(nameless("Y", 2.0), Backlash("X", 25.0), candidate=lambda _: blank["X"])
+    assert not by_chance(stage.frame, stage.accepted[0], made.library)
+    _, other = stage_with(nameless("Y", 2.0), candidate=lambda _: blank["X"])
+    assert by_chance(other.frame, other.accepted[0], made.library)
+
+
+def test_signs_at_random_keep_sizes_and_leave_the_fit_at_rest():
+    frame = selector(data_with(n=N)).stage([]).frame
+    rng = np.random.default_rng(0)
+    shuffled = [frame.shuffled(rng) for _ in range(DRAWS)]
+    assert np.mean([each.squares for each in shuffled]) == pytest.approx(frame.squares, rel=0.1)
+    gradient = shuffled[0].design.T @ shuffled[0].residual - shuffled[0].limited * shuffled[0].away
+    assert np.abs(gradient).max() < 1e-6
+    assert any(abs(a.residual @ b.residual) < 0.2 * a.squares for a, b in pairwise(shuffled))
+
+
+def frame_with(*effects):
+    return selector(data_with(*effects, n=N)).stage([]).frame
+
+
+def seen(frame, lengths):
+    """A function of these variables in what is left."""
+    given = remainder.variables(frame.measurement, frame.rows)
+    white = frame.bounded.reshape(len(frame.rows), -1)
+    return of_variables(white, given, lengths, 0.005, np.random.default_rng(1)), list(given)
+
+
+@pytest.mark.parametrize("component", ["X", "Y"])
+@pytest.mark.parametrize(
+    "first", [("Y", "time"), ("time",), ("X", "Y", "time"), ("X", "time")], ids=["another", "less", "more", "right"]
+)
+def test_variables_are_those_of_the_tools_error(component, first):
+    frame = frame_with(nameless(component, 6.0))
+    found, names = seen(frame, dict.fromkeys(first, 0.45))
+    assert set(fitted_variables(frame, found, names)) == {"X", "time"}
+
+
+def test_what_no_error_of_the_tool_depends_on_stays():
+    frame = frame_with(nameless("Y", 6.0))
+    found, names = seen(frame, {"X": 0.45, "direction of Y": 0.45})
+    assert set(fitted_variables(frame, found, names)) == {"X", "direction of Y"}
+
+
+def test_time_is_named_once():
+    data = data_with(nameless("Y", 6.0), n=N)
+    state = data.state
+    warm = replace(state, temperatures={"scale": np.sin(state.time / state.time[-1])})
+    frame = selector(replace(data, state=warm)).stage([]).frame
+    found, names = seen(frame, {"X": 0.45, "time": 0.3, "temperature scale": 0.3})
+    assert set(fitted_variables(frame, found, names)) in ({"X", "time"}, {"X", "temperature scale"})
