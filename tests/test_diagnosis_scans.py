@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from calibration.diagnosis import scans
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import at_zero, library
-from calibration.diagnosis.saw_teeth import saw_uncertainty
+from calibration.diagnosis.saw_teeth import refined, saw_uncertainty
 from calibration.diagnosis.selection import judge
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation
@@ -62,6 +62,20 @@ def test_steps_are_found_with_their_pitch_and_place():
     assert (found.offset - 13.0 + 25.0) % 50.0 - 25.0 == pytest.approx(0.0, abs=max(3 * u_offset, 3.0))
     assert 0.0 < u_pitch < 1.0
     assert 0.0 < u_offset < 5.0
+
+
+@pytest.mark.parametrize(("n", "size"), [(60, 60.0), (150, 60.0), (300, 120.0)])
+def test_pitches_that_no_position_tells_apart_are_in_the_uncertainty(n, size):
+    """Between two positions a jump lies anywhere, however large it is."""
+    inside = []
+    for seed in range(12):
+        truth = QuantisedCompensation(axis="X", step=size, pitch=62.0, offset=32.0)
+        frame = framed(truth, n=n, seed=seed)
+        found = refined(frame, at_zero(truth))
+        u_pitch, u_offset = saw_uncertainty(frame, found)
+        apart = (found.offset - 32.0 + found.pitch / 2) % found.pitch - found.pitch / 2
+        inside += [abs(found.pitch - 62.0) < 2 * u_pitch, abs(apart) < 2 * u_offset]
+    assert np.mean(inside) >= 0.95
 
 
 def test_the_moment_of_a_knock_is_found():

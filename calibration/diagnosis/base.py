@@ -53,11 +53,14 @@ class Base:
         """The base whose bases are chosen by the evidence once more, with what was found besides."""
         return self if self.choice is None else _automatic(measurement, effects, FINEST, progress)
 
+    @property
+    def fine(self) -> bool:
+        """True where it may have bent itself round a cause, so that its residuals say nothing of one."""
+        return self.choice is not None and any(basis.size > COARSE for basis in self.choice.bases.values())
+
     def coarser(self, measurement: Measurement, progress: Progress) -> Base:
         """The base to look for causes from: too coarse for it to take the course of one for an error motion."""
-        if self.choice is None or all(basis.size <= COARSE for basis in self.choice.bases.values()):
-            return self
-        return _automatic(measurement, (), COARSE, progress)
+        return self if not self.fine else _automatic(measurement, (), COARSE, progress)
 
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance

@@ -157,7 +157,7 @@ def diagnose(
     before = selector.stage([])
     tests = remainder.tests(before.frame)
     found = _Found(selector, before, ())
-    if combined(tests, GATE) or len(before.fit.outliers):
+    if combined(tests, GATE) or len(before.fit.outliers) or base.fine:
         found = _causes(selector)
     progress("what is left")
     found, tests_after, left = _left(found)

@@ -18,8 +18,9 @@ PITCHES, PLACES = 61, 41
 CLOSER = 8
 """Times that they lie closer in the next round."""
 ROUNDS = 3
-FEW = 3.0
-"""Distances of what is tried, below which a standard uncertainty asks for closer ones."""
+ALL = 0.999
+"""Of the odds, that have to lie where the next round looks."""
+_NEXT = tuple(slice(n // 2 - n // 2 // CLOSER, n // 2 + n // 2 // CLOSER + 1) for n in (PLACES, PITCHES))
 OVER = 3_000_000
 """Rows times saw teeth that are worked out together."""
 
@@ -63,7 +64,7 @@ def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float,
         odds /= odds.sum()
         away = pitches - effect.pitch, offsets - effect.offset
         u_pitch, u_offset = (float(np.sqrt(odds @ distance**2)) for distance in away)
-        if u_pitch > FEW * apart[0] and u_offset > FEW * apart[1]:
+        if odds.reshape(PLACES, PITCHES)[_NEXT].sum() < ALL:
             break
     # what lies between two that were tried is not known any better
     return float(np.hypot(u_pitch, apart[0] / 12**0.5)), float(np.hypot(u_offset, apart[1] / 12**0.5))
