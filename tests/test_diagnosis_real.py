@@ -67,3 +67,18 @@ def test_what_one_station_cannot_see_is_not_named():
 @pytest.mark.slow
 def test_what_is_outside_the_table_is_unexplained():
     assert exam.unexplained(draws.unknown("cframe", 1), {"X", "Z", "time"})[0]
+
+
+@pytest.mark.slow
+def test_steps_behind_which_a_fine_basis_hides():
+    """150 positions, and 600 parameters by the evidence, which bend themselves round steps of 64 um."""
+    result = exam.ask(draws.draw(["quantised-compensation"], "dmu50", 19))
+    assert result.score.named == (True,)
+    assert result.score.inside == result.score.of
+    assert result.heldout < 1.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "seed"), [("gantry", 5), ("dmu50", 3)], ids=["first cycle", "cyclic"])
+def test_what_chance_finds_beside_what_has_no_name_is_not_blamed(name, seed):
+    assert exam.unexplained(draws.unknown(name, seed), {"X", "Z", "time"})[0]
