@@ -243,6 +243,7 @@ class HeidenhainInterpreter:
             reason = "other programs are not followed; should they leave tool, frames and modes as they find them, say"
             raise block.refuse(f"{block.detail}: {reason} calls_leave_state = true in the machine file")
         self.control.forget(self.machine.names)
+        self.arcs.pole = None
         says = f"{block.detail}: taken to leave tool, frames and modes as they are (machine file: calls_leave_state)"
         self.notes.add(says, block.line)
 

@@ -90,7 +90,7 @@ def test_a_machine_without_rotary_axes():
         Run("BEGIN PGM A MM\nL X+0 Y+0 Z+0\nM128\nLN X+1 TX+0 TY+0 TZ+1\n", machine="gantry")
 
 
-CALLING = "Q1 = 5\nL X+1 Y+2 Z+3\nCALL PGM ROUGH.H\n"
+CALLING = "Q1 = 5\nL X+1 Y+2 Z+3\nCC X+0 Y+0\nCALL PGM ROUGH.H\n"
 
 
 def calling(text):
@@ -108,7 +108,7 @@ def test_programs_that_leave_the_state_as_it_is():
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [("L IX+1", "increment"), ("L XQ1", "Q1 is not known: CALL PGM ROUGH.H may set parameters")],
+    [("L IX+1", "increment"), ("LP PR+1 PA+2", "no pole"), ("L XQ1", "Q1 is not known: CALL PGM ROUGH.H may set parameters")],
 )
 def test_what_they_leave_unknown(text, reason):
     with pytest.raises(Refusal, match=reason):
