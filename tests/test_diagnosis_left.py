@@ -8,7 +8,7 @@ import pytest
 from diagnosed import CFRAME, data_with, selector
 
 from calibration.diagnosis import remainder
-from calibration.diagnosis.by_chance import DRAWS, by_chance
+from calibration.diagnosis.by_chance import DRAWS, Chance
 from calibration.diagnosis.dependence import of_variables
 from calibration.diagnosis.fitted_variables import fitted_variables
 from calibration.diagnosis.library import Candidate
@@ -43,7 +43,7 @@ def strongest_wave(frame):
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_a_wave_found_in_what_has_no_name_is_one_of_many(seed):
     _, stage = stage_with(nameless("Y", 3.0), candidate=strongest_wave, seed=seed)
-    assert by_chance(stage.frame, stage.accepted[0], ())
+    assert Chance(stage.frame, ()).finds(stage.accepted[0])
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
@@ -52,15 +52,15 @@ def test_a_wave_that_is_there_is_not(seed):
     _, stage = stage_with(nameless("Y", 2.0), wave, candidate=strongest_wave, seed=seed)
     found = stage.accepted[0]
     assert found.candidate.effect.period == pytest.approx(10.0, rel=1e-3)
-    assert not by_chance(stage.frame, found, ())
+    assert not Chance(stage.frame, ()).finds(found)
 
 
 def test_backlash_that_is_there_is_not_by_chance_and_another_is():
     blank = {name: Candidate(Backlash(name, 0.0)) for name in "XYZ"}
     made, stage = stage_with(nameless("Y", 2.0), Backlash("X", 25.0), candidate=lambda _: blank["X"])
-    assert not by_chance(stage.frame, stage.accepted[0], made.library)
+    assert not Chance(stage.frame, made.library).finds(stage.accepted[0])
     _, other = stage_with(nameless("Y", 2.0), candidate=lambda _: blank["X"])
-    assert by_chance(other.frame, other.accepted[0], made.library)
+    assert Chance(other.frame, made.library).finds(other.accepted[0])
 
 
 def test_signs_at_random_keep_sizes_and_leave_the_fit_at_rest():

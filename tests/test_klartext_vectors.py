@@ -108,7 +108,11 @@ def test_programs_that_leave_the_state_as_it_is():
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [("L IX+1", "increment"), ("LP PR+1 PA+2", "no pole"), ("L XQ1", "Q1 is not known: CALL PGM ROUGH.H may set parameters")],
+    [
+        ("L IX+1", "increment"),
+        ("LP PR+1 PA+2", "no pole"),
+        ("L XQ1", "Q1 is not known: CALL PGM ROUGH.H may set parameters"),
+    ],
 )
 def test_what_they_leave_unknown(text, reason):
     with pytest.raises(Refusal, match=reason):

@@ -9,6 +9,7 @@ bootstrap of Wu 1986 and Liu 1988).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,25 +34,41 @@ SEARCHES: Mapping[str, Callable[[Frame], Iterable[Candidate]]] = {
 """How shapes are found, by kind of effect."""
 
 
-def by_chance(frame: Frame, accepted: Accepted, library: Sequence[Candidate]) -> bool:
-    """True where as much is found in what is left, its signs drawn at random; frame: that of the fit with the cause.
+@dataclass
+class Chance:
+    """What is found in what a fit leaves, the signs of its rows drawn at random."""
 
-    A shape is searched for again, with all that the search may find; another cause is one of those of the library that
-    have no shapes.
-    """
-    search, rng = SEARCHES.get(accepted.candidate.effect.kind), np.random.default_rng(SEED)
-    if search is not None:
-        some = frame.thinned(scans.SCANNED)
-        return any(_best_shape(some.shuffled(rng), search) >= accepted.score.gain for _ in range(DRAWS))
-    others = [each for each in library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
-    projected = [(frame.projected(frame.columns(each.effect)), each.shapes) for each in [accepted.candidate, *others]]
-    for _ in range(DRAWS):
-        shuffled = frame.shuffled(rng)
-        if max(shuffled.score(each, shapes).gain for each, shapes in projected) >= accepted.score.gain:
-            return True
-    return False
+    frame: Frame
+    """Of the fit with all causes."""
+    library: Sequence[Candidate]
+    _most: dict[str, float] = field(init=False, default_factory=dict)
+    """The largest gains, by kind of search."""
 
+    def finds(self, accepted: Accepted) -> bool:
+        """True where one of the draws holds as much as an accepted cause is worth.
 
-def _best_shape(frame: Frame, search: Callable[[Frame], Iterable[Candidate]]) -> float:
-    scores = (frame.score(frame.projected(frame.columns(each.effect)), each.shapes) for each in search(frame))
-    return max((score.gain for score in scores), default=0.0)
+        A shape is searched for again, with all that the search may find; another cause is one of those of the library
+        that have no shapes.
+        """
+        if accepted.score.gain > self.frame.squares:
+            return False  # there is not as much
+        kind = accepted.candidate.effect.kind
+        if kind not in self._most:
+            self._most[kind] = self._of_shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(accepted)
+        return self._most[kind] >= accepted.score.gain
+
+    def _of_shapes(self, search: Callable[[Frame], Iterable[Candidate]]) -> float:
+        rng, some = np.random.default_rng(SEED), self.frame.thinned(scans.SCANNED)
+        gains = [
+            shuffled.score(shuffled.projected(shuffled.columns(found.effect)), found.shapes).gain
+            for shuffled in (some.shuffled(rng) for _ in range(DRAWS))
+            for found in search(shuffled)
+        ]
+        return max(gains, default=0.0)
+
+    def _of_library(self, accepted: Accepted) -> float:
+        rng, frame = np.random.default_rng(SEED), self.frame
+        others = [each for each in self.library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
+        tried = [(frame.projected(frame.columns(one.effect)), one.shapes) for one in [accepted.candidate, *others]]
+        draws = [frame.shuffled(rng) for _ in range(DRAWS)]
+        return max(shuffled.score(projected, shapes).gain for shuffled in draws for projected, shapes in tried)

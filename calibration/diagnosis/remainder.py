@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
-from calibration.diagnosis.by_chance import SEARCHES, SMOOTH, by_chance
+from calibration.diagnosis.by_chance import SEARCHES, SMOOTH, Chance
 from calibration.diagnosis.dependence import Unexplained, explaining_variables, of_variables
 from calibration.diagnosis.fitted_variables import fitted_variables
 from calibration.diagnosis.frame import Frame
@@ -80,15 +80,12 @@ def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> 
     Smooth ones of its variables, that explain little more than is left: its form is not theirs. Others, and shapes that
     were searched for, which are found as strongly where there is nothing of the kind.
     """
-    given = variables(stage.frame.measurement, stage.frame.rows)
+    given, chance = variables(stage.frame.measurement, stage.frame.rows), Chance(stage.frame, library)
     return [
         each
         for i, each in enumerate(stage.accepted)
         if _not_its_form(stage, i, left, given)
-        or (
-            (each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES)
-            and by_chance(stage.frame, each, library)
-        )
+        or ((each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES) and chance.finds(each))
     ]
 
 
