@@ -23,6 +23,8 @@ from virtual_machine.observe import aligned
 from virtual_machine.scoring import Score, findings, score, title
 
 GRID = 9
+STATUS = "\nstatus of the command: "
+"""Before its exit code, behind its words."""
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(["postproc.cli", "calibration.diagnosis.diagnose", "postproc.diagnosis_summary"])
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # processes do not get in each other's way
@@ -66,9 +68,10 @@ def ncomp(*arguments: object) -> float:
         process = FORKS.Process(target=_command, args=([str(argument) for argument in arguments], said.name))
         process.start()
         process.join()
-        words = Path(said.name).read_text(encoding="utf-8")
-    if process.exitcode:
-        raise RuntimeError(f"ncomp {' '.join(map(str, arguments))}: status {process.exitcode}\n{words}")
+        # the exit code of a process that ends while another thread starts one can get lost
+        words, _, status = Path(said.name).read_text(encoding="utf-8").rpartition(STATUS)
+    if status != "0":
+        raise RuntimeError(f"ncomp {' '.join(map(str, arguments))}: status {status or process.exitcode}\n{words}")
     return time.perf_counter() - start
 
 
@@ -187,9 +190,16 @@ def _json(file: Path) -> Mapping[str, Any]:
 
 def _command(arguments: list[str], output: str) -> None:
     """What the installed command does, its words going to a file."""
-    with Path(output).open("wb", buffering=0) as words:
+    with Path(output).open("ab", buffering=0) as said:
         for stream in (sys.stdout, sys.stderr):
-            os.dup2(words.fileno(), stream.fileno())
+            os.dup2(said.fileno(), stream.fileno())
     script = Path(sys.executable).with_name("ncomp")
     sys.argv = [str(script), *arguments]
-    runpy.run_path(str(script), run_name="__main__")
+    status: int | str | None = 0
+    try:
+        runpy.run_path(str(script), run_name="__main__")
+    except SystemExit as ended:
+        status = ended.code or 0
+    sys.stdout.flush()
+    with Path(output).open("a", encoding="utf-8") as words:
+        words.write(f"{STATUS}{status}")
