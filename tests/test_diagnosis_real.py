@@ -72,7 +72,7 @@ def test_what_is_outside_the_table_is_unexplained():
 @pytest.mark.slow
 def test_steps_behind_which_a_fine_basis_hides():
     """150 positions, and 600 parameters by the evidence, which bend themselves round steps of 64 um."""
-    result = exam.ask(draws.draw(["quantised-compensation"], "dmu50", 19))
+    result = exam.ask(draws.draw(["quantised-compensation"], "dmu50", 19), with_twin=True)
     assert result.score.named == (True,)
     assert result.score.inside == result.score.of
     assert result.heldout < 1.05
