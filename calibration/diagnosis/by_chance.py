@@ -8,7 +8,7 @@ bootstrap of Wu 1986 and Liu 1988).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,8 +41,9 @@ class Chance:
     frame: Frame
     """Of the fit with all causes."""
     library: Sequence[Candidate]
-    _most: dict[str, float] = field(init=False, default_factory=dict)
-    """The largest gains, by kind of search."""
+    _draws: dict[str, Iterator[float]] = field(init=False, default_factory=dict)
+    _known: dict[str, list[float]] = field(init=False, default_factory=dict)
+    """The largest gain of each draw so far, by kind of effect."""
 
     def finds(self, accepted: Accepted) -> bool:
         """True where one of the draws holds as much as an accepted cause is worth.
@@ -53,22 +54,30 @@ class Chance:
         if accepted.score.gain > self.frame.squares:
             return False  # there is not as much
         kind = accepted.candidate.effect.kind
-        if kind not in self._most:
-            self._most[kind] = self._of_shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(accepted)
-        return self._most[kind] >= accepted.score.gain
+        if kind not in self._draws:
+            self._draws[kind] = self._shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(accepted)
+        known = self._known.setdefault(kind, [])
+        while max(known, default=0.0) < accepted.score.gain:
+            more = next(self._draws[kind], None)
+            if more is None:
+                return False
+            known.append(more)
+        return True
 
-    def _of_shapes(self, search: Callable[[Frame], Iterable[Candidate]]) -> float:
+    def _shapes(self, search: Callable[[Frame], Iterable[Candidate]]) -> Iterator[float]:
         rng, some = np.random.default_rng(SEED), self.frame.thinned(scans.SCANNED)
-        gains = [
-            shuffled.score(shuffled.projected(shuffled.columns(found.effect)), found.shapes).gain
-            for shuffled in (some.shuffled(rng) for _ in range(DRAWS))
-            for found in search(shuffled)
-        ]
-        return max(gains, default=0.0)
+        for _ in range(DRAWS):
+            shuffled = some.shuffled(rng)
+            scores = (
+                shuffled.score(shuffled.projected(shuffled.columns(found.effect)), found.shapes)
+                for found in search(shuffled)
+            )
+            yield max((score.gain for score in scores), default=0.0)
 
-    def _of_library(self, accepted: Accepted) -> float:
+    def _of_library(self, accepted: Accepted) -> Iterator[float]:
         rng, frame = np.random.default_rng(SEED), self.frame
         others = [each for each in self.library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
         tried = [(frame.projected(frame.columns(one.effect)), one.shapes) for one in [accepted.candidate, *others]]
-        draws = [frame.shuffled(rng) for _ in range(DRAWS)]
-        return max(shuffled.score(projected, shapes).gain for shuffled in draws for projected, shapes in tried)
+        for _ in range(DRAWS):
+            shuffled = frame.shuffled(rng)
+            yield max(shuffled.score(projected, shapes).gain for projected, shapes in tried)
