@@ -23,7 +23,7 @@ from calibration.measurement import Measurement, Target
 from calibration.models import BasisChoice, priors, rigid_model
 from calibration.normal import designs
 from calibration.outliers import first_registration
-from calibration.problem import Point, Problem
+from calibration.problem import Problem
 from calibration.simulate import observe, random_truth, tracker_pose
 from kinematics.state import State
 
@@ -57,12 +57,12 @@ def against_pinv(rows: int) -> None:
     model = rigid_model(measurement, BASES)
     registration, _ = first_registration(measurement)
     problem = Problem.of(measurement, model, priors(model))
-    point = Point(np.array(model.parameters), registration)
+    point = problem.point(np.array(model.parameters), registration)
 
     def by_pinv() -> object:
         blocks = designs(measurement, model, registration, problem.white)
         dense = np.concatenate([design for _, design in blocks])
-        return np.linalg.pinv(dense) @ problem.whitened(problem.residuals(point)).reshape(-1)
+        return np.linalg.pinv(dense) @ problem.whitened(point.residual).reshape(-1)
 
     pinv = seconds(by_pinv)
     own = seconds(lambda: problem.solve(point, np.ones(rows), 1.0))

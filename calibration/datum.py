@@ -23,7 +23,7 @@ import numpy as np
 
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement, Target
-from calibration.problem import Point, Problem, Solved
+from calibration.problem import Problem, Solved
 from calibration.registration import Registration
 from kinematics.basis import Basis
 from kinematics.effects import Effect, ErrorMotion
@@ -195,7 +195,7 @@ def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
     )
     registration = Registration({"1": IDENTITY}, {"1": np.zeros(3)})
     problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), prior)
-    return problem.solve(Point(np.array(model.parameters), registration), np.ones(n), 1.0)
+    return problem.solve(problem.point(np.array(model.parameters), registration), np.ones(n), 1.0)
 
 
 def _ends(machine: Machine, effects: tuple[Effect, ...]) -> Array:

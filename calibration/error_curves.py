@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Literal, cast
 
 import numpy as np
-from scipy.stats import chi2 as chi2_distribution
+from scipy import special
 
 from calibration.rigid_motions import RigidMotions
 from kinematics.basis import Basis, BSpline, Legendre
@@ -110,7 +110,7 @@ class Misfit:
     @property
     def significant(self) -> bool:
         """More than the points scatter."""
-        return self.freedom > 0 and float(chi2_distribution.sf(self.chi2, self.freedom)) < MISFIT
+        return self.freedom > 0 and float(special.chdtrc(self.freedom, self.chi2)) < MISFIT
 
     @property
     def widening(self) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from calibration.measurement import Measurement
 from calibration.models import priors
@@ -96,7 +96,7 @@ class Fit:
     @property
     def p_value(self) -> float:
         """Of chi2, one-sided: small when the model lacks something, or the sheet promises too much."""
-        return float(stats.chi2.sf(self.chi2, self.freedom))
+        return float(special.chdtrc(self.freedom, self.chi2))
 
     @property
     def doubtful(self) -> bool:
@@ -150,11 +150,12 @@ def fit(
     refuse_lines(measurement)
     copies = duplicates(measurement)
     registration, trusted = first_registration(measurement)
-    point = Point(np.array(model.parameters), registration)
     some = _some(np.flatnonzero(trusted & ~copies))
     progress("iterating")
-    point, factor, solved = _iterate(problem.rows(some), point, variance)
+    iterated = problem.rows(some)
+    at_rest, factor, solved = _iterate(iterated, iterated.point(np.array(model.parameters), registration), variance)
     progress("solving")
+    point = problem.point(at_rest.parameters, at_rest.registration)
     least = _least(solved, len(some) * measurement.components, variance)
     bad, failed = _judge(problem, point, copies, solved.spent, least)
     for _ in range(10):
@@ -167,13 +168,12 @@ def fit(
         bad, failed = _judge(problem, point, copies, solved.spent, least)
         if np.array_equal(bad, ~kept):
             break
-    residual = problem.residuals(point)
-    chi2 = float(np.sum(problem.whitened(residual)[kept] ** 2))
+    chi2 = float(np.sum(problem.distances(point)[kept]))
     found = Fit(
         measurement,
         problem.at(point.parameters),
         point.registration,
-        residual,
+        point.residual,
         kept,
         copies,
         tuple(failed),
@@ -207,7 +207,9 @@ def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point,
 
 def _least(solved: Solved, scalars: int, variance: Variance) -> float:
     """Least variance factor: the sheet's, unless there are observations enough to say that it is smaller."""
-    return LEAST if variance == "estimate" and scalars - solved.rank > SPARE * scalars else 1.0
+    spare = scalars * (1.0 - SPARE)
+    # the rank takes longer to work out than the number of parameters
+    return LEAST if variance == "estimate" and (solved.parameters < spare or solved.rank < spare) else 1.0
 
 
 def _judge(

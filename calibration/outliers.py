@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from calibration import equations
 from calibration.measurement import Measurement
@@ -40,19 +40,19 @@ def robust_factor(distances: Array, components: int, spent: float, least: float)
     spent: degrees of freedom that the fit took out of the residuals.
     """
     scalars = distances.size * components
-    share = float(np.median(distances)) / float(stats.chi2.median(components)) * scalars / max(scalars - spent, 1.0)
+    share = float(np.median(distances)) / float(special.chdtri(components, 0.5)) * scalars / max(scalars - spent, 1.0)
     return max(share, least)
 
 
 def huber_weights(distances: Array, components: int, factor: float) -> Array:
     """Weights `(n,)` of rows with these squared distances."""
-    limit = stats.chi2.ppf(HUBER, components) * factor
+    limit = special.chdtri(components, 1.0 - HUBER) * factor
     return np.asarray(np.sqrt(limit / np.maximum(distances, limit)))
 
 
 def outlying(distances: Array, components: int, factor: float) -> np.ndarray:
     """True `(n,)` for outliers, by the rule."""
-    limit = stats.chi2.isf(SIGNIFICANCE / max(len(distances), 1), components)
+    limit = special.chdtri(components, SIGNIFICANCE / max(len(distances), 1))
     return np.asarray(distances > limit * factor)
 
 

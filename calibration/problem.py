@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,8 @@ class Point:
 
     parameters: Array
     registration: Registration
+    residual: Array
+    """Observed minus expected `(n, d)`, mm and rad, of the rows of the problem."""
 
     @property
     def registered(self) -> int:
@@ -57,10 +60,17 @@ class Solved(NamedTuple):
     """Of the normal matrix with its priors."""
 
     @property
+    def parameters(self) -> int:
+        """Number of parameters, at most as many as which count."""
+        return len(self.information) + self.registered
+
+    @property
     def spent(self) -> float:
         """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
-        eigenvalues = np.maximum(np.linalg.eigvalsh(self.information), 0.0)
-        return float(np.sum(eigenvalues / (1.0 + eigenvalues))) + self.registered
+        size = len(self.information)
+        root = np.linalg.cholesky(self.information + np.eye(size))
+        inverse = linalg.solve_triangular(root, np.eye(size), lower=True)
+        return size - float(np.sum(inverse**2)) + self.registered
 
     @property
     def rank(self) -> int:
@@ -100,9 +110,9 @@ class Problem:
         """The model with these parameters."""
         return self.model.with_parameters(parameters)
 
-    def residuals(self, point: Point) -> Array:
-        """Observed minus expected `(n, d)`, mm and rad."""
-        return residuals(self.measurement, self.at(point.parameters), point.registration)
+    def point(self, parameters: Array, registration: Registration) -> Point:
+        """A point, with what it leaves of the rows of this problem."""
+        return Point(parameters, registration, residuals(self.measurement, self.at(parameters), registration))
 
     def whitened(self, residual: Array) -> Array:
         """The residuals `(n, d)`, in standard uncertainties."""
@@ -110,12 +120,12 @@ class Problem:
 
     def distances(self, point: Point) -> Array:
         """Squared Mahalanobis distances `(n,)` of the residuals."""
-        return np.asarray(np.sum(self.whitened(self.residuals(point)) ** 2, axis=1))
+        return np.asarray(np.sum(self.whitened(point.residual) ** 2, axis=1))
 
     def moved(self, point: Point, step: Array) -> Point:
         """The point after a step; parameters with a bound come half-way to it at most."""
         size = point.registered
-        return Point(self._inside(point.parameters, step[size:]), point.registration.moved(step[:size]))
+        return self.point(self._inside(point.parameters, step[size:]), point.registration.moved(step[:size]))
 
     def objective(self, point: Point, weights: Array, factor: float) -> float:
         """What is minimised, with these weights `(n,)` and the sheet's variances times `factor`."""
@@ -131,61 +141,70 @@ class Problem:
     def solve(self, point: Point, weights: Array, factor: float) -> Solved:
         """The Gauss-Newton step at a point; weights `(n,)` of the rows; sheet variances times `factor`."""
         root = np.sqrt(weights / factor)
-        residual = self.whitened(self.residuals(point)) * root[:, None]
+        residual = self.whitened(point.residual) * root[:, None]
         white = self.white * root[:, None, None]
         normal = gather(self.measurement, self.at(point.parameters), point.registration, white, residual)
         return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
         """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
-        root, limited = self._root()
+        root, limited = _root(self.prior)
         inverse = np.linalg.inv(solved.information / widened + np.diag(limited))
         return _times(_times((inverse + inverse.T) / 2, root.T).T, root.T)
 
     def solution(self, normal: Normal, point: Point) -> Solved:
         """The solution of normal equations that were gathered at a point, priors included."""
-        size = point.registered
-        root, limited = self._root()
-        scales = _registration_scale(normal, point.registration)
-        own = normal.matrix[:size, :size] * np.outer(scales, scales)
-        mixed = _times(normal.matrix[:size, size:], root) * scales[:, None]
-        machine = _times(_times(normal.matrix[size:, size:], root).T, root)
-        right = np.concatenate([normal.right[:size] * scales, _times(normal.right[size:], root)])
-        inverse, rank, spread = _inverse(own)
-        information = machine - mixed.T @ inverse @ mixed
-        information = (information + information.T) / 2
-        inner = right[size:] - mixed.T @ inverse @ right[:size] - self.away(point.parameters)
-        # what neither the data nor a prior hold does not move
-        with_prior = information + np.diag(limited + UNSEEN * (1.0 + np.diag(information)))
-        factor = linalg.cho_factor(with_prior, lower=True)
-        parameters = linalg.cho_solve(factor, inner)
-        registration = inverse @ (right[:size] - mixed @ parameters)
-        length = float(np.sqrt(parameters @ with_prior @ parameters / max(len(parameters), 1)))
-        log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales)))
-        reduction = float(right @ np.concatenate([registration, parameters]))
-        step = np.concatenate([registration * scales, _times(parameters, root.T)])
-        return Solved(step, length, information, machine, rank, reduction, log_determinant)
+        return solution(normal, point.registration, self.prior, self.away(point.parameters))
 
     def away(self, parameters: Array) -> Array:
         """Distances `(p,)` of parameters from their start, in units of their priors; 0 of those without."""
-        root, limited = self._root()
+        root, limited = _root(self.prior)
         moved = parameters - self.model.parameters
         return np.asarray((moved / root if root.ndim == 1 else np.linalg.solve(root, moved)) * limited)
 
-    def _root(self) -> tuple[Array, Array]:
-        """Parameters in units of their priors times this are their own: `(p,)`, or `(p, p)` from the left.
-
-        And 1 `(p,)` of those with a prior, 0 of others.
-        """
-        if self.prior.ndim == 2:
-            return self.prior, np.ones(len(self.prior))
-        limited = np.isfinite(self.prior)
-        return np.where(limited, self.prior, 1.0), limited.astype(float)
-
     def _inside(self, parameters: Array, step: Array) -> Array:
-        bounds = np.array([q.lower for effect in self.model.effects for q in effect.parameter_table])
-        moved = parameters + step
+        moved, bounds = parameters + step, self._bounds
         return np.where(moved <= bounds, (parameters + np.where(np.isfinite(bounds), bounds, 0.0)) / 2, moved)
+
+    @cached_property
+    def _bounds(self) -> Array:
+        return np.array([q.lower for effect in self.model.effects for q in effect.parameter_table])
+
+
+def solution(normal: Normal, registration: Registration, prior: Array, away: Array) -> Solved:
+    """The solution of normal equations with priors, as `Problem.prior`, from where parameters are `away` `(p,)`."""
+    size = len(registration.names)
+    root, limited = _root(prior)
+    scales = _registration_scale(normal, registration)
+    own = normal.matrix[:size, :size] * np.outer(scales, scales)
+    mixed = _times(normal.matrix[:size, size:], root) * scales[:, None]
+    machine = _times(_times(normal.matrix[size:, size:], root).T, root)
+    right = np.concatenate([normal.right[:size] * scales, _times(normal.right[size:], root)])
+    inverse, rank, spread = _inverse(own)
+    information = machine - mixed.T @ inverse @ mixed
+    information = (information + information.T) / 2
+    inner = right[size:] - mixed.T @ inverse @ right[:size] - away
+    # what neither the data nor a prior hold does not move
+    with_prior = information + np.diag(limited + UNSEEN * (1.0 + np.diag(information)))
+    factor = linalg.cho_factor(with_prior, lower=True)
+    parameters = linalg.cho_solve(factor, inner)
+    step_of_own = inverse @ (right[:size] - mixed @ parameters)
+    length = float(np.sqrt(parameters @ with_prior @ parameters / max(len(parameters), 1)))
+    log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales)))
+    reduction = float(right @ np.concatenate([step_of_own, parameters]))
+    step = np.concatenate([step_of_own * scales, _times(parameters, root.T)])
+    return Solved(step, length, information, machine, rank, reduction, log_determinant)
+
+
+def _root(prior: Array) -> tuple[Array, Array]:
+    """Parameters in units of their priors times this are their own: `(p,)`, or `(p, p)` from the left.
+
+    And 1 `(p,)` of those with a prior, 0 of others.
+    """
+    if prior.ndim == 2:
+        return prior, np.ones(len(prior))
+    limited = np.isfinite(prior)
+    return np.where(limited, prior, 1.0), limited.astype(float)
 
 
 def _registration_scale(normal: Normal, registration: Registration) -> Array:

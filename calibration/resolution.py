@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import msgspec
 import numpy as np
@@ -16,12 +16,20 @@ import numpy as np
 from calibration import equations
 from calibration.fit import Fit, Progress, fit
 from calibration.measurement import Measurement
-from calibration.models import BasisChoice, axis_effects, distinct_positions, moving_axes, parse_basis, with_effects
+from calibration.models import (
+    BasisChoice,
+    axis_effects,
+    distinct_positions,
+    moving_axes,
+    parse_basis,
+    priors,
+    with_effects,
+)
 from calibration.normal import Normal, residuals, whitened, whiteners
-from calibration.problem import Point, Problem
+from calibration.problem import solution
 from kinematics.effects import Effect
 from kinematics.errors import UserError
-from kinematics.model import Design, no_errors
+from kinematics.model import Design, ErrorModel, no_errors
 from kinematics.transforms import Array
 
 SIZES: Mapping[str, tuple[int, ...]] = {
@@ -162,6 +170,11 @@ class Evidence:
         left = residuals(self._measurement, at_start.with_parameters(self._besides), self._registration)
         self._residual = whitened(self._white, left).reshape(-1)
         self._columns = lru_cache(maxsize=KEPT)(self._made)
+        self._right = cache(self._along)
+        self._priors = cache(self._typical)
+        own = self._priors(BESIDES)
+        start = np.array([value for effect in effects for value in effect.parameters])
+        self._moved = np.where(np.isfinite(own), (self._besides - start) / own, 0.0)
         self._blocks: dict[tuple[Part, Part], Array] = {}
         self._known: dict[str, float] = {}
 
@@ -173,14 +186,14 @@ class Evidence:
         return self._known[key]
 
     def _evidence(self, choice: Choice) -> float:
-        model, prior = with_effects(self._measurement, choice.bases, self._effects, choice.prior_scale)
-        parts: list[Part] = [REGISTRATION, *((axis, str(choice.bases[axis])) for axis in choice.bases), BESIDES]
+        axes: list[Part] = [(axis, str(basis)) for axis, basis in choice.bases.items()]
+        parts = [REGISTRATION, *axes, BESIDES]
         matrix = np.block([[self._block(a, b) for b in parts] for a in parts])
-        right = np.concatenate([self._residual @ self._columns(part) for part in parts])
-        parameters = np.zeros(len(prior))
-        parameters[len(prior) - len(self._besides) :] = self._besides
-        problem = Problem(self._measurement, model, self._white, prior)
-        solved = problem.solution(Normal(matrix, right), Point(parameters, self._registration))
+        right = np.concatenate([self._right(part) for part in parts])
+        prior = np.concatenate([*(choice.prior_scale * self._priors(part) for part in axes), self._priors(BESIDES)])
+        away = np.zeros(len(prior))
+        away[len(prior) - len(self._moved) :] = self._moved
+        solved = solution(Normal(matrix, right), self._registration, prior, away)
         return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
 
     def _block(self, a: Part, b: Part) -> Array:
@@ -189,16 +202,26 @@ class Evidence:
             self._blocks[b, a] = self._blocks[a, b].T
         return self._blocks[a, b]
 
+    def _along(self, part: Part) -> Array:
+        """The residual `(parameters,)` along the columns of a part."""
+        return np.asarray(self._residual @ self._columns(part))
+
+    def _typical(self, part: Part) -> Array:
+        """Priors `(parameters,)` of a part."""
+        return priors(self._model(part))
+
     def _made(self, part: Part) -> Array:
         """Whitened derivatives `(n * d, parameters)` by the parameters of a part."""
-        machine, state = self._measurement.machine, self._measurement.state
         if part == REGISTRATION:
             columns = self._white @ equations.registration_design(self._measurement, self._registration)
         else:
-            axis, basis = part
-            own = self._effects if part == BESIDES else axis_effects(self._measurement, axis, parse_basis(basis))
-            model = msgspec.structs.replace(no_errors(machine), effects=tuple(own))
-            if part == BESIDES:
-                model = model.with_parameters(self._besides)
-            columns = Design(model, machine, state, with_instrument=True).of(slice(None), self._transform)
+            machine, state = self._measurement.machine, self._measurement.state
+            columns = Design(self._model(part), machine, state, with_instrument=True).of(slice(None), self._transform)
         return np.asarray(columns.reshape(len(self._residual), -1))
+
+    def _model(self, part: Part) -> ErrorModel:
+        """The effects of a part: of an axis in its basis, or those fitted besides."""
+        axis, basis = part
+        own = self._effects if part == BESIDES else axis_effects(self._measurement, axis, parse_basis(basis))
+        model = msgspec.structs.replace(no_errors(self._measurement.machine), effects=tuple(own))
+        return model.with_parameters(self._besides) if part == BESIDES else model

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy import special
 
 from calibration.equations import covariance
 from calibration.measurement import Measurement
@@ -121,7 +121,7 @@ def _solve(bundle: _Bundle, poses: Registration) -> Points:
     freedom = 3 * len(bundle.measurement) - 3 * bundle.size - 6 * (len(poses.poses) - 1)
     scatter = _chi2(bundle, weights, positions, registration)
     variance = 0.0
-    if freedom > 0 and scatter > chi2.ppf(SIGNIFICANT, freedom):
+    if freedom > 0 and scatter > special.chdtri(freedom, 1.0 - SIGNIFICANT):
         for _ in range(ROUNDS):
             before, variance = variance, _repeatability(bundle, sheet, positions, registration, freedom)
             weights = _inverses(sheet + variance * np.eye(3))

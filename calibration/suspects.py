@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from calibration.fit import Fit
 from calibration.normal import whitened, whiteners
@@ -67,4 +67,4 @@ def _p_value(white: Array, values: Array) -> float:
     explained = float(np.sum(slopes**2)) * size
     rest = float(np.sum((white - white.mean(axis=0)) ** 2)) - explained
     freedom = components * (n - 2)
-    return float(stats.f.sf(explained / components / (rest / freedom), components, freedom))
+    return float(special.fdtrc(components, freedom, explained / components / (rest / freedom)))

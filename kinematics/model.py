@@ -199,8 +199,7 @@ class Design:
         """`(n, k, parameters)` at some rows; `transform` `(n, k, width)` as `ErrorModel.design` takes it there."""
         if transform.shape[2] != self._width:
             raise ValueError(f"transform has {transform.shape[2]} columns, {self._machine.name} takes {self._width}")
-        whole = isinstance(rows, slice) and rows == slice(None)
-        state, places = self._state if whole else self._state.rows(rows), len(self._machine.axes) + 2
+        state, places = self._state.rows(rows), len(self._machine.axes) + 2
         design = np.zeros((*transform.shape[:2], self._parameters))
         for effect, part in self._now:
             for place, component, values in effect.columns(self._machine, state):

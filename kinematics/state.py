@@ -54,7 +54,9 @@ class State:
         return len(self.positions)
 
     def rows(self, index: slice | np.ndarray) -> State:
-        """The state at some of its rows."""
+        """The state at some of its rows; itself, with all that it has worked out, where these are all of them."""
+        if _is_all(index, len(self)):
+            return self
         columns: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self) if f.init}
         for name, column in columns.items():
             if isinstance(column, np.ndarray):
@@ -105,3 +107,10 @@ class State:
         if sensor not in self.temperatures:
             raise UserError(f"{by} needs the temperature {sensor!r}, which these data do not give")
         return self.temperatures[sensor]
+
+
+def _is_all(index: slice | np.ndarray, n: int) -> bool:
+    """True for an index of all of n rows, in their order."""
+    if isinstance(index, slice):
+        return range(n)[index] == range(n)
+    return index.dtype.kind in "iu" and np.array_equal(index, np.arange(n))

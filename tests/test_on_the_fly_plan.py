@@ -20,7 +20,7 @@ from calibration.on_the_fly.gain import PRIOR, Volume
 from calibration.on_the_fly.judged import judged
 from calibration.on_the_fly.on_path import on_path
 from calibration.on_the_fly.planned import planned
-from calibration.problem import Point, Problem
+from calibration.problem import Problem
 from calibration.simulate import observe, tracker_pose
 from calibration.strategies import plan
 from calibration.truth import random_truth
@@ -60,15 +60,15 @@ def test_the_gain_is_what_many_fits_of_noise_show():
     registration = start(taken, np.ones(len(taken), bool))
     white = np.broadcast_to(1e3 * np.eye(2), (len(taken), 2, 2))
     problem = Problem(taken, model, white, prior)
-    at = Point(np.array(model.parameters), registration)
+    at = problem.point(np.array(model.parameters), registration)
     grid = np.random.default_rng(1).uniform(*machine.travel, (300, 3))
-    nothing = problem.residuals(at)
     for _ in range(6):
         noise = rng.normal(0.0, 1e-3, (len(taken), 2))
         moved = replace(
-            taken, observed=taken.observed + np.einsum("nkx,nk->nx", taken.across.directions, noise - nothing)
+            taken, observed=taken.observed + np.einsum("nkx,nk->nx", taken.across.directions, noise - at.residual)
         )
-        solved = replace(problem, measurement=moved).solve(at, np.ones(len(taken)), 1.0)
+        noisy = replace(problem, measurement=moved)
+        solved = noisy.solve(noisy.point(at.parameters, registration), np.ones(len(taken)), 1.0)
         found = model.with_parameters(solved.step[6:])
         errors, points = deviation_on(machine, found, grid, TOOL)
         draws.append(np.mean((aligned(errors, points) * 1e3) ** 2))

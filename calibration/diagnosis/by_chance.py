@@ -68,16 +68,16 @@ class Chance:
         rng, some = np.random.default_rng(SEED), self.frame.thinned(scans.SCANNED)
         for _ in range(DRAWS):
             shuffled = some.shuffled(rng)
-            scores = (
-                shuffled.score(shuffled.projected(shuffled.columns(found.effect)), found.shapes)
-                for found in search(shuffled)
-            )
+            found = list(search(shuffled))
+            left = shuffled.responses([each.effect for each in found])
+            scores = (shuffled.score(one, each.shapes) for one, each in zip(left, found, strict=True))
             yield max((score.gain for score in scores), default=0.0)
 
     def _of_library(self, accepted: Accepted) -> Iterator[float]:
         rng, frame = np.random.default_rng(SEED), self.frame
         others = [each for each in self.library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
-        tried = [(frame.projected(frame.columns(one.effect)), one.shapes) for one in [accepted.candidate, *others]]
+        tried = [accepted.candidate, *others]
+        left = frame.responses([each.effect for each in tried])
         for _ in range(DRAWS):
             shuffled = frame.shuffled(rng)
-            yield max(shuffled.score(projected, shapes).gain for projected, shapes in tried)
+            yield max(shuffled.score(one, each.shapes).gain for one, each in zip(left, tried, strict=True))

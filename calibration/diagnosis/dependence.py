@@ -34,6 +34,8 @@ FIRST_LENGTHS = (0.2, 0.45)
 """With which all singles, pairs and triples are tried."""
 MOST = 4
 """Variables of a set."""
+TUNED = 4
+"""Changes of a set, the likeliest ones, for which lengths are looked for."""
 MEMORIES = 4
 """Length of a block, in rows that residuals remember."""
 CENTRES = 80
@@ -213,12 +215,16 @@ def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Ar
     def rate(lengths: dict[int, float]) -> tuple[float, dict[int, float]]:
         return _tuned(kernels, lengths, residual)
 
+    def worth(lengths: dict[int, float]) -> float:
+        return _evidence(kernels, lengths, residual) - EVIDENCE * len(lengths)
+
     evidence, best = max((rate(start) for start in starts), key=lambda rated: rated[0])
     while True:
         others = [i for i in range(count) if i not in best]
-        grown = [rate(best | {i: 0.45}) for i in others] if len(best) < MOST else []
-        swapped = [rate({j: best[j] for j in best if j != i} | {other: best[i]}) for i in best for other in others]
-        better = [(found - EVIDENCE * (len(lengths) - len(best)), lengths) for found, lengths in grown + swapped]
+        changed = [best | {i: 0.45} for i in others] if len(best) < MOST else []
+        changed += [{j: best[j] for j in best if j != i} | {other: best[i]} for i in best for other in others]
+        rated = map(rate, sorted(changed, key=worth, reverse=True)[:TUNED])
+        better = [(found - EVIDENCE * (len(lengths) - len(best)), lengths) for found, lengths in rated]
         gain, lengths = max(better, key=lambda rated: rated[0], default=(-np.inf, best))
         if gain <= evidence + 1e-6:
             break
@@ -234,19 +240,18 @@ def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Ar
 
 def _tuned(kernels: Kernels, lengths: dict[int, float], residual: Array) -> tuple[float, dict[int, float]]:
     """Evidence of a function of these variables with the most likely lengths, found one after the other; and these."""
-
-    def evidence(tried: dict[int, float]) -> float:
-        return float(log_evidence(*kernels.modes(tried), residual[:, None])[0])
-
-    if not lengths:
-        return 0.0, {}
-    best, found = dict(lengths), evidence(lengths)
+    best, found = dict(lengths), _evidence(kernels, lengths, residual)
     for _ in range(2):
         before = found
         for variable in lengths:
             for length in LENGTHS:
-                if length != best[variable] and (value := evidence(best | {variable: length})) > found:
+                if length != best[variable] and (value := _evidence(kernels, best | {variable: length}, residual)) > found:
                     best, found = best | {variable: length}, value
         if found - before < 0.1:
             break
     return found, best
+
+
+def _evidence(kernels: Kernels, lengths: dict[int, float], residual: Array) -> float:
+    """Log odds of a function of these variables against noise; 0 for one of none."""
+    return float(log_evidence(*kernels.modes(lengths), residual[:, None])[0]) if lengths else 0.0

@@ -146,15 +146,16 @@ def diagnose(
     measurement, findings = _looked_at(measurement)
     base = base_of(measurement, calibration, progress)
     progress("fitting the present model")
-    noise = repeats(measurement, base.fit(measurement, [], variance).kept)
+    candidates, untested = library(measurement, base.model)
+    candidates += changes(base.model) if base.origin == "updated" else []
+    selector = Selector(measurement, base, candidates, variance, progress)
+    noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _in_doubt(noise):
         measurement = _as_noisy_as(measurement, noise)
         says = f"the instrument's sheet is in doubt, its noise is taken from repeats: {noise.says}"
         findings.append(Finding("noise", says, False))
-    candidates, untested = library(measurement, base.model)
-    candidates += changes(base.model) if base.origin == "updated" else []
-    selector = Selector(measurement, base, candidates, variance, progress)
-    before = selector.stage([])
+        selector = replace(selector, measurement=measurement)
+    before = selector.bare
     tests = remainder.tests(before.frame)
     found = _Found(selector, before, ())
     if combined(tests, GATE) or len(before.fit.outliers) or base.fine:
@@ -169,7 +170,7 @@ def diagnose(
     selector, after = complete.selector, complete.stage
     if after is not found.stage:
         tests_after = remainder.tests(after.frame)
-    bare = after.frame if not after.accepted else Frame.of(selector.base.fit(measurement, [], variance))
+    bare = after.frame if not after.accepted else selector.bare.frame
     causes = named(after, bare)
     # what no cause explains makes outliers as well
     lost = outliers(after.fit, bare) if left is None else None
@@ -216,7 +217,7 @@ def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
 
 def _causes(selector: Selector) -> _Found:
     """The causes, each held against its siblings, and the bases chosen anew until they stay with what was found."""
-    selector = replace(selector, base=selector.base.coarser(selector.measurement, selector.progress))
+    selector = selector.on(selector.base.coarser(selector.measurement, selector.progress))
     selection = selector.select()
     for _ in range(AGAIN):
         stage = selector.settled(selection.stages[-1])

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from scipy import linalg, stats
+from scipy import linalg, special
 
 from calibration import equations
 from calibration.fit import Fit
@@ -41,6 +41,8 @@ BEYOND = 3.0
 """or this multiple of what it shows itself to have."""
 LIKELY = 2.0
 """Multiple of what it shows that a parameter may be in the fit of some rows."""
+TOGETHER = 64
+"""Effects that are worked out at once."""
 
 
 class Score(NamedTuple):
@@ -231,24 +233,55 @@ class Frame:
 
         Its signal is what changes: that of the mean time or temperature, counted from wherever, is the model's.
         """
-        columns = self.columns(effect) * unit
-        if not {"time", "temperatures"} & set(effect.needs):
-            return self.projected(columns)
-        state = self.measurement.state
-        mean = replace(
-            state,
-            time=None if state.time is None else np.full_like(state.time, state.time[self.rows].mean()),
-            temperatures={
-                n: np.full_like(kelvin, kelvin[self.rows].mean()) for n, kelvin in state.temperatures.items()
-            },
-        )
-        steady = signals(replace(self.measurement, state=mean), self.rows, (effect,), self.transform) * unit
-        return self.projected(columns - steady)
+        return self.projected(self._changing((effect,)) * unit)
+
+    def candidates(self, effects: Sequence[Effect]) -> list[Projected]:
+        """What the model and the registration leave of each of some effects, as of one `candidate`."""
+        return [one for some in _together(effects) for one in self._apart(some, self._changing(some))]
+
+    def responses(self, effects: Sequence[Effect]) -> list[Projected]:
+        """What the model and the registration leave of the columns of each of some effects, as they are."""
+        made = (signals(self.measurement, self.rows, some, self.transform) for some in _together(effects))
+        return [
+            one for some, columns in zip(_together(effects), made, strict=True) for one in self._apart(some, columns)
+        ]
 
     def projected(self, columns: Array) -> Projected:
         """What the model and the registration leave of some columns `(N, k)`."""
-        through = linalg.solve_triangular(self.factor[0], self.design.T @ columns, lower=True)
+        through = self._through(columns)
         return Projected(columns, through, columns.T @ columns - through.T @ through)
+
+    def _through(self, columns: Array) -> Array:
+        """L^-1 J'G `(q, k)` of columns G."""
+        along = self.design.T @ columns
+        return np.asarray(linalg.solve_triangular(self.factor[0], along, lower=True, check_finite=False))
+
+    def _apart(self, effects: Sequence[Effect], columns: Array) -> list[Projected]:
+        """What is left of each effect, whose columns `(N, k)` stand one after the other."""
+        through, found, end = self._through(columns), [], 0
+        for width in _widths(effects):
+            own = slice(end, end := end + width)
+            left = columns[:, own].T @ columns[:, own] - through[:, own].T @ through[:, own]
+            found.append(Projected(columns[:, own], through[:, own], left))
+        return found
+
+    def _changing(self, effects: Sequence[Effect]) -> Array:
+        """Columns `(N, k)` of effects, without what they were at the mean time and temperatures."""
+        columns = signals(self.measurement, self.rows, effects, self.transform)
+        moving = [bool({"time", "temperatures"} & set(effect.needs)) for effect in effects]
+        some = [effect for effect, moves in zip(effects, moving, strict=True) if moves]
+        if some:
+            state = self.measurement.state
+            mean = replace(
+                state,
+                time=None if state.time is None else np.full_like(state.time, state.time[self.rows].mean()),
+                temperatures={
+                    n: np.full_like(kelvin, kelvin[self.rows].mean()) for n, kelvin in state.temperatures.items()
+                },
+            )
+            steady = signals(replace(self.measurement, state=mean), self.rows, some, self.transform)
+            columns[:, np.repeat(moving, _widths(effects))] -= steady
+        return columns
 
     def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
         """What a candidate would bring; `shapes` of its parameters were searched for, in `trials` tries."""
@@ -263,7 +296,7 @@ class Frame:
         squares = min(self.squares - raw, self.bounded_squares)
         variance = max(squares / max(self.freedom - spent, 1.0), 1.0)
         gain = raw / variance
-        p_value = float(stats.chi2.sf(gain, max(spent, 1.0))) * trials
+        p_value = float(special.chdtrc(max(spent, 1.0), gain)) * trials
         size = vectors @ (along / softened)
         return Score(gain, spent, -gain + spent * float(np.log(self.scalars)), min(p_value, 1.0), size)
 
@@ -286,7 +319,7 @@ class Frame:
 
     def gains(self, columns: Array) -> Array:
         """By how much each of some columns `(N, k)`, alone and as large as it likes, lowers the sum of squares."""
-        through = linalg.solve_triangular(self.factor[0], self.design.T @ columns, lower=True)
+        through = self._through(columns)
         whole = np.sum(columns**2, axis=0)
         left = whole - np.sum(through**2, axis=0)
         return np.where(left > RIDGE * whole, (columns.T @ self.residual) ** 2 / np.maximum(left, 1e-300), 0.0)
@@ -360,6 +393,15 @@ def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect
     made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
     columns = made.reshape(-1, made.shape[2])[:, linear]
     return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
+
+
+def _together(effects: Sequence[Effect]) -> list[Sequence[Effect]]:
+    return [effects[start : start + TOGETHER] for start in range(0, len(effects), TOGETHER)]
+
+
+def _widths(effects: Sequence[Effect]) -> list[int]:
+    """How many linear parameters each effect has."""
+    return [sum(quantity.linear for quantity in effect.parameter_table) for effect in effects]
 
 
 def _astray(fit: Fit) -> list[str]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from calibration.diagnosis.library import contract_kind
 from calibration.diagnosis.outlook import Known, Outlook
@@ -82,7 +82,7 @@ class Question:
             if self.kind == "hidden" and known.share(signal.cause) < SEEN:
                 return 0.0
             freedom, threshold = self.needed(signal, known)
-            chances.append(float(stats.ncx2.sf(threshold, freedom, max(_noncentrality(signal, known), 1e-9))))
+            chances.append(1.0 - float(special.chndtr(threshold, freedom, max(_noncentrality(signal, known), 1e-9))))
         return min(chances)
 
     def _one(self, signal: Signal, known: Known) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -129,7 +129,7 @@ def _judged(measurement: Measurement, again: _Again, places: np.ndarray, *, apar
     left = _left_over(own, again)
     freedom = again.freedom * own.instrument.components
     chi2 = float(np.sum(whitened(whiteners(own), left) ** 2))
-    p_value = 2.0 * min(float(stats.chi2.sf(chi2, freedom)), float(stats.chi2.cdf(chi2, freedom)))
+    p_value = 2.0 * min(float(special.chdtrc(freedom, chi2)), float(special.chdtr(freedom, chi2)))
     return Repeats(
         len(np.unique(places[again.rows])),
         freedom,

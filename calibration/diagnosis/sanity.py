@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from calibration.diagnosis.alternatives import Alternative, alternatives, by_axes, misfit, trimmed_rms, worst_rms
 from calibration.diagnosis.places import place_numbers
@@ -227,7 +227,7 @@ def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
     k, freedom = later.shape[1], later[:, 0].size
     first = float(np.mean((cells[:, 0] - middle[:, 0]) ** 2)) / (1.0 + 1.0 / k)
     rest = float(np.sum((later - middle) ** 2)) / (freedom * (k - 1))
-    if rest > 0.0 and stats.f.sf(first / rest, freedom, freedom * (k - 1)) < SIGNIFICANCE and first > FALLS * rest:
+    if rest > 0.0 and special.fdtrc(freedom, freedom * (k - 1), first / rest) < SIGNIFICANCE and first > FALLS * rest:
         unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
         yield Finding(
             "first cycle",

@@ -63,8 +63,6 @@ LATTICE = 0.02
 """Share of their distance by which positions may miss a lattice."""
 UNSEEN = 1e-12
 """Squares of a signal, in terms of the noise's variance, that are none."""
-OVER = 3000
-"""Rows times frequencies that are worked out together, in thousands."""
 
 
 def proposals(frame: Frame, library: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -91,10 +89,10 @@ def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component))
             continue
         seen = [c for c in components if measurement.axis is None or c == own_component(axis)]
         strength = _strengths(frame, axis, seen, x, frequencies)
-        for component, power in zip(seen, strength, strict=True):
-            tried = frequencies[_peaks(power, BEST)]
-            best = _finest(frame, axis, component, tried, 0.5 / (OVERSAMPLING * (high - low)))
-            found = Candidate(_wave(component, axis, 1.0 / best, 1), 1, float(len(frequencies) * len(seen)))
+        tried = np.stack([np.resize(frequencies[_peaks(power, BEST)], BEST) for power in strength])
+        best = _finest(frame, axis, seen, tried, 0.5 / (OVERSAMPLING * (high - low)))
+        for component, frequency in zip(seen, best.tolist(), strict=True):
+            found = Candidate(_wave(component, axis, 1.0 / frequency, 1), 1, float(len(frequencies) * len(seen)))
             yield with_harmonics(frame, found) if _pays(frame, found) else found
 
 
@@ -106,8 +104,8 @@ def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
     same = [k for k in range(2, MOST_HARMONICS + 1) for period in known if abs(effect.period / k / period - 1.0) < SAME]
     numbers = range(1, min(same, default=MOST_HARMONICS + 1))
     variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
-    best = min(variants, key=lambda each: frame.score(frame.projected(frame.columns(each))).delta_bic)
-    return Candidate(best, candidate.shapes, candidate.trials)
+    worth = [frame.score(projected).delta_bic for projected in frame.responses(variants)]
+    return Candidate(variants[int(np.argmin(worth))], candidate.shapes, candidate.trials)
 
 
 def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
@@ -165,7 +163,7 @@ def finer(frame: Frame) -> Iterator[Candidate]:
         most = distinct_positions(frame.measurement, effect.axis)
         sizes = [size for size in FINE if effect.basis.size < size <= most]
         variants = [Candidate(_finer(effect, size), 0, float(len(sizes)), effect.name) for size in sizes]
-        projected = [frame.projected(frame.columns(variant.effect)) for variant in variants]
+        projected = frame.responses([variant.effect for variant in variants])
         worth = [frame.score(each).delta_bic for each in projected]
         order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
         gains = {i: frame.held_gains(projected[i]) for i in order}
@@ -242,13 +240,20 @@ def _strengths(frame: Frame, axis: str, components: list[Component], x: Array, f
     arms = [frame.transform[:, :, 6 * i + COMPONENTS.index(c)] for c in components]
     along = np.stack([np.sum(arm * residual, axis=1) for arm in arms])
     squares = np.array([np.sum(arm**2) for arm in arms])[:, None]
-    power = np.empty((len(components), len(frequencies)))
-    size = max(1, OVER * 1000 // len(x))
-    for start in range(0, len(frequencies), size):
-        part = slice(start, start + size)
-        phase = 2 * np.pi * x[:, None] * frequencies[part]
-        power[:, part] = ((along @ np.sin(phase)) ** 2 + (along @ np.cos(phase)) ** 2) / np.maximum(squares, 1e-300)
-    return power
+    return np.asarray(np.abs(_spectrum(along, x, frequencies)) ** 2 / np.maximum(squares, 1e-300))
+
+
+def _spectrum(values: Array, x: Array, frequencies: Array) -> np.ndarray:
+    """Sums `(c, m)` over positions `(n,)` of values `(c, n)` times exp(2 pi i x f), at evenly spaced frequencies `(m,)`.
+
+    Every frequency is one of a coarse row and a multiple of the step, every wave the product of the two: few have to
+    be worked out.
+    """
+    turns, fine = 2j * np.pi * x[:, None], int(np.ceil(np.sqrt(len(frequencies))))
+    step = (frequencies[-1] - frequencies[0]) / max(len(frequencies) - 1, 1)
+    begun = values[:, None, :] * np.exp(turns * frequencies[::fine]).T
+    sums = begun.reshape(-1, len(x)) @ np.exp(turns * step * np.arange(fine))
+    return np.asarray(sums.reshape(len(values), -1)[:, : len(frequencies)])
 
 
 def _peaks(power: Array, count: int) -> np.ndarray:
@@ -258,29 +263,32 @@ def _peaks(power: Array, count: int) -> np.ndarray:
     return np.asarray(top[np.argsort(power[top])[::-1][:count]])
 
 
-def _finest(frame: Frame, axis: str, component: Component, frequencies: Array, step: float) -> float:
-    """The frequency that explains most once the model has taken its part, between the neighbours of the best."""
-    machine = frame.measurement.machine
-    arm = frame.transform[:, :, 6 * machine.index(axis) + COMPONENTS.index(component)] * unit_of(component)[1]
-    x = frame.positions(axis)
+def _finest(frame: Frame, axis: str, components: Sequence[Component], tried: Array, step: float) -> Array:
+    """The frequencies `(c,)` that explain most once the model has taken its part, between the neighbours of the best.
 
-    def best_of(tried: Array) -> float:
-        phase = 2 * np.pi * x[:, None] * tried
-        both = np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(len(x), -1)
-        projected = frame.projected((arm[:, :, None] * both[:, None, :]).reshape(frame.scalars, -1))
-        along = projected.columns.T @ frame.residual
-        gains = []
-        for i in range(len(tried)):
-            part = slice(2 * i, 2 * i + 2)
-            own = projected.left[part, part]
-            gains.append(along[part] @ np.linalg.solve(own + (1e-9 * np.trace(own) + UNSEEN) * np.eye(2), along[part]))
-        return float(tried[int(np.argmax(gains))])
-
-    best = best_of(frequencies)
+    tried: `(c, k)`, by component.
+    """
+    best = _explaining_most(frame, axis, components, tried)
     for _ in range(4):
-        best = best_of(np.array([best - step, best, best + step]))
+        best = _explaining_most(frame, axis, components, best[:, None] + step * np.arange(-1.0, 2.0))
         step /= 2
     return best
+
+
+def _explaining_most(frame: Frame, axis: str, components: Sequence[Component], tried: Array) -> Array:
+    """Of frequencies `(c, k)` of each component the one `(c,)` that explains most, once the model took its part."""
+    first, x = 6 * frame.measurement.machine.index(axis), frame.positions(axis)
+    units = [unit_of(component)[1] for component in components]
+    arms = frame.transform[:, :, [first + COMPONENTS.index(component) for component in components]] * units
+    phase = 2 * np.pi * x[:, None, None] * tried
+    both = np.stack([np.sin(phase), np.cos(phase)], axis=3)
+    projected = frame.projected((arms[:, :, :, None, None] * both[:, None]).reshape(frame.scalars, -1))
+    each = np.arange(tried.size)
+    left = projected.left.reshape(tried.size, 2, tried.size, 2)[each, :, each]
+    along = (projected.columns.T @ frame.residual).reshape(tried.size, 2, 1)
+    ridge = (1e-9 * np.trace(left, axis1=1, axis2=2) + UNSEEN)[:, None, None] * np.eye(2)
+    gains = np.sum(along * np.linalg.solve(left + ridge, along), axis=(1, 2)).reshape(tried.shape)
+    return np.asarray(tried[np.arange(len(tried)), gains.argmax(axis=1)])
 
 
 def _pays(frame: Frame, candidate: Candidate) -> bool:

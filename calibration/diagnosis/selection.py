@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from typing import NamedTuple
 
@@ -139,9 +140,18 @@ class Selector:
     variance: Variance
     progress: Progress
 
+    @cached_property
+    def bare(self) -> Stage:
+        """The fit of the base alone."""
+        return self.stage(())
+
+    def on(self, base: Base) -> Selector:
+        """The same with another base."""
+        return self if base is self.base else replace(self, base=base)
+
     def select(self, known: Sequence[Accepted] = ()) -> Selection:
         """The causes that the data ask for, from those known already."""
-        stages = [self.stage(())]
+        stages = [self.bare]
         if known:
             stages.append(self.pruned(self.stage(chosen_of(known))))
         refused: set[tuple[str, ...]] = set()
@@ -232,10 +242,11 @@ class Selector:
 
 def judge(frame: Frame, candidates: Sequence[Candidate]) -> list[Judged]:
     """Candidates with their scores, the best first."""
-    found = []
-    for candidate in candidates:
-        projected = frame.candidate(candidate.effect)
-        found.append(Judged(candidate, projected, frame.score(projected, candidate.shapes, candidate.trials)))
+    left = frame.candidates([candidate.effect for candidate in candidates])
+    found = [
+        Judged(candidate, projected, frame.score(projected, candidate.shapes, candidate.trials))
+        for candidate, projected in zip(candidates, left, strict=True)
+    ]
     return sorted(found, key=lambda judged: judged.score.delta_bic)
 
 

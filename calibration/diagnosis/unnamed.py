@@ -166,6 +166,7 @@ def _effect(frame: Frame, component: Direction, left: Unexplained, most: int) ->
     return Unnamed(component, left.variables, ranges, degrees, (0.0,) * len(terms)), spread
 
 
+@lru_cache(maxsize=256)
 def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
     """Degrees `(k, variables)` of the terms that hold most of a function's variance, and their standard deviations.
 
