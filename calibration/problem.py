@@ -68,8 +68,7 @@ class Solved(NamedTuple):
     def spent(self) -> float:
         """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
         size = len(self.information)
-        root = np.linalg.cholesky(self.information + np.eye(size))
-        inverse = linalg.solve_triangular(root, np.eye(size), lower=True)
+        inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(self.information + np.eye(size)), lower=1)
         return size - float(np.sum(inverse**2)) + self.registered
 
     @property

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from calibration import equations
+from calibration.cores import each
 from calibration.fit import Fit, Progress, fit
 from calibration.measurement import Measurement
 from calibration.models import (
@@ -50,8 +51,8 @@ FINE = 24
 """Nodes of the first fit."""
 ROWS = 5000
 """At most so many rows, evenly spread, decide."""
-KEPT = 6
-"""Parts whose columns are kept, beside the blocks."""
+KEPT = 250_000_000
+"""Bytes of columns that are kept, beside the blocks."""
 Part = tuple[str, str]
 """Axis and basis, or one of the two others."""
 REGISTRATION: Part = ("", "registration")
@@ -143,7 +144,10 @@ def _climb(
         before = best
         for part in parts:
             progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in best.bases.items()))
-            best = max((best, *best.variants(part, most)), key=evidence)
+            own = evidence(best)
+            others = [choice for choice in best.variants(part, most) if choice != best]
+            found = [own, *each(evidence, others)]
+            best = [best, *others][int(np.argmax(found))]
         if best == before:
             return best
 
@@ -169,7 +173,8 @@ class Evidence:
         at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
         left = residuals(self._measurement, at_start.with_parameters(self._besides), self._registration)
         self._residual = whitened(self._white, left).reshape(-1)
-        self._columns = lru_cache(maxsize=KEPT)(self._made)
+        widest = 6 * (FINEST + 2) * self._residual.nbytes
+        self._columns = lru_cache(maxsize=max(KEPT // widest, len(self._measurement.machine.axes) + 2))(self._made)
         self._right = cache(self._along)
         self._priors = cache(self._typical)
         own = self._priors(BESIDES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from kinematics.effects import INSTRUMENT, Effect
+from kinematics.effects.base import Columns
 from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.layout import to_json
@@ -202,12 +203,21 @@ class Design:
         state, places = self._state.rows(rows), len(self._machine.axes) + 2
         design = np.zeros((*transform.shape[:2], self._parameters))
         for effect, part in self._now:
-            for place, component, values in effect.columns(self._machine, state):
-                design[:, :, part] += transform[:, :, 6 * (place % places) + component, None] * values[:, None, :]
+            _fill(effect.columns(self._machine, state), transform, places, design[:, :, part])
         for columns, part in self._remembered:
-            for place, component, values in columns:
-                design[:, :, part] += transform[:, :, 6 * (place % places) + component, None] * values[rows, None, :]
+            there = (each._replace(values=each.values[rows]) for each in columns)
+            _fill(there, transform, places, design[:, :, part])
         return design
+
+
+def _fill(columns: Iterable[Columns], transform: Array, places: int, design: Array) -> None:
+    """Write what `transform` makes of the columns of one effect into its part of a design `(n, k, parameters)`."""
+    for i, (place, component, values) in enumerate(columns):
+        arm = transform[:, :, 6 * (place % places) + component, None]
+        if i:
+            design += arm * values[:, None, :]
+        else:
+            np.multiply(arm, values[:, None, :], out=design)
 
 
 def no_errors(machine: Machine) -> ErrorModel:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration.cores import each
 from calibration.diagnosis.smooth import Kernels, log_evidence, smooth_part
 from kinematics.transforms import Array
 
@@ -199,7 +200,7 @@ def _against_permuted(
     """Evidence of each start, and the chance that the best start of permuted residuals has as much."""
     orders = permuted(labels, SET_PERMUTATIONS, rng)
     tables = np.stack([residual, *(residual[order] for order in orders)], axis=1)
-    evidence = np.array([log_evidence(*kernels.modes(start), tables) for start in starts])
+    evidence = np.array(each(lambda start: log_evidence(*kernels.modes(start), tables), starts))
     best = evidence.max(axis=0)
     return evidence[:, 0], float(np.mean(best >= best[0]))
 
@@ -218,19 +219,20 @@ def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Ar
     def worth(lengths: dict[int, float]) -> float:
         return _evidence(kernels, lengths, residual) - EVIDENCE * len(lengths)
 
-    evidence, best = max((rate(start) for start in starts), key=lambda rated: rated[0])
+    evidence, best = max(each(rate, starts), key=lambda rated: rated[0])
     while True:
         others = [i for i in range(count) if i not in best]
         changed = [best | {i: 0.45} for i in others] if len(best) < MOST else []
         changed += [{j: best[j] for j in best if j != i} | {other: best[i]} for i in best for other in others]
-        rated = map(rate, sorted(changed, key=worth, reverse=True)[:TUNED])
+        likeliest = np.argsort(each(worth, changed))[::-1][:TUNED].tolist()
+        rated = each(rate, [changed[i] for i in likeliest])
         better = [(found - EVIDENCE * (len(lengths) - len(best)), lengths) for found, lengths in rated]
         gain, lengths = max(better, key=lambda rated: rated[0], default=(-np.inf, best))
         if gain <= evidence + 1e-6:
             break
         evidence, best = rate(lengths)
     while best:
-        fewer = [rate({j: best[j] for j in best if j != i}) for i in best]
+        fewer = each(rate, [{j: best[j] for j in best if j != i} for i in best])
         found, lengths = max(fewer, key=lambda rated: rated[0])
         if found < evidence - EVIDENCE:
             break
@@ -245,8 +247,9 @@ def _tuned(kernels: Kernels, lengths: dict[int, float], residual: Array) -> tupl
         before = found
         for variable in lengths:
             for length in LENGTHS:
-                if length != best[variable] and (value := _evidence(kernels, best | {variable: length}, residual)) > found:
-                    best, found = best | {variable: length}, value
+                tried = best | {variable: length}
+                if tried != best and (value := _evidence(kernels, tried, residual)) > found:
+                    best, found = tried, value
         if found - before < 0.1:
             break
     return found, best

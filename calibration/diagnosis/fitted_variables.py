@@ -7,8 +7,12 @@ through the beam as everything else, and keeps only what model and registration 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 
+import numpy as np
+
+from calibration.cores import each
 from calibration.diagnosis.dependence import EVIDENCE, LENGTHS, MOST, Unexplained
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.unnamed import COMPONENTS, Direction, may_depend_on, odds_of
@@ -42,17 +46,22 @@ def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> 
         tried = found._replace(variables=tuple(lengths), lengths=tuple(lengths.values()))
         return odds_of(some, component, tried) - sum(KEPT if name in first else EVIDENCE for name in lengths)
 
-    component = max(COMPONENTS, key=lambda each: odds(best, each))
+    component = COMPONENTS[int(np.argmax(each(partial(odds, best), COMPONENTS)))]
+    worth_of = partial(odds, component=component)
     if _twice_time(best):
-        best = max(_changed(best, others), key=lambda lengths: odds(lengths, component))
-    worth, best = _tuned(lambda lengths: odds(lengths, component), best)
+        best = _best(_changed(best, others), worth_of)
+    worth, best = _tuned(worth_of, best)
     for _ in range(CHANGES):
-        tried = max(_changed(best, others), key=lambda lengths: odds(lengths, component))
-        more, tried = _tuned(lambda lengths: odds(lengths, component), tried)
+        more, tried = _tuned(worth_of, _best(_changed(best, others), worth_of))
         if more <= worth:
             break
         worth, best = more, tried
     return best
+
+
+def _best(tried: Iterable[Lengths], worth: Callable[[Lengths], float]) -> Lengths:
+    every = list(tried)
+    return every[int(np.argmax(each(worth, every)))]
 
 
 def _changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
@@ -80,8 +89,8 @@ def _tuned(worth: Callable[[Lengths], float], lengths: Lengths) -> tuple[float, 
     """The most likely lengths, one after the other, and what they are worth."""
     best, found = lengths, worth(lengths)
     for name in lengths:
-        for length in LENGTHS:
-            tried = {**best, name: length}
-            if length != best[name] and (value := worth(tried)) > found:
-                found, best = value, tried
+        tried = [{**best, name: length} for length in LENGTHS if length != best[name]]
+        worths = each(worth, tried)
+        if max(worths) > found:
+            found, best = max(worths), tried[int(np.argmax(worths))]
     return found, best

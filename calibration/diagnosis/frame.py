@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import NamedTuple
 
 import msgspec
@@ -17,6 +18,7 @@ import numpy as np
 from scipy import linalg, special
 
 from calibration import equations
+from calibration.cores import each
 from calibration.fit import Fit
 from calibration.heldout import cells, placed
 from calibration.measurement import Measurement
@@ -25,6 +27,7 @@ from calibration.outliers import huber_weights, robust_factor
 from calibration.registration import Registration
 from kinematics.effects import Effect
 from kinematics.model import Design, no_errors
+from kinematics.state import State
 from kinematics.transforms import Array
 
 ROWS = 5000
@@ -215,14 +218,25 @@ class Frame:
         return linalg.cho_factor(self.design.T @ self.design + np.diag(self.limited), lower=True)
 
     @cached_property
+    def spanned(self) -> Array:
+        """J L'^-1 `(N, q)`, with L L' = H: what the model and the registration take is along these columns."""
+        inverse, _ = linalg.lapack.dtrtri(self.factor[0], lower=1)
+        return np.asarray(self.design @ np.tril(inverse).T)
+
+    @cached_property
     def freedom(self) -> float:
         """N less the degrees of freedom that the model and the registration spend."""
         inverse = linalg.cho_solve(self.factor, np.diag(self.limited))
         return max(self.scalars - (len(self.limited) - float(np.trace(inverse))), 1.0)
 
+    @cached_property
+    def state(self) -> State:
+        """Of its rows, which stand for themselves: effects with a memory need those between as well."""
+        return self.measurement.state.rows(self.rows)
+
     def positions(self, axis: str) -> Array:
         """Positions `(n,)` of an axis, mm or degrees."""
-        return np.asarray(self.measurement.state.position(self.measurement.machine, axis)[self.rows])
+        return self.state.position(self.measurement.machine, axis)
 
     def columns(self, effect: Effect) -> Array:
         """Whitened derivatives `(N, k)` by the linear parameters of an effect, in terms of their typical sizes."""
@@ -237,7 +251,8 @@ class Frame:
 
     def candidates(self, effects: Sequence[Effect]) -> list[Projected]:
         """What the model and the registration leave of each of some effects, as of one `candidate`."""
-        return [one for some in _together(effects) for one in self._apart(some, self._changing(some))]
+        some = each(lambda some: self._apart(some, self._changing(some)), _together(effects))
+        return list(chain.from_iterable(some))
 
     def responses(self, effects: Sequence[Effect]) -> list[Projected]:
         """What the model and the registration leave of the columns of each of some effects, as they are."""
@@ -248,17 +263,12 @@ class Frame:
 
     def projected(self, columns: Array) -> Projected:
         """What the model and the registration leave of some columns `(N, k)`."""
-        through = self._through(columns)
+        through = self.spanned.T @ columns
         return Projected(columns, through, columns.T @ columns - through.T @ through)
-
-    def _through(self, columns: Array) -> Array:
-        """L^-1 J'G `(q, k)` of columns G."""
-        along = self.design.T @ columns
-        return np.asarray(linalg.solve_triangular(self.factor[0], along, lower=True, check_finite=False))
 
     def _apart(self, effects: Sequence[Effect], columns: Array) -> list[Projected]:
         """What is left of each effect, whose columns `(N, k)` stand one after the other."""
-        through, found, end = self._through(columns), [], 0
+        through, found, end = self.spanned.T @ columns, [], 0
         for width in _widths(effects):
             own = slice(end, end := end + width)
             left = columns[:, own].T @ columns[:, own] - through[:, own].T @ through[:, own]
@@ -285,9 +295,12 @@ class Frame:
 
     def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
         """What a candidate would bring; `shapes` of its parameters were searched for, in `trials` tries."""
-        values, vectors = np.linalg.eigh((candidate.left + candidate.left.T) / 2)
-        values = np.maximum(values, 0.0)
-        along = vectors.T @ (candidate.columns.T @ self.residual)
+        return self.rated(candidate.left, candidate.columns.T @ self.residual, shapes, trials)
+
+    def rated(self, left: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:
+        """The score of columns by what is left of them `(k, k)`, and by the residual along them `(k,)`."""
+        values, vectors = np.linalg.eigh((left + left.T) / 2)
+        values, along = np.maximum(values, 0.0), vectors.T @ along
         softened = values + GENEROUS**-2
         largest = float(np.abs(vectors @ (along / softened)).max(initial=0.0))
         softened = values + max(GENEROUS, BEYOND * largest) ** -2
@@ -316,13 +329,6 @@ class Frame:
             counted = np.repeat(placed(some, ~inside)[inside], some.components)
             found.append(HeldBlock(mine, factor, missed, counted))
         return found
-
-    def gains(self, columns: Array) -> Array:
-        """By how much each of some columns `(N, k)`, alone and as large as it likes, lowers the sum of squares."""
-        through = self._through(columns)
-        whole = np.sum(columns**2, axis=0)
-        left = whole - np.sum(through**2, axis=0)
-        return np.where(left > RIDGE * whole, (columns.T @ self.residual) ** 2 / np.maximum(left, 1e-300), 0.0)
 
     def held_gains(self, candidate: Projected) -> Array:
         """By which the squares of each block's counted residuals fall with the candidate in the fit of the others.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import linalg
 
 from calibration.diagnosis.by_chance import SEARCHES, SMOOTH, Chance
 from calibration.diagnosis.dependence import Unexplained, explaining_variables, of_variables
@@ -42,9 +41,7 @@ def tests(frame: Frame) -> list[Test]:
         None if state.station is None else state.station[rows],
         {name: kelvin[rows] for name, kelvin in state.temperatures.items()},
     )
-    absorbed = linalg.solve_triangular(frame.factor[0], frame.design.T, lower=True).T
-    white = frame.bounded.reshape(len(rows), -1)
-    return whiteness(white, columns, absorbed=absorbed)
+    return whiteness(frame.bounded.reshape(len(rows), -1), columns, absorbed=frame.spanned)
 
 
 def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:

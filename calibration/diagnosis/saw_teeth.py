@@ -8,9 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.lever import Lever
 from calibration.models import moving_axes
 from kinematics.effects import QuantisedCompensation
-from kinematics.effects.base import own_motion
+from kinematics.effects.base import own_component
 from kinematics.transforms import Array
 
 PITCHES, PLACES = 61, 41
@@ -30,23 +31,21 @@ def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
     return np.asarray(0.5 - ((x[:, None] - offsets) / pitches) % 1.0)
 
 
-def arm_of(frame: Frame, axis: str) -> Array:
-    """Whitened derivatives `(n, d)` by the error motion of an axis in its own direction."""
-    i, component, _ = own_motion(frame.measurement.machine, axis)
-    return frame.transform[:, :, 6 * i + component]
+def likeliest(lever: Lever, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
+    """The saw tooth along an axis, of these pitches and offsets `(k,)`, that explains most; its step at zero.
 
-
-def likeliest(frame: Frame, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
-    """The saw tooth of these pitches and offsets `(k,)` that explains most, its step at zero."""
-    best = int(np.argmax(_gains(frame, axis, pitches, offsets)))
+    lever: of the axis in its own direction.
+    """
+    best = int(np.argmax(_gains(lever, axis, pitches, offsets)))
     pitch = float(pitches[best])
     return QuantisedCompensation(axis=axis, step=0.0, pitch=pitch, offset=float(offsets[best]) % pitch)
 
 
 def refined(frame: Frame, effect: QuantisedCompensation) -> QuantisedCompensation:
     """The likeliest saw tooth about this one."""
+    lever = Lever.of(frame, effect.axis, own_component(effect.axis))
     for k in range(ROUNDS):
-        effect = likeliest(frame, effect.axis, *_about(frame, effect, CLOSER**-k))
+        effect = likeliest(lever, effect.axis, *_about(frame, effect, CLOSER**-k))
     return effect
 
 
@@ -55,10 +54,11 @@ def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float,
 
     In the frame of a fit without the effect.
     """
+    lever = Lever.of(frame, effect.axis, own_component(effect.axis))
     for k in range(ROUNDS):
         pitches, offsets = _about(frame, effect, CLOSER**-k)
         apart = pitches[1] - pitches[0], offsets[PITCHES] - offsets[0]
-        gains = _gains(frame, effect.axis, pitches, offsets)
+        gains = _gains(lever, effect.axis, pitches, offsets)
         variance = max((frame.bounded_squares - float(gains.max())) / frame.freedom, 1.0)
         odds = np.exp((gains - gains.max()) / (2.0 * variance))
         odds /= odds.sum()
@@ -84,13 +84,9 @@ def _about(frame: Frame, effect: QuantisedCompensation, reach: float) -> tuple[A
     return pitches, middles - jumps * pitches
 
 
-def _gains(frame: Frame, axis: str, pitches: Array, offsets: Array) -> Array:
-    """By which saw teeth `(k,)` lower the sum of squares, as `Frame.gains` has it."""
-    x, arm = frame.positions(axis), arm_of(frame, axis)
-    size = max(1, OVER // frame.scalars)
-    found = []
-    for start in range(0, len(pitches), size):
-        part = slice(start, start + size)
-        columns = arm[:, :, None] * teeth(x, pitches[part], offsets[part])[:, None, :]
-        found.append(frame.gains(columns.reshape(frame.scalars, -1)))
-    return np.concatenate(found)
+def _gains(lever: Lever, axis: str, pitches: Array, offsets: Array) -> Array:
+    """By which saw teeth `(k,)` lower the sum of squares."""
+    x = lever.frame.positions(axis)
+    size = max(1, OVER // len(x))
+    parts = [slice(start, start + size) for start in range(0, len(pitches), size)]
+    return np.concatenate([lever.gains(teeth(x, pitches[part], offsets[part])) for part in parts])

@@ -8,20 +8,22 @@ they are compared. Every proposal says in how many independent tries it was foun
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from functools import partial
+from itertools import chain
 from typing import get_args
 
 import msgspec
 import numpy as np
 
+from calibration.cores import each
 from calibration.diagnosis.frame import Frame
+from calibration.diagnosis.lever import Lever
 from calibration.diagnosis.library import Candidate
-from calibration.diagnosis.saw_teeth import arm_of, likeliest, refined, teeth
+from calibration.diagnosis.saw_teeth import likeliest, refined, teeth
 from calibration.instruments import LaserTracker
 from calibration.models import distinct_positions, moving_axes
 from kinematics.basis import BSpline
 from kinematics.effects import (
-    COMPONENTS,
     Component,
     Cyclic,
     ErrorMotion,
@@ -29,7 +31,7 @@ from kinematics.effects import (
     GrowthWithTime,
     StationShift,
 )
-from kinematics.effects.base import own_component, own_motion, unit_of
+from kinematics.effects.base import own_component, unit_of
 from kinematics.transforms import Array
 
 WAVES = 8.0
@@ -61,8 +63,6 @@ LEAST_ROWS = 8
 """Before and after a moment when the instrument moved."""
 LATTICE = 0.02
 """Share of their distance by which positions may miss a lattice."""
-UNSEEN = 1e-12
-"""Squares of a signal, in terms of the noise's variance, that are none."""
 
 
 def proposals(frame: Frame, library: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -80,32 +80,39 @@ def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component))
 
     With as many harmonics as pay, where it pays at all.
     """
+    along = partial(_waves_along, frame, components=components)
+    return chain.from_iterable(each(along, moving_axes(frame.measurement)))
+
+
+def _waves_along(frame: Frame, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
     measurement = frame.measurement
-    for axis, (low, high) in moving_axes(measurement).items():
-        x = frame.positions(axis)
-        most = min(_resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
-        frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
-        if len(frequencies) < OVERSAMPLING:
-            continue
-        seen = [c for c in components if measurement.axis is None or c == own_component(axis)]
-        strength = _strengths(frame, axis, seen, x, frequencies)
-        tried = np.stack([np.resize(frequencies[_peaks(power, BEST)], BEST) for power in strength])
-        best = _finest(frame, axis, seen, tried, 0.5 / (OVERSAMPLING * (high - low)))
-        for component, frequency in zip(seen, best.tolist(), strict=True):
-            found = Candidate(_wave(component, axis, 1.0 / frequency, 1), 1, float(len(frequencies) * len(seen)))
-            yield with_harmonics(frame, found) if _pays(frame, found) else found
+    low, high = moving_axes(measurement)[axis]
+    x = frame.positions(axis)
+    most = min(_resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
+    frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
+    if len(frequencies) < OVERSAMPLING:
+        return []
+    seen = [c for c in components if measurement.axis is None or c == own_component(axis)]
+    levers = [Lever.of(frame, axis, component) for component in seen]
+    found = []
+    for component, lever, power in zip(seen, levers, _strengths(levers, x, frequencies), strict=True):
+        tried = frequencies[_peaks(power, BEST)]
+        best = _finest(lever, x, tried, 0.5 / (OVERSAMPLING * (high - low)), unit_of(component)[1])
+        wave = _wave(component, axis, 1.0 / best, 1)
+        found.append(Candidate(_with_harmonics(lever, wave), 1, float(len(frequencies) * len(seen))))
+    return found
 
 
-def with_harmonics(frame: Frame, candidate: Candidate) -> Candidate:
-    """A cyclic error with as many harmonics as pay; none that is a cyclic error of the model already."""
-    effect = candidate.effect
-    assert isinstance(effect, Cyclic)
-    known = [e.period for e in frame.fit.model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
+def _with_harmonics(lever: Lever, effect: Cyclic) -> Cyclic:
+    """A cyclic error, where it pays with as many harmonics as pay; none that is one of the model already."""
+    if lever.score(lever.sizes(effect), 1).delta_bic >= 0.0:
+        return effect
+    model = lever.frame.fit.model
+    known = [e.period for e in model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
     same = [k for k in range(2, MOST_HARMONICS + 1) for period in known if abs(effect.period / k / period - 1.0) < SAME]
     numbers = range(1, min(same, default=MOST_HARMONICS + 1))
     variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
-    worth = [frame.score(projected).delta_bic for projected in frame.responses(variants)]
-    return Candidate(variants[int(np.argmin(worth))], candidate.shapes, candidate.trials)
+    return min(variants, key=lambda variant: lever.score(lever.sizes(variant)).delta_bic)
 
 
 def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
@@ -129,48 +136,49 @@ def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
 
     Pitches by the power of their wave, places within them by the tooth itself.
     """
+    linear = [axis for axis in moving_axes(frame.measurement) if axis[0] not in "ABC"]
+    return chain.from_iterable(each(partial(_steps_along, frame, whole or frame), linear))
+
+
+def _steps_along(frame: Frame, whole: Frame, axis: str) -> list[Candidate]:
     measurement = frame.measurement
-    for axis, (low, high) in moving_axes(measurement).items():
-        if axis[0] in "ABC":
-            continue
-        x = frame.positions(axis)
-        count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
-        frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
-        if len(frequencies) < OVERSAMPLING:
-            continue
-        _, component, _ = own_motion(frame.measurement.machine, axis)
-        strength = _strengths(frame, axis, [get_args(Component)[component]], x, frequencies)[0]
-        arm = arm_of(frame, axis)
-        along, squares = np.sum(arm * frame.residual.reshape(arm.shape), axis=1), np.sum(arm**2, axis=1)
-        shares, shapes = np.arange(OFFSETS) / OFFSETS, []
-        for frequency in frequencies[_peaks(strength, 2 * BEST)].tolist():
-            tried = teeth(x, 1.0 / frequency, shares / frequency)
-            power = (along @ tried) ** 2 / np.maximum(squares @ tried**2, 1e-300)
-            shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
-        _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T
-        best = likeliest(frame, axis, pitches, offsets)
-        found = Candidate(best, 2, float(len(frequencies) * OFFSETS))
-        if _pays(frame, found):
-            found = replace(found, effect=refined(whole or frame, best))
-        yield found
+    low, high = moving_axes(measurement)[axis]
+    x = frame.positions(axis)
+    count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
+    frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
+    if len(frequencies) < OVERSAMPLING:
+        return []
+    lever = Lever.of(frame, axis, own_component(axis))
+    (strength,) = _strengths([lever], x, frequencies)
+    shares, shapes = np.arange(OFFSETS) / OFFSETS, []
+    for frequency in frequencies[_peaks(strength, 2 * BEST)].tolist():
+        tried = teeth(x, 1.0 / frequency, shares / frequency)
+        power = (lever.along @ tried) ** 2 / np.maximum(lever.squares @ tried**2, 1e-300)
+        shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
+    _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T
+    best = likeliest(lever, axis, pitches, offsets)
+    pays = lever.score(lever.sizes(best), 2).delta_bic < 0.0
+    return [Candidate(refined(whole, best) if pays else best, 2, float(len(frequencies) * OFFSETS))]
 
 
 def finer(frame: Frame) -> Iterator[Candidate]:
     """Each error motion of the model in a finer basis, in its place: the one that pays most and predicts better."""
-    for effect in frame.fit.model.effects:
-        if not isinstance(effect, ErrorMotion):
-            continue
-        most = distinct_positions(frame.measurement, effect.axis)
-        sizes = [size for size in FINE if effect.basis.size < size <= most]
-        variants = [Candidate(_finer(effect, size), 0, float(len(sizes)), effect.name) for size in sizes]
-        projected = frame.responses([variant.effect for variant in variants])
-        worth = [frame.score(each).delta_bic for each in projected]
-        order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
-        gains = {i: frame.held_gains(projected[i]) for i in order}
-        best = next((i for i in order if gains[i].mean() > 0.0), None)
-        if best is None:
-            best = max(order, key=lambda i: gains[i].sum(), default=0)
-        yield from variants[best : best + 1]
+    motions = [effect for effect in frame.fit.model.effects if isinstance(effect, ErrorMotion)]
+    return chain.from_iterable(each(partial(_finer_than, frame), motions))
+
+
+def _finer_than(frame: Frame, motion: ErrorMotion) -> list[Candidate]:
+    most = distinct_positions(frame.measurement, motion.axis)
+    sizes = [size for size in FINE if motion.basis.size < size <= most]
+    variants = [Candidate(_finer(motion, size), 0, float(len(sizes)), motion.name) for size in sizes]
+    lever = Lever.of(frame, motion.axis, motion.component)
+    worth = [lever.score(lever.sizes(variant.effect)).delta_bic for variant in variants]
+    order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
+    gains = {i: frame.held_gains(frame.projected(frame.columns(variants[i].effect))) for i in order}
+    best = next((i for i in order if gains[i].mean() > 0.0), None)
+    if best is None:
+        best = max(order, key=lambda i: gains[i].sum(), default=0)
+    return variants[best : best + 1]
 
 
 def fixed_points(frame: Frame, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -233,18 +241,15 @@ def _resolved(x: Array, travel: float) -> float:
     return BEYOND * len(np.unique(np.round(x, 3))) if pitch is None else 0.5 * travel / pitch
 
 
-def _strengths(frame: Frame, axis: str, components: list[Component], x: Array, frequencies: Array) -> Array:
-    """Power `(components, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
-    i = frame.measurement.machine.index(axis)
-    residual = frame.residual.reshape(len(x), -1)
-    arms = [frame.transform[:, :, 6 * i + COMPONENTS.index(c)] for c in components]
-    along = np.stack([np.sum(arm * residual, axis=1) for arm in arms])
-    squares = np.array([np.sum(arm**2) for arm in arms])[:, None]
-    return np.asarray(np.abs(_spectrum(along, x, frequencies)) ** 2 / np.maximum(squares, 1e-300))
+def _strengths(levers: Sequence[Lever], x: Array, frequencies: Array) -> Array:
+    """Power `(c, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
+    squares = np.array([lever.squares.sum() for lever in levers])[:, None]
+    sums = _spectrum(np.stack([lever.along for lever in levers]), x, frequencies)
+    return np.asarray(np.abs(sums) ** 2 / np.maximum(squares, 1e-300))
 
 
 def _spectrum(values: Array, x: Array, frequencies: Array) -> np.ndarray:
-    """Sums `(c, m)` over positions `(n,)` of values `(c, n)` times exp(2 pi i x f), at evenly spaced frequencies `(m,)`.
+    """Sums `(c, m)` of values `(c, n)` times exp(2 pi i x f), at positions `(n,)` and evenly spaced frequencies `(m,)`.
 
     Every frequency is one of a coarse row and a multiple of the step, every wave the product of the two: few have to
     be worked out.
@@ -263,37 +268,22 @@ def _peaks(power: Array, count: int) -> np.ndarray:
     return np.asarray(top[np.argsort(power[top])[::-1][:count]])
 
 
-def _finest(frame: Frame, axis: str, components: Sequence[Component], tried: Array, step: float) -> Array:
-    """The frequencies `(c,)` that explain most once the model has taken its part, between the neighbours of the best.
+def _finest(lever: Lever, x: Array, tried: Array, step: float, unit: float) -> float:
+    """The frequency that explains most once the model has taken its part, between the neighbours of the best tried.
 
-    tried: `(c, k)`, by component.
+    unit: amplitude of a wave, mm or rad.
     """
-    best = _explaining_most(frame, axis, components, tried)
+
+    def best_of(tried: Array) -> float:
+        """The one that explains most."""
+        phase = 2 * np.pi * x[:, None] * tried
+        return float(tried[int(np.argmax(lever.wave_gains(unit * np.sin(phase), unit * np.cos(phase))))])
+
+    best = best_of(tried)
     for _ in range(4):
-        best = _explaining_most(frame, axis, components, best[:, None] + step * np.arange(-1.0, 2.0))
+        best = best_of(np.array([best - step, best, best + step]))
         step /= 2
     return best
-
-
-def _explaining_most(frame: Frame, axis: str, components: Sequence[Component], tried: Array) -> Array:
-    """Of frequencies `(c, k)` of each component the one `(c,)` that explains most, once the model took its part."""
-    first, x = 6 * frame.measurement.machine.index(axis), frame.positions(axis)
-    units = [unit_of(component)[1] for component in components]
-    arms = frame.transform[:, :, [first + COMPONENTS.index(component) for component in components]] * units
-    phase = 2 * np.pi * x[:, None, None] * tried
-    both = np.stack([np.sin(phase), np.cos(phase)], axis=3)
-    projected = frame.projected((arms[:, :, :, None, None] * both[:, None]).reshape(frame.scalars, -1))
-    each = np.arange(tried.size)
-    left = projected.left.reshape(tried.size, 2, tried.size, 2)[each, :, each]
-    along = (projected.columns.T @ frame.residual).reshape(tried.size, 2, 1)
-    ridge = (1e-9 * np.trace(left, axis1=1, axis2=2) + UNSEEN)[:, None, None] * np.eye(2)
-    gains = np.sum(along * np.linalg.solve(left + ridge, along), axis=(1, 2)).reshape(tried.shape)
-    return np.asarray(tried[np.arange(len(tried)), gains.argmax(axis=1)])
-
-
-def _pays(frame: Frame, candidate: Candidate) -> bool:
-    """True where a candidate is worth its parameters, however many tries it took."""
-    return frame.score(frame.projected(frame.columns(candidate.effect)), candidate.shapes).delta_bic < 0.0
 
 
 def _gain(frame: Frame, effect: StationShift) -> float:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import linalg
 
 from kinematics.transforms import Array
 
@@ -20,7 +21,7 @@ AMPLITUDES = np.concatenate([[0.0], np.geomspace(0.02, 200.0, 9)])
 TURNING = 0.2
 """The amplitude with which the smooth parts are estimated for that."""
 RANK = 1e-5
-"""Share of the largest eigenvalue below which a direction of the kernel is left out."""
+"""Share of the variance below which what a row adds to the kernel is left out, and of the largest one of a mode."""
 
 
 class Kernels:
@@ -44,9 +45,9 @@ class Kernels:
         product = np.ones_like(self._scaled[0], shape=(1, 1))
         for variable, length in lengths.items():
             product = product * self.of(variable, length)
-        inner, ways = np.linalg.eigh(product[self._centres])
-        kept = inner > RANK * inner[-1]
-        features = product @ (ways[:, kept] / np.sqrt(inner[kept]))
+        root, order, rank, _ = linalg.lapack.dpstrf(product[self._centres], tol=RANK, lower=1)
+        spanning = np.asfortranarray(product[:, order[:rank] - 1])
+        features = linalg.blas.dtrsm(1.0, root[:rank, :rank], spanning, side=1, lower=1, trans_a=1)
         features -= features.mean(axis=0)
         variances, ways = np.linalg.eigh(features.T @ features)
         kept = variances > RANK * variances[-1]
