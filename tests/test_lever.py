@@ -1,0 +1,94 @@
+"""Errors judged row by row, against whole columns; spectra, tails and cores against their definitions."""
+
+import numpy as np
+import pytest
+from diagnosed import data_with, framed
+from scipy import stats
+from threadpoolctl import threadpool_info
+
+from calibration import cores
+from calibration.diagnosis import scans
+from calibration.diagnosis.lever import Lever
+from calibration.diagnosis.whiteness import pearson_beyond
+from kinematics.basis import BSpline
+from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation
+
+ZEROS = (0.0,) * 8
+EFFECTS = (
+    Cyclic(component="Y", axis="X", period=12.0, sine=(0.0, 0.0), cosine=(0.0, 0.0)),
+    ErrorMotion("B", "Z", BSpline(tuple(np.linspace(-200.0, 0.0, 6).tolist()), 3), ZEROS, u=ZEROS),
+    QuantisedCompensation(axis="Y", step=0.0, pitch=25.0, offset=3.0),
+)
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return framed(Backlash(axis="Y", width=5.0))
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.kind)
+def test_a_lever_says_what_whole_columns_say(frame, effect):
+    lever = Lever.of(frame, effect.axis, getattr(effect, "component", effect.axis))
+    sizes, projected = lever.sizes(effect), frame.projected(frame.columns(effect))
+    np.testing.assert_allclose(lever.left(sizes), projected.left, rtol=1e-7, atol=1e-9 * np.trace(projected.left))
+    here, there = lever.score(sizes, 1), frame.score(projected, 1)
+    assert here.gain == pytest.approx(there.gain, rel=1e-6)
+    assert here.delta_bic == pytest.approx(there.delta_bic, rel=1e-6)
+    np.testing.assert_allclose(here.size, there.size, rtol=1e-5, atol=1e-9)
+
+
+def test_gains_of_waves_are_what_the_best_sum_of_sine_and_cosine_gains(frame):
+    lever, x = Lever.of(frame, "X", "Z"), frame.positions("X")
+    phase = 2 * np.pi * x[:, None] / np.array([7.0, 11.0, 30.0])
+    sines, cosines = np.sin(phase), np.cos(phase)
+    both = lever.wave_gains(sines, cosines)
+    for i, found in enumerate(both):
+        pair = np.stack([sines[:, i], cosines[:, i]], axis=1)
+        along = pair.T @ lever.along
+        assert found == pytest.approx(along @ np.linalg.solve(lever.left(pair), along), rel=1e-5)
+    assert np.all(both >= lever.gains(sines) * (1.0 - 1e-6))
+
+
+def test_effects_together_are_projected_as_one_by_one(frame):
+    for together, effect in zip(frame.responses(EFFECTS), EFFECTS, strict=True):
+        alone = frame.projected(frame.columns(effect))
+        np.testing.assert_allclose(together.left, alone.left, rtol=1e-9, atol=1e-9 * np.trace(alone.left))
+        np.testing.assert_allclose(together.columns, alone.columns)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 100])
+def test_spectra_against_their_definition(count):
+    rng = np.random.default_rng(count)
+    x, values = rng.uniform(-300.0, 500.0, 60), rng.normal(size=(2, 60))
+    frequencies = 0.01 + np.arange(count) * 3e-4
+    expected = values @ np.exp(2j * np.pi * x[:, None] * frequencies)
+    np.testing.assert_allclose(scans._spectrum(values, x, frequencies), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("skew", [-1.5, -0.3, -1e-7, 0.0, 1e-4, 0.02, 0.8, 3.0])
+@pytest.mark.parametrize("z", [-3.0, -0.4, 0.0, 1.0, 4.0])
+def test_tails_against_scipy(z, skew):
+    assert pearson_beyond(z, skew) == pytest.approx(float(stats.pearson3.sf(z, skew)), rel=1e-4, abs=1e-12)
+
+
+def test_each_keeps_the_order_and_what_goes_wrong():
+    assert cores.each(lambda i: i * i, range(50)) == [i * i for i in range(50)]
+    assert cores.each(abs, []) == []
+    with pytest.raises(ZeroDivisionError):
+        cores.each(lambda i: 1 / i, [2, 1, 0])
+
+
+def test_blas_has_one_thread_within():
+    with cores.blas_in_one_thread():
+        threads = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+    assert threads
+    assert set(threads) == {1}
+
+
+def test_all_rows_of_a_state_are_the_state_itself():
+    state = data_with(n=30).state
+    assert state.rows(slice(None)) is state
+    assert state.rows(np.arange(30)) is state
+    assert state.rows(np.arange(30)[::-1]) is not state
+    np.testing.assert_array_equal(state.rows(np.arange(30)[::-1]).positions, state.positions[::-1])
+    assert len(state.rows(np.arange(30) > 20)) == 9
