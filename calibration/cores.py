@@ -1,4 +1,4 @@
-"""All cores for pieces of work that don't need each other; BLAS keeps to one thread meanwhile.
+"""All cores for pieces of work that don't need each other; BLAS has one thread meanwhile.
 
 Threads of BLAS get in each other's way on the small matrices of this package: two of them take twice as long as one.
 """
@@ -24,15 +24,20 @@ def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     threads = min(_cores(), len(waiting))
     if threads < 2:
         return [work(item) for item in waiting]
-    with ThreadPoolExecutor(threads) as pool:
+    with blas_in_one_thread(), ThreadPoolExecutor(threads) as pool:
         return list(pool.map(work, waiting))
 
 
 @contextmanager
 def blas_in_one_thread() -> Iterator[None]:
     """Within this BLAS has one thread."""
-    with ThreadpoolController().limit(limits=1, user_api="blas"):
+    with _blas().limit(limits=1, user_api="blas"):
         yield
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 @cache

@@ -88,6 +88,7 @@ def first_order_deviation(
     module, axes = derived(machine), len(machine.axes)
 
     def first_order(q: Array, errors: Array, tool: Array) -> Deviation:
+        """Of the axes by the derived module, and of the tool behind them."""
         deviation = Deviation(*module.deviation(q, tool, errors[:, :axes]))
         if not errors[:, axes:].any():
             return deviation

@@ -107,3 +107,9 @@ def test_time_is_named_once():
     frame = selector(replace(data, state=warm)).stage([]).frame
     found, names = seen(frame, {"X": 0.45, "time": 0.3, "temperature scale": 0.3})
     assert set(fitted_variables(frame, found, names)) in ({"X", "time"}, {"X", "temperature scale"})
+
+
+def test_the_only_variable_there_is_has_none_to_change_for():
+    frame = frame_with(nameless("Y", 6.0))
+    found, _ = seen(frame, {"X": 0.45})
+    assert set(fitted_variables(frame, found, ["X"])) == {"X"}

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 from calibration.continuous.records import QuasiStatic
 from calibration.continuous.shape import Shape
@@ -234,6 +233,8 @@ def _spread(
     if free < LEAST_FREE:
         noise, sizes = 0.0, np.zeros(len(names))
     else:
+        from scipy.optimize import minimize
+
         begin = np.log(np.full(1 + len(names), START))
         found = minimize(
             cost, begin, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 1e-2, "maxfev": MOST_TRIES}

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.optimize import minimize_scalar
 from scipy.sparse import csr_matrix, diags
 
 from calibration.continuous.course import Course
@@ -211,6 +210,8 @@ def _equations(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra)
 
 def _most_likely(equations: _Equations, order: int) -> _Solved:
     """The curve of most evidence for a prior of that order."""
+    from scipy.optimize import minimize_scalar
+
     prior = _prior(equations, order)
     grid = np.linspace(*WIDEST[order], TRIED)
     evidence = [_solved(equations, prior, order, each).evidence for each in grid.tolist()]

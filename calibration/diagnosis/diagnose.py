@@ -153,10 +153,9 @@ def diagnose(
     selector = Selector(measurement, base, candidates, variance, progress)
     noise = repeats(measurement, selector.bare.fit.kept)
     if variance == "sheet" and noise is not None and _in_doubt(noise):
-        measurement = _as_noisy_as(measurement, noise)
+        selector = replace(selector, measurement=_as_noisy_as(measurement, noise))
         says = f"the instrument's sheet is in doubt, its noise is taken from repeats: {noise.says}"
         findings.append(Finding("noise", says, False))
-        selector = replace(selector, measurement=measurement)
     before = selector.bare
     tests = remainder.tests(before.frame)
     found = _Found(selector, before, ())
@@ -180,7 +179,7 @@ def diagnose(
     judged = found.judged or tuple(judge(after.frame, candidates))
     told = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     return Diagnosis(
-        measurement,
+        selector.measurement,
         selector.base,
         before,
         found.stage,

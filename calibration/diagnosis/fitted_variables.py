@@ -7,7 +7,7 @@ through the beam as everything else, and keeps only what model and registration 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -49,19 +49,21 @@ def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> 
     component = COMPONENTS[int(np.argmax(each(partial(odds, best), COMPONENTS)))]
     worth_of = partial(odds, component=component)
     if _twice_time(best):
-        best = _best(_changed(best, others), worth_of)
+        best = _best(list(_changed(best, others)), worth_of)
     worth, best = _tuned(worth_of, best)
     for _ in range(CHANGES):
-        more, tried = _tuned(worth_of, _best(_changed(best, others), worth_of))
+        changed = list(_changed(best, others))
+        if not changed:
+            break
+        more, tried = _tuned(worth_of, _best(changed, worth_of))
         if more <= worth:
             break
         worth, best = more, tried
     return best
 
 
-def _best(tried: Iterable[Lengths], worth: Callable[[Lengths], float]) -> Lengths:
-    every = list(tried)
-    return every[int(np.argmax(each(worth, every)))]
+def _best(tried: Sequence[Lengths], worth: Callable[[Lengths], float]) -> Lengths:
+    return tried[int(np.argmax(each(worth, tried)))]
 
 
 def _changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:

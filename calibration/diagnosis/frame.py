@@ -256,9 +256,10 @@ class Frame:
 
     def responses(self, effects: Sequence[Effect]) -> list[Projected]:
         """What the model and the registration leave of the columns of each of some effects, as they are."""
-        made = (signals(self.measurement, self.rows, some, self.transform) for some in _together(effects))
         return [
-            one for some, columns in zip(_together(effects), made, strict=True) for one in self._apart(some, columns)
+            one
+            for some in _together(effects)
+            for one in self._apart(some, signals(self.measurement, self.rows, some, self.transform))
         ]
 
     def projected(self, columns: Array) -> Projected:

@@ -47,6 +47,7 @@ def chosen(fits: Fits, drawn: Sample, search: Search) -> dict[tuple[tuple[Part, 
     right: dict[Part, Array] = {}
 
     def evidence(choice: Choice, draws: np.ndarray) -> Array:
+        """Of one choice for each of some draws."""
         parts = parts_of(fits, choice)
         for part in parts:
             if part not in right:

@@ -45,6 +45,16 @@ EPILOG = (
     "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte"
 )
 
+NoTravelCheck = Annotated[bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")]
+ClassNames = Annotated[
+    str | None,
+    typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
+]
+Tolerance = Annotated[
+    float,
+    typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would stray farther between their ends."),
+]
+
 
 def correct(
     program: Program,
@@ -57,17 +67,9 @@ def correct(
     work_offset: WorkOffsets = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
-    no_travel_check: Annotated[
-        bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")
-    ] = False,
-    classes: Annotated[
-        str | None,
-        typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
-    ] = None,
-    tolerance_um: Annotated[
-        float,
-        typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would stray farther between their ends."),
-    ] = 1.0,
+    no_travel_check: NoTravelCheck = False,
+    classes: ClassNames = None,
+    tolerance_um: Tolerance = 1.0,
     temperature: Temperatures = None,
     elapsed: Elapsed = None,
     log: ConditionsLog = None,

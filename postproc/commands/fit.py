@@ -80,6 +80,8 @@ EPILOG = (
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
 )
 
+HoldOut = Annotated[bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")]
+
 
 def fit(
     data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file.")],
@@ -93,9 +95,7 @@ def fit(
     header: HeaderLines = None,
     columns: ColumnMapName = None,
     plan: PlanFile = None,
-    hold_out: Annotated[
-        bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
-    ] = True,
+    hold_out: HoldOut = True,
     path: PathProgram = None,
     cell_mm: CellLength = None,
     corner_mm: CornerLength = 5.0,
