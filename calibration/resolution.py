@@ -174,7 +174,7 @@ class Evidence:
         left = residuals(self._measurement, at_start.with_parameters(self._besides), self._registration)
         self._residual = whitened(self._white, left).reshape(-1)
         widest = 6 * (FINEST + 2) * self._residual.nbytes
-        self._columns = lru_cache(maxsize=max(KEPT // widest, len(self._measurement.machine.axes) + 2))(self._made)
+        self._columns = lru_cache(maxsize=max(KEPT // widest, len(self._measurement.machine.axes) + 4))(self._made)
         self._right = cache(self._along)
         self._priors = cache(self._typical)
         own = self._priors(BESIDES)

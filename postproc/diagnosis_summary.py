@@ -36,6 +36,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         if left is None
         else {"variables": list(left.variables), "p_value": left.p_value, "rms_um": found.unexplained_um},
         "next_measurement": found.next_measurement,
+        "one_by_one": [dependence._asdict() for dependence in found.one_by_one],
         "moves": [
             {"move": move.name, "minutes": move.minutes, "gain_per_minute": move.gain_per_minute, "says": move.says}
             for move in found.moves

@@ -1,11 +1,6 @@
-"""Which variables the residuals that are left depend on.
+"""The set of variables a smooth function of which explains residuals that are left, also when they act only jointly.
 
-Two views: each variable alone, by distance correlation, which vanishes only for independent ones (Szekely, Rizzo and
-Bakirov 2007; without bias: Szekely and Rizzo 2013); and the set of variables a smooth function of which explains the
-residuals, also when they act only jointly.
-
-Chances are those among residuals with their rows permuted. Where rows in succession err alike, whole blocks of them are
-permuted, which leaves noise with a memory as it is. Rows are in the order of acquisition.
+Chances are those among residuals permuted in blocks. Rows are in the order of acquisition.
 """
 
 from __future__ import annotations
@@ -17,14 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.cores import each
+from calibration.diagnosis.permuted_blocks import blocks_in_time, permuted
 from calibration.diagnosis.smooth import Kernels, log_evidence, smooth_part
 from kinematics.transforms import Array
 
-ROWS = 1000
-"""Rows, evenly taken, of a distance correlation."""
-PERMUTATIONS = 499
-"""Of each variable alone; of sets, `SET_PERMUTATIONS`."""
-SET_PERMUTATIONS = 199
+PERMUTATIONS = 199
 LEVEL = 0.01
 """Chance that any set of variables is found to explain pure noise."""
 EVIDENCE = 5.0
@@ -37,21 +29,8 @@ MOST = 4
 """Variables of a set."""
 TUNED = 4
 """Changes of a set, the likeliest ones, for which lengths are looked for."""
-MEMORIES = 4
-"""Length of a block, in rows that residuals remember."""
 CENTRES = 80
 """Rows that a smooth function stands on."""
-
-
-class Dependence(NamedTuple):
-    """How the residuals depend on one variable."""
-
-    variable: str
-    correlation: float
-    """Squared distance correlation without bias; about 0 where independent, negative too."""
-    p_value: float
-    adjusted: float
-    """p-value by Benjamini and Hochberg: of all variables below a level q, a share q at most is there by chance."""
 
 
 class Unexplained(NamedTuple):
@@ -68,47 +47,14 @@ class Unexplained(NamedTuple):
     """The function at the rows `(n, d)`."""
 
 
-def distance_correlation(x: Array, y: Array) -> float:
-    """Squared distance correlation without bias of `x` and `y`, each `(n,)` or `(n, k)`; of `ROWS` rows if more.
-
-    0 where one of them does not vary.
-    """
-    rows = _evenly(len(x), ROWS)
-    return float(np.vdot(_distances(x[rows]), _distances(y[rows])))
-
-
-def dependences(
-    white: Array, variables: Mapping[str, Array], rng: np.random.Generator, blocks: np.ndarray | None = None
-) -> list[Dependence]:
-    """How residuals `(n, d)` depend on each variable `(n,)`, the clearest first.
-
-    blocks: labels `(n,)` of rows to be permuted as one; by `blocks_in_time` when None.
-    """
-    from scipy import stats
-
-    if not variables:
-        return []
-    rows = _evenly(len(white), ROWS)
-    labels = (blocks_in_time(white) if blocks is None else blocks)[rows]
-    ours, theirs = _distances(white[rows]), [_distances(values[rows]) for values in variables.values()]
-    flat = np.stack([one.ravel() for one in theirs])
-    found = flat @ ours.ravel()
-    reached = np.ones(len(found))
-    for order in permuted(labels, PERMUTATIONS, rng):
-        reached += flat @ ours[order][:, order].ravel() >= found
-    p_values = reached / (PERMUTATIONS + 1)
-    adjusted = stats.false_discovery_control(p_values)
-    rated = map(Dependence, variables, found.tolist(), p_values.tolist(), adjusted.tolist())
-    return sorted(rated, key=lambda one: (one.p_value, -one.correlation))
-
-
 def explaining_variables(
     white: Array, variables: Mapping[str, Array], rng: np.random.Generator, blocks: np.ndarray | None = None
 ) -> Unexplained | None:
     """The smallest set of variables `(n,)` a smooth function of which explains residuals `(n, d)`; None for noise.
 
     All singles, pairs and triples are tried, and have to explain more than they explain of the residuals permuted; then
-    variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. blocks: as of `dependences`.
+    variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. blocks: labels `(n,)` of rows to be
+    permuted as one; by `blocks_in_time` when None.
     """
     names = [name for name, values in variables.items() if np.ptp(values) > 0.0]
     residual = white - white.mean(axis=0)
@@ -144,63 +90,18 @@ def _centres(n: int, rng: np.random.Generator) -> np.ndarray:
 def _shaped(
     kernels: Kernels, residual: Array, names: Sequence[str], lengths: dict[int, float], p_value: float
 ) -> Unexplained:
-    shape = smooth_part(*kernels.modes(lengths), residual)
+    shape = smooth_part(kernels.modes(lengths), residual)
     rms = float(np.sqrt(np.mean(shape**2)))
     return Unexplained(tuple(names), tuple(lengths.values()), p_value, rms, shape)
-
-
-def blocks_in_time(white: Array) -> np.ndarray:
-    """Labels `(n,)` of blocks of rows in succession, `MEMORIES` times as long as residuals `(n, d)` remember.
-
-    Single rows where they don't; at least twelve blocks.
-    """
-    n = len(white)
-    residual = white - white.mean(axis=0)
-    limit = 2.0 * np.sum(residual**2) / np.sqrt(residual.size)
-    longest = max(n // 12, 1)
-    lag = 1
-    while MEMORIES * lag < longest and np.sum(residual[lag:] * residual[:-lag]) > limit:
-        lag += 1
-    return np.arange(n) // (1 if lag == 1 else min(MEMORIES * lag, longest))
-
-
-def permuted(labels: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Orders `(count, n)` of rows in which the blocks change places; each begins at a row of its own, going round."""
-    names, number = np.unique(labels, return_inverse=True)
-    n = len(labels)
-    ranks = rng.permuted(np.broadcast_to(np.arange(len(names)), (count, len(names))), axis=1)[:, number]
-    orders = np.argsort(ranks, axis=1, kind="stable")
-    return np.asarray((orders + rng.integers(n, size=(count, 1))) % n)
-
-
-def _evenly(n: int, most: int) -> np.ndarray:
-    return np.linspace(0, n - 1, min(n, most)).astype(int)
-
-
-def _distances(values: Array) -> Array:
-    """U-centred distances `(n, n)`, of Euclidean norm 1; zeros where nothing varies."""
-    n = len(values)
-    table = (values - values.mean(axis=0)).reshape(n, -1)
-    if table.shape[1] == 1:
-        distances = np.abs(table - table.T)
-    else:
-        squares = np.sum(table**2, axis=1)
-        distances = np.sqrt(np.maximum(squares[:, None] + squares - 2.0 * table @ table.T, 0.0))
-    np.fill_diagonal(distances, 0.0)
-    rows = distances.sum(axis=1) / (n - 2)
-    centred = distances - rows[:, None] - rows + distances.sum() / ((n - 1) * (n - 2))
-    np.fill_diagonal(centred, 0.0)
-    size = np.linalg.norm(centred)
-    return np.asarray(centred / size) if size > 0.0 else centred
 
 
 def _against_permuted(
     kernels: Kernels, starts: Sequence[dict[int, float]], residual: Array, labels: np.ndarray, rng: np.random.Generator
 ) -> tuple[Array, float]:
     """Evidence of each start, and the chance that the best start of permuted residuals has as much."""
-    orders = permuted(labels, SET_PERMUTATIONS, rng)
+    orders = permuted(labels, PERMUTATIONS, rng)
     tables = np.stack([residual, *(residual[order] for order in orders)], axis=1)
-    evidence = np.array(each(lambda start: log_evidence(*kernels.modes(start), tables), starts))
+    evidence = np.array(each(lambda start: log_evidence(kernels.modes(start), tables), starts))
     best = evidence.max(axis=0)
     return evidence[:, 0], float(np.mean(best >= best[0]))
 
@@ -257,4 +158,4 @@ def _tuned(kernels: Kernels, lengths: dict[int, float], residual: Array) -> tupl
 
 def _evidence(kernels: Kernels, lengths: dict[int, float], residual: Array) -> float:
     """Log odds of a function of these variables against noise; 0 for one of none."""
-    return float(log_evidence(*kernels.modes(lengths), residual[:, None])[0]) if lengths else 0.0
+    return float(log_evidence(kernels.modes(lengths), residual[:, None])[0]) if lengths else 0.0

@@ -13,6 +13,7 @@ from calibration.cores import blas_in_one_thread
 from calibration.diagnosis import remainder
 from calibration.diagnosis.base import Base, base_of
 from calibration.diagnosis.dependence import Unexplained
+from calibration.diagnosis.distance_correlation import Dependence
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.gains import Volume, by_direction, closure, volume
 from calibration.diagnosis.library import Candidate, Untested, changes, library
@@ -73,6 +74,8 @@ class Diagnosis:
     """Of the error motions; None against a calibration, whose knowledge stands in for what the data do not see."""
     unexplained: Unexplained | None
     """What no cause explains, also where it was added without a name."""
+    one_by_one: tuple[Dependence, ...]
+    """How that depends on each variable alone; empty where nothing is left."""
     unnamed: str
     """What came of the request to add that; empty where there was none."""
     judged: tuple[Judged, ...]
@@ -195,6 +198,7 @@ def diagnose(
         tuple(untested),
         visibility(after.fit) if after.fit.prior.ndim == 1 else None,
         left,
+        tuple(remainder.one_by_one(found.stage.frame)) if left else (),
         unnamed,
         judged,
         closure(after.frame),
@@ -243,7 +247,8 @@ def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
         kept: Sequence[tuple[Candidate, np.ndarray]] = [
             (each.candidate, each.size) for each in found.stage.accepted if not _among(each, blamed)
         ]
-        found = found._replace(stage=found.selector.pruned(found.selector.stage(kept)), judged=())
+        fewer = found.selector.pruned(found.selector.stage(kept)) if kept else found.selector.bare
+        found = found._replace(stage=fewer, judged=())
 
 
 def _noise_um(frame: Frame) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.diagnosis.by_chance import SEARCHES, SMOOTH, Chance
 from calibration.diagnosis.dependence import Unexplained, explaining_variables, of_variables
+from calibration.diagnosis.distance_correlation import Dependence, dependences
 from calibration.diagnosis.fitted_variables import fitted_variables
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import Candidate
@@ -69,6 +70,11 @@ def unexplained(frame: Frame) -> Unexplained | None:
     if set(lengths) == set(found.variables):
         return found
     return of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
+
+
+def one_by_one(frame: Frame) -> list[Dependence]:
+    """How the residuals of a frame depend on each variable alone, the clearest first."""
+    return dependences(_of_machine(frame), variables(frame.measurement, frame.rows), np.random.default_rng(SEED))
 
 
 def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:

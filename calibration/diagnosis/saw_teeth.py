@@ -28,7 +28,9 @@ OVER = 3_000_000
 
 def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
     """Saw teeth `(n, k)` of height 1 at positions `(n,)`."""
-    return np.asarray(0.5 - ((x[:, None] - offsets) / pitches) % 1.0)
+    turns = (x[:, None] - offsets) / pitches
+    turns -= np.floor(turns)
+    return np.asarray(0.5 - turns)
 
 
 def likeliest(lever: Lever, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:

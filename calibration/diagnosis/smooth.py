@@ -9,7 +9,9 @@ own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -24,6 +26,26 @@ RANK = 1e-5
 """Share of the variance below which what a row adds to the kernel is left out, and of the largest one of a mode."""
 
 
+class Modes(NamedTuple):
+    """Uncorrelated modes of a smooth function, orthonormal over the rows and without mean."""
+
+    spanning: Array
+    """Kernels `(m, n)` of some centres, as they are; a mode is a sum of these less its mean."""
+    ways: Array
+    """Their shares `(m, r)` of the modes."""
+    variances: Array
+    """Of the modes `(r,)`."""
+
+    def along(self, values: Array) -> Array:
+        """Parts `(r, k)` along the modes of values `(n, k)` whose means are 0."""
+        return np.asarray(self.ways.T @ (self.spanning @ values))
+
+    def sums(self, parts: Array) -> Array:
+        """Sums `(n, k)` of the modes, so much `(r, k)` of each."""
+        shares = self.ways @ parts
+        return np.asarray(self.spanning.T @ shares - self.spanning.mean(axis=1) @ shares)
+
+
 class Kernels:
     """Kernels of single variables between rows and centres, kept for every length asked for."""
 
@@ -33,49 +55,50 @@ class Kernels:
         self._known: dict[tuple[int, float], Array] = {}
 
     def of(self, variable: int, length: float) -> Array:
-        """Kernel `(n, m)` of a variable; length: in parts of its range."""
+        """Kernel `(m, n)` of a variable; length: in parts of its range."""
         key = variable, length
         if key not in self._known:
             values = self._scaled[variable]
-            self._known[key] = np.exp(-0.5 * ((values[:, None] - values[self._centres]) / length) ** 2)
+            self._known[key] = np.exp(-0.5 * ((values[self._centres, None] - values) / length) ** 2)
         return self._known[key]
 
-    def modes(self, lengths: dict[int, float]) -> tuple[Array, Array]:
-        """Orthonormal columns `(n, r)` without mean, and their variances `(r,)`, of a function of these variables."""
-        product = np.ones_like(self._scaled[0], shape=(1, 1))
-        for variable, length in lengths.items():
-            product = product * self.of(variable, length)
-        root, order, rank, _ = linalg.lapack.dpstrf(product[self._centres], tol=RANK, lower=1)
-        spanning = np.asfortranarray(product[:, order[:rank] - 1])
-        features = linalg.blas.dtrsm(1.0, root[:rank, :rank], spanning, side=1, lower=1, trans_a=1)
-        features -= features.mean(axis=0)
-        variances, ways = np.linalg.eigh(features.T @ features)
+    def modes(self, lengths: Mapping[int, float]) -> Modes:
+        """The modes of a function of these variables, whose kernel is the product of theirs."""
+        product = reduce(np.multiply, (self.of(variable, length) for variable, length in lengths.items()))
+        root, order, rank, _ = linalg.lapack.dpstrf(product[:, self._centres], tol=RANK, lower=1)
+        spanning = product[order[:rank] - 1]
+        means = spanning.mean(axis=1)
+        covariance = spanning @ spanning.T - len(product[0]) * np.outer(means, means)
+        half = linalg.solve_triangular(root[:rank, :rank], covariance, lower=True)
+        whole = linalg.solve_triangular(root[:rank, :rank], half.T, lower=True)
+        variances, ways = np.linalg.eigh((whole + whole.T) / 2)
         kept = variances > RANK * variances[-1]
-        return features @ (ways[:, kept] / np.sqrt(variances[kept])), variances[kept]
+        shares = linalg.solve_triangular(root[:rank, :rank], ways[:, kept], lower=True, trans="T")
+        return Modes(spanning, shares / np.sqrt(variances[kept]), variances[kept])
 
 
-def log_evidence(modes: Array, variances: Array, residual: Array) -> Array:
+def log_evidence(modes: Modes, residual: Array) -> Array:
     """Log odds `(k,)` of the function against noise alone, for residuals `(n, k, d)`: the same rows in k orders.
 
     Their means are 0.
     """
-    parts, sizes, _ = _apart(modes, variances, residual)
-    return np.asarray(_odds(variances, parts, sizes, len(modes)).max(axis=0).sum(axis=-1))
+    parts, sizes, _ = _apart(modes, residual)
+    return np.asarray(_odds(modes.variances, parts, sizes, len(residual)).max(axis=0).sum(axis=-1))
 
 
-def smooth_part(modes: Array, variances: Array, residual: Array) -> Array:
-    """The function's expectation at the rows `(n, d)`, given residuals `(n, d)`."""
-    parts, sizes, ways = _apart(modes, variances, residual[:, None])
-    amplitudes = AMPLITUDES[_odds(variances, parts, sizes, len(modes)).argmax(axis=0)][0]
-    scaled = variances[:, None] * amplitudes
-    return np.asarray(modes @ (scaled / (1.0 + scaled) * parts[0]) @ ways[0].T)
+def smooth_part(modes: Modes, residual: Array) -> Array:
+    """The function's expectation at the rows `(n, d)`, given residuals `(n, d)` whose means are 0."""
+    parts, sizes, ways = _apart(modes, residual[:, None])
+    amplitudes = AMPLITUDES[_odds(modes.variances, parts, sizes, len(residual)).argmax(axis=0)][0]
+    scaled = modes.variances[:, None] * amplitudes
+    return modes.sums(scaled / (1.0 + scaled) * parts[0] @ ways[0].T)
 
 
-def _apart(modes: Array, variances: Array, residual: Array) -> tuple[Array, Array, Array]:
+def _apart(modes: Modes, residual: Array) -> tuple[Array, Array, Array]:
     """Residuals turned so that their smooth parts are uncorrelated: along modes `(k, r, d)`, sizes `(k, d)`, turns."""
     n, k, d = residual.shape
-    parts = np.moveaxis((modes.T @ residual.reshape(n, -1)).reshape(-1, k, d), 0, 1)
-    weights = TURNING * variances / (1.0 + TURNING * variances)
+    parts = np.moveaxis(modes.along(residual.reshape(n, -1)).reshape(-1, k, d), 0, 1)
+    weights = TURNING * modes.variances / (1.0 + TURNING * modes.variances)
     _, ways = np.linalg.eigh(np.swapaxes(parts, 1, 2) @ (weights[:, None] * parts))
     sizes = np.sum(ways * (residual[:, 0].T @ residual[:, 0] @ ways), axis=1)
     return parts @ ways, sizes, ways

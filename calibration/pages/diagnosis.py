@@ -221,7 +221,14 @@ def _unexplained(found: Diagnosis) -> Section:
     )
     if found.unnamed:
         text += f"\n{found.unnamed[0].upper()}{found.unnamed[1:]}."
-    return Section("Unexplained", text, figure=unexplained_shape(found))
+    text += (
+        "\nEach variable alone: squared distance correlation (without bias, about 0 where independent), and p-value "
+        "among residuals permuted in blocks, as it is and adjusted by Benjamini and Hochberg. Variables that act only "
+        "jointly show nothing here."
+    )
+    rows = [(o.variable, f"{o.correlation:.3f}", f"{o.p_value:.2g}", f"{o.adjusted:.2g}") for o in found.one_by_one]
+    alone = Table(("variable", "distance correlation, squared", "p", "adjusted p"), rows)
+    return Section("Unexplained", text, alone, unexplained_shape(found))
 
 
 def _in_the_dark(found: Diagnosis) -> Iterator[Section]:
