@@ -15,7 +15,7 @@ import numpy as np
 from calibration.diagnosis.permuted_blocks import blocks_in_time, permuted
 from kinematics.transforms import Array
 
-ROWS = 500
+ROWS = 400
 """That decide, evenly taken."""
 PERMUTATIONS = 499
 
@@ -56,7 +56,7 @@ def dependences(
     found = flat @ ours.ravel()
     reached = np.ones(len(found))
     for order in permuted(labels, PERMUTATIONS, rng):
-        reached += flat @ ours[order][:, order].ravel() >= found
+        reached += flat @ ours[np.ix_(order, order)].ravel() >= found
     p_values = reached / (PERMUTATIONS + 1)
     rated = map(Dependence, variables, found.tolist(), p_values.tolist(), _adjusted(p_values).tolist())
     return sorted(rated, key=lambda one: (one.p_value, -one.correlation))
