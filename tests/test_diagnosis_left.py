@@ -6,15 +6,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from diagnosed import CFRAME, data_with, selector
+from measured import THREE, measured, positions
 
+import machines
 from calibration.diagnosis import remainder
 from calibration.diagnosis.by_chance import DRAWS, Chance
-from calibration.diagnosis.dependence import of_variables
+from calibration.diagnosis.dependence import Unexplained, of_variables
 from calibration.diagnosis.fitted_variables import fitted_variables
+from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import Candidate
 from calibration.diagnosis.scans import waves
 from calibration.diagnosis.selection import judge
+from calibration.fit import fit
+from calibration.models import BasisChoice, rigid_model
 from kinematics.effects import Backlash, Cyclic, Unnamed
+from kinematics.model import no_errors
 
 N = 240
 RANGES = (CFRAME.axes[CFRAME.index("X")].travel, (0.0, 15.0 * N))
@@ -113,3 +119,29 @@ def test_the_only_variable_there_is_has_none_to_change_for():
     frame = frame_with(nameless("Y", 6.0))
     found, _ = seen(frame, {"X": 0.45})
     assert set(fitted_variables(frame, found, ["X"])) == {"X"}
+
+
+@pytest.mark.parametrize("machine", ["cframe", "dmu50"])
+def test_what_is_left_turns_back_into_lengths(machine):
+    """A function that is all of the residual is the residual."""
+    made = machines.load(machine)
+    rng = np.random.default_rng(4)
+    data = measured(made, positions(made, 80, rng), THREE, no_errors(made), rng)
+    frame = Frame.of(fit(data, rigid_model(data, dict.fromkeys(made.names, BasisChoice("legendre", 2)))))
+    left = Unexplained(("X",), (0.45,), 0.005, 1.0, remainder._of_machine(frame))
+    residual = np.linalg.solve(frame.white, frame.residual.reshape(-1, 3, 1))[:, :, 0]
+    np.testing.assert_allclose(remainder.in_lengths(frame, left), residual * frame.weights[:, None], atol=1e-12)
+    assert remainder.shared_rms(frame, left) == pytest.approx(frame.fit.rms_um, rel=0.1)
+
+
+def test_its_rms_is_that_of_what_was_put_in():
+    """Where a tracker's angles are ten times as uncertain as its range."""
+    effect = nameless("Z", 12.0, seed=2)
+    frame = frame_with(effect)
+    found, _ = seen(frame, {"X": 0.3, "time": 0.2})
+    typical = np.array([quantity.typical for quantity in effect.parameter_table])
+    signal = frame.columns(effect) @ (np.array(effect.parameters) / typical)
+    absorbed = frame.spanned @ (frame.spanned.T @ signal)
+    lengths = np.linalg.solve(frame.white, (signal - absorbed).reshape(len(frame.rows), -1, 1))[:, :, 0]
+    truth = 1e3 * float(np.sqrt(np.mean(lengths[frame.good] ** 2)))
+    assert remainder.shared_rms(frame, found) == pytest.approx(truth, rel=0.25)

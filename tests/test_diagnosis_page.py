@@ -31,9 +31,10 @@ from kinematics.effects import (
     Outliers,
     ThermalDrift,
     TrackerDrift,
+    Unnamed,
 )
 from kinematics.model import no_errors
-from postproc.diagnosis_summary import show
+from postproc.diagnosis_summary import show, summary
 
 CFRAME = machines.load("cframe")
 TARGETS = {name: Target(place) for name, place in (("t1", (0.0, 0.0, -120.0)), ("t2", (90.0, 40.0, -180.0)))}
@@ -152,6 +153,22 @@ def test_a_page_says_what_is_missing_and_shows_it(several):
         "ncomp diagnose data.csv",
     ):
         assert said in page
+
+
+def test_a_page_says_how_what_has_no_name_depends_on_each_variable():
+    terms = tuple((i, j) for i in range(1, 4) for j in range(1, 6))
+    sizes = tuple(np.random.default_rng(2).normal(scale=12.0, size=len(terms)).tolist())
+    ranges = CFRAME.axes[CFRAME.index("X")].travel, (0.0, 15.0 * 240)
+    found = diagnosis_of(Unnamed("Z", ("X", "time"), ranges, terms, sizes), n=240)
+    assert found.unexplained is not None
+    assert set(found.unexplained.variables) == {"X", "time"}
+    assert 0.0 < found.unexplained_um < found.after.fit.rms_um
+    assert {one.variable for one in found.one_by_one} >= {"X", "Y", "Z"}
+    page = diagnosis_page(found, "ncomp diagnose data.csv --machine cframe").decode()
+    assert "Benjamini and Hochberg" in page
+    for one in found.one_by_one:
+        assert f"{one.correlation:.3f}" in page
+    assert summary(found)["one_by_one"][0]["variable"] == found.one_by_one[0].variable
 
 
 def test_the_terminal_holds_whole_names_in_100_columns_without_colours(several):

@@ -7,8 +7,8 @@ from scipy import stats
 from threadpoolctl import threadpool_info
 
 from calibration import cores
-from calibration.diagnosis import scans
 from calibration.diagnosis.lever import Lever
+from calibration.diagnosis.spectra import spectrum
 from calibration.diagnosis.whiteness import pearson_beyond
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation
@@ -62,7 +62,7 @@ def test_spectra_against_their_definition(count):
     x, values = rng.uniform(-300.0, 500.0, 60), rng.normal(size=(2, 60))
     frequencies = 0.01 + np.arange(count) * 3e-4
     expected = values @ np.exp(2j * np.pi * x[:, None] * frequencies)
-    np.testing.assert_allclose(scans._spectrum(values, x, frequencies), expected, atol=1e-9)
+    np.testing.assert_allclose(spectrum(values, x, frequencies), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("skew", [-1.5, -0.3, -1e-7, 0.0, 1e-4, 0.02, 0.8, 3.0])

@@ -93,10 +93,10 @@ class Diagnosis:
 
     @property
     def unexplained_um(self) -> float:
-        """RMS per scalar of what depends on variables that no cause explains."""
+        """RMS per scalar of what depends on variables that no cause explains; urad on rotary axes."""
         if self.unexplained is None:
             return 0.0
-        return self.unexplained.rms * _noise_um(self.named.frame)
+        return remainder.shared_rms(self.named.frame, self.unexplained)
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:

@@ -116,14 +116,44 @@ def _family(variable: str) -> str:
     return "time" if variable.startswith("temperature ") else variable
 
 
+def in_lengths(frame: Frame, left: Unexplained) -> Array:
+    """The function that is left `(n, d)`, mm and rad, of the rows of a frame, in the frame they are observed in."""
+    noise, turns = _noise(frame), _into_tool(frame)
+    if turns is None:
+        return np.asarray((noise @ left.shape[:, :, None])[:, :, 0])
+    errors = left.shape * np.linalg.norm(turns @ noise, axis=2)
+    return np.asarray((np.swapaxes(turns, 1, 2) @ errors[:, :, None])[:, :, 0])
+
+
+def shared_rms(frame: Frame, left: Unexplained) -> float:
+    """RMS, um per scalar and urad on rotary axes, of what the rows that the fit kept share with the function left.
+
+    Of a tracker the function is as uncertain across the beam as a reading is: its own RMS would be of that.
+    """
+    residual = np.linalg.solve(frame.white, frame.residual.reshape(len(frame.rows), -1, 1))[:, :, 0]
+    shared = residual * in_lengths(frame, left) * frame.measurement.per_micro[frame.rows] ** 2
+    return float(np.sqrt(max(np.mean(shared[frame.good]), 0.0)))
+
+
 def _of_machine(frame: Frame) -> Array:
     """Residuals `(n, d)` in terms of their noise: in the tool's directions where rotary axes turn what is observed."""
-    measurement, rows = frame.measurement, frame.rows
-    white = frame.bounded.reshape(len(rows), -1)
+    white, turns = frame.bounded.reshape(len(frame.rows), -1), _into_tool(frame)
+    if turns is None:
+        return white
+    unwhite = turns @ _noise(frame)
+    return np.asarray((unwhite @ white[:, :, None])[:, :, 0] / np.linalg.norm(unwhite, axis=2))
+
+
+def _into_tool(frame: Frame) -> Array | None:
+    """Turns `(n, 3, 3)` of what is observed into the tool's directions; None where these stay the same."""
+    measurement = frame.measurement
     turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
     if not turning or not isinstance(measurement.instrument, LaserTracker):
-        return white
-    some = measurement.rows(rows)
-    back = np.swapaxes(frame.fit.registration.rotations(some) @ carried(some), 1, 2)
-    unwhite = back @ np.linalg.inv(frame.white)
-    return np.asarray((unwhite @ white[:, :, None])[:, :, 0] / np.sqrt(np.sum(unwhite**2, axis=2)))
+        return None
+    some = measurement.rows(frame.rows)
+    return np.swapaxes(frame.fit.registration.rotations(some) @ carried(some), 1, 2)
+
+
+def _noise(frame: Frame) -> Array:
+    """Roots `(n, d, d)` of the covariances of the noise, whatever weight a row has."""
+    return np.asarray(np.linalg.inv(frame.white) * np.sqrt(frame.weights)[:, None, None])

@@ -20,6 +20,7 @@ from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.lever import Lever
 from calibration.diagnosis.library import Candidate
 from calibration.diagnosis.saw_teeth import likeliest, refined, teeth
+from calibration.diagnosis.spectra import finest, peaks, resolved, strengths
 from calibration.instruments import LaserTracker
 from calibration.models import distinct_positions, moving_axes
 from kinematics.basis import BSpline
@@ -32,18 +33,12 @@ from kinematics.effects import (
     StationShift,
 )
 from kinematics.effects.base import own_component, unit_of
-from kinematics.transforms import Array
 
 WAVES = 8.0
 """An error that repeats fewer times over the travel is a matter of the basis, not a cyclic one."""
 OVERSAMPLING = 4
 MOST_WAVES, MOST_TEETH = 10_000, 1000
 """Frequencies that are looked at."""
-BEYOND = 16.0
-"""Waves over the travel that are looked for, per position: irregular ones resolve more than their mean distance.
-
-Of a rotary axis none shorter than a degree.
-"""
 SCANNED = 2000
 """Rows that frequencies are looked for in."""
 BEST = 12
@@ -61,8 +56,6 @@ BREAKS = 60
 """Moments that are tried."""
 LEAST_ROWS = 8
 """Before and after a moment when the instrument moved."""
-LATTICE = 0.02
-"""Share of their distance by which positions may miss a lattice."""
 
 
 def proposals(frame: Frame, library: Sequence[Candidate]) -> Iterator[Candidate]:
@@ -88,16 +81,17 @@ def _waves_along(frame: Frame, axis: str, components: tuple[Component, ...]) -> 
     measurement = frame.measurement
     low, high = moving_axes(measurement)[axis]
     x = frame.positions(axis)
-    most = min(_resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
+    # of a rotary axis none shorter than a degree
+    most = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
     frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
         return []
     seen = [c for c in components if measurement.axis is None or c == own_component(axis)]
     levers = [Lever.of(frame, axis, component) for component in seen]
     found = []
-    for component, lever, power in zip(seen, levers, _strengths(levers, x, frequencies), strict=True):
-        tried = frequencies[_peaks(power, BEST)]
-        best = _finest(lever, x, tried, 0.5 / (OVERSAMPLING * (high - low)), unit_of(component)[1])
+    for component, lever, power in zip(seen, levers, strengths(levers, x, frequencies), strict=True):
+        tried = frequencies[peaks(power, BEST)]
+        best = finest(lever, x, tried, 0.5 / (OVERSAMPLING * (high - low)), unit_of(component)[1])
         wave = _wave(component, axis, 1.0 / best, 1)
         found.append(Candidate(_with_harmonics(lever, wave), 1, float(len(frequencies) * len(seen))))
     return found
@@ -149,9 +143,9 @@ def _steps_along(frame: Frame, whole: Frame, axis: str) -> list[Candidate]:
     if len(frequencies) < OVERSAMPLING:
         return []
     lever = Lever.of(frame, axis, own_component(axis))
-    (strength,) = _strengths([lever], x, frequencies)
+    (strength,) = strengths([lever], x, frequencies)
     shares, shapes = np.arange(OFFSETS) / OFFSETS, []
-    for frequency in frequencies[_peaks(strength, 2 * BEST)].tolist():
+    for frequency in frequencies[peaks(strength, 2 * BEST)].tolist():
         tried = teeth(x, 1.0 / frequency, shares / frequency)
         power = (lever.along @ tried) ** 2 / np.maximum(lever.squares @ tried**2, 1e-300)
         shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
@@ -217,73 +211,6 @@ def breaks(frame: Frame) -> Iterator[Candidate]:
         near = moments[np.abs(moments - best) <= np.diff(some).max(initial=0.0)]
         best = max(near.tolist(), key=lambda since: _gain(frame, StationShift(station=name, since_s=since)))
         yield Candidate(StationShift(station=name, since_s=best), 1, float(len(moments)))
-
-
-def aliases(frame: Frame, effect: Cyclic) -> list[float]:
-    """Other periods, mm or degrees, that positions on a lattice can't tell from this one."""
-    pitch = lattice(frame.positions(effect.axis))
-    if pitch is None:
-        return []
-    return [float(1.0 / abs(m / pitch + sign / effect.period)) for m in (1, 2) for sign in (-1, 1)]
-
-
-def lattice(x: Array) -> float | None:
-    """Distance of the points of a lattice that all positions lie on, where there are few enough; else None."""
-    apart = np.diff(np.unique(np.round(x, 3)))
-    pitch = float(apart.min(initial=np.inf))
-    off = np.abs(apart / pitch - np.round(apart / pitch)).max(initial=0.0)
-    return pitch if np.isfinite(pitch) and off < LATTICE and np.ptp(x) / pitch < 4 * len(apart) else None
-
-
-def _resolved(x: Array, travel: float) -> float:
-    """Waves over the travel that positions can tell apart."""
-    pitch = lattice(x)
-    return BEYOND * len(np.unique(np.round(x, 3))) if pitch is None else 0.5 * travel / pitch
-
-
-def _strengths(levers: Sequence[Lever], x: Array, frequencies: Array) -> Array:
-    """Power `(c, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
-    squares = np.array([lever.squares.sum() for lever in levers])[:, None]
-    sums = _spectrum(np.stack([lever.along for lever in levers]), x, frequencies)
-    return np.asarray(np.abs(sums) ** 2 / np.maximum(squares, 1e-300))
-
-
-def _spectrum(values: Array, x: Array, frequencies: Array) -> np.ndarray:
-    """Sums `(c, m)` of values `(c, n)` times exp(2 pi i x f), at positions `(n,)` and evenly spaced frequencies `(m,)`.
-
-    Every frequency is one of a coarse row and a multiple of the step, every wave the product of the two: few have to
-    be worked out.
-    """
-    turns, fine = 2j * np.pi * x[:, None], int(np.ceil(np.sqrt(len(frequencies))))
-    step = (frequencies[-1] - frequencies[0]) / max(len(frequencies) - 1, 1)
-    begun = values[:, None, :] * np.exp(turns * frequencies[::fine]).T
-    sums = begun.reshape(-1, len(x)) @ np.exp(turns * step * np.arange(fine))
-    return np.asarray(sums.reshape(len(values), -1)[:, : len(frequencies)])
-
-
-def _peaks(power: Array, count: int) -> np.ndarray:
-    """The highest local maxima."""
-    beside = np.concatenate([[-np.inf], power, [-np.inf]])
-    top = np.flatnonzero((power >= beside[:-2]) & (power >= beside[2:]))
-    return np.asarray(top[np.argsort(power[top])[::-1][:count]])
-
-
-def _finest(lever: Lever, x: Array, tried: Array, step: float, unit: float) -> float:
-    """The frequency that explains most once the model has taken its part, between the neighbours of the best tried.
-
-    unit: amplitude of a wave, mm or rad.
-    """
-
-    def best_of(tried: Array) -> float:
-        """The one that explains most."""
-        phase = 2 * np.pi * x[:, None] * tried
-        return float(tried[int(np.argmax(lever.wave_gains(unit * np.sin(phase), unit * np.cos(phase))))])
-
-    best = best_of(tried)
-    for _ in range(4):
-        best = best_of(np.array([best - step, best, best + step]))
-        step /= 2
-    return best
 
 
 def _gain(frame: Frame, effect: StationShift) -> float:

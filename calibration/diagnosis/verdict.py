@@ -12,8 +12,8 @@ import numpy as np
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import HIGHER_FREQUENCY, contract_kind, where
 from calibration.diagnosis.saw_teeth import saw_uncertainty
-from calibration.diagnosis.scans import aliases
 from calibration.diagnosis.selection import SEEN, WORTH, Accepted, Judged, Sibling, Stage
+from calibration.diagnosis.spectra import aliases
 from calibration.fit import Fit
 from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation, Unnamed
 
@@ -233,7 +233,7 @@ def _with_uncertainty(effect: Effect, without: Frame) -> Effect:
 
 def _notes(frame: Frame, effect: Effect) -> Iterator[str]:
     if isinstance(effect, Cyclic):
-        others = aliases(frame, effect)
+        others = aliases(frame.positions(effect.axis), effect.period)
         if others:
             unit = "deg" if effect.axis[0] in "ABC" else "mm"
             yield f"positions on a lattice can't tell its period from {', '.join(f'{p:.4g}' for p in others)} {unit}"

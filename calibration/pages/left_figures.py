@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.diagnosis.diagnose import Diagnosis
 from calibration.diagnosis.gains import in_micro
-from calibration.diagnosis.remainder import variables
+from calibration.diagnosis.remainder import in_lengths, variables
 from calibration.diagnosis.words import title
 from calibration.fit import Fit
 from calibration.models import moving_axes
@@ -93,7 +93,7 @@ def unexplained_shape(found: Diagnosis) -> str:
     frame = found.named.frame
     measurement = found.measurement
     values = np.zeros_like(frame.fit.residual)
-    values[frame.rows] = np.linalg.solve(frame.white, found.unexplained.shape[:, :, None])[:, :, 0]
+    values[frame.rows] = in_lengths(frame, found.unexplained)
     micro = in_micro(frame.fit, values)[frame.rows]
     known = variables(measurement, frame.rows)
     chosen = dict(_shown(found, name, known[name]) for name in found.unexplained.variables)
