@@ -149,7 +149,7 @@ class Problem:
         """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
         root, limited = _root(self.prior)
         inverse = np.linalg.inv(solved.information / widened + np.diag(limited))
-        return _times(_times((inverse + inverse.T) / 2, root.T).T, root.T)
+        return _between((inverse + inverse.T) / 2, root.T)
 
     def solution(self, normal: Normal, point: Point) -> Solved:
         """The solution of normal equations that were gathered at a point, priors included."""
@@ -177,18 +177,19 @@ def solution(normal: Normal, registration: Registration, prior: Array, away: Arr
     scales = _registration_scale(normal, registration)
     own = normal.matrix[:size, :size] * np.outer(scales, scales)
     mixed = _times(normal.matrix[:size, size:], root) * scales[:, None]
-    machine = _times(_times(normal.matrix[size:, size:], root).T, root)
+    machine = _between(normal.matrix[size:, size:], root)
     right = np.concatenate([normal.right[:size] * scales, _times(normal.right[size:], root)])
-    inverse, rank, spread = _inverse(own)
-    information = machine - mixed.T @ inverse @ mixed
-    information = (information + information.T) / 2
-    inner = right[size:] - mixed.T @ inverse @ right[:size] - away
+    half, rank, spread = _inverse_root(own)
+    eliminated = mixed.T @ half
+    information = machine - eliminated @ eliminated.T
+    inner = right[size:] - eliminated @ (half.T @ right[:size]) - away
     # what neither the data nor a prior hold does not move
-    with_prior = information + np.diag(limited + UNSEEN * (1.0 + np.diag(information)))
-    factor = linalg.cho_factor(with_prior, lower=True)
+    with_prior = information.copy()
+    np.fill_diagonal(with_prior, np.diag(information) + limited + UNSEEN * (1.0 + np.diag(information)))
+    factor = linalg.cho_factor(with_prior, lower=True, overwrite_a=True)
     parameters = linalg.cho_solve(factor, inner)
-    step_of_own = inverse @ (right[:size] - mixed @ parameters)
-    length = float(np.sqrt(parameters @ with_prior @ parameters / max(len(parameters), 1)))
+    step_of_own = half @ (half.T @ (right[:size] - mixed @ parameters))
+    length = float(np.sqrt(max(parameters @ inner, 0.0) / max(len(parameters), 1)))
     log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales)))
     reduction = float(right @ np.concatenate([step_of_own, parameters]))
     step = np.concatenate([step_of_own * scales, _times(parameters, root.T)])
@@ -223,9 +224,17 @@ def _times(block: Array, root: Array) -> Array:
     return np.asarray(block * root if root.ndim == 1 else block @ root)
 
 
-def _inverse(matrix: Array) -> tuple[Array, int, float]:
-    """Pseudo-inverse of the registration's part, its rank and the logarithm of its determinant."""
+def _between(block: Array, root: Array) -> Array:
+    """A symmetric block between the root, which may be the diagonal `(p,)` of one, and its transpose: L' A L."""
+    if root.ndim == 1:
+        return np.asarray(block * np.outer(root, root))
+    between = root.T @ block @ root
+    return np.asarray((between + between.T) / 2)
+
+
+def _inverse_root(matrix: Array) -> tuple[Array, int, float]:
+    """R of the pseudo-inverse R R' of the registration's part, its rank and the logarithm of its determinant."""
     values, vectors = np.linalg.eigh(matrix)
     seen = values > UNSEEN * max(values.max(initial=0.0), 1.0)
-    inverse = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
-    return inverse, int(np.count_nonzero(seen)), float(np.sum(np.log(values[seen])))
+    root = vectors[:, seen] / np.sqrt(values[seen])
+    return root, int(np.count_nonzero(seen)), float(np.sum(np.log(values[seen])))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from itertools import pairwise
 
 import msgspec
 import numpy as np
@@ -193,8 +194,12 @@ class Evidence:
     def _evidence(self, choice: Choice) -> float:
         axes: list[Part] = [(axis, str(basis)) for axis, basis in choice.bases.items()]
         parts = [REGISTRATION, *axes, BESIDES]
-        matrix = np.block([[self._block(a, b) for b in parts] for a in parts])
         right = np.concatenate([self._right(part) for part in parts])
+        matrix, ends = np.empty((len(right),) * 2), np.cumsum([0, *(len(self._right(part)) for part in parts)])
+        places = [slice(start, end) for start, end in pairwise(ends.tolist())]
+        for a, rows in zip(parts, places, strict=True):
+            for b, columns in zip(parts, places, strict=True):
+                matrix[rows, columns] = self._block(a, b)
         prior = np.concatenate([*(choice.prior_scale * self._priors(part) for part in axes), self._priors(BESIDES)])
         away = np.zeros(len(prior))
         away[len(prior) - len(self._moved) :] = self._moved

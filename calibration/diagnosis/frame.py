@@ -326,9 +326,9 @@ class Frame:
             mine = np.repeat(inside, some.components)
             design, residual = self.design[mine], self.residual[mine]
             factor = linalg.cho_factor(total - design.T @ design + RIDGE * np.eye(len(total)), lower=True)
-            missed = residual + design @ linalg.cho_solve(factor, design.T @ residual)
+            moved = linalg.cho_solve(factor, design.T @ residual)
             counted = np.repeat(placed(some, ~inside)[inside], some.components)
-            found.append(HeldBlock(mine, factor, missed, counted))
+            found.append(HeldBlock(mine, factor, moved, residual + design @ moved, counted))
         return found
 
     def held_gains(self, candidate: Projected) -> Array:
@@ -346,8 +346,7 @@ class Frame:
             others = mixed - design.T @ own
             step = linalg.cho_solve(block.factor, others)
             left = squares - own.T @ own - others.T @ step
-            moved = linalg.cho_solve(block.factor, design.T @ self.residual[block.rows])
-            slope = right - own.T @ self.residual[block.rows] + others.T @ moved
+            slope = right - own.T @ self.residual[block.rows] + others.T @ block.moved
             after = block.missed - (own - design @ step) @ np.linalg.solve(left + softened, slope)
             gains.append(float(np.sum(block.missed[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
         return np.array(gains)
@@ -424,6 +423,8 @@ class HeldBlock(NamedTuple):
     """Mask `(N,)`."""
     factor: tuple[Array, bool]
     """Cholesky factor of H without them."""
+    moved: Array
+    """By which the fit of all the others is away from that of all `(q,)`."""
     missed: Array
     """Their residuals, whitened."""
     counted: np.ndarray

@@ -168,10 +168,12 @@ def _finer_than(frame: Frame, motion: ErrorMotion) -> list[Candidate]:
     lever = Lever.of(frame, motion.axis, motion.component)
     worth = [lever.score(lever.sizes(variant.effect)).delta_bic for variant in variants]
     order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
-    gains = {i: frame.held_gains(frame.projected(frame.columns(variants[i].effect))) for i in order}
-    best = next((i for i in order if gains[i].mean() > 0.0), None)
-    if best is None:
-        best = max(order, key=lambda i: gains[i].sum(), default=0)
+    gains = {}
+    for i in order:
+        gains[i] = float(frame.held_gains(frame.projected(frame.columns(variants[i].effect))).mean())
+        if gains[i] > 0.0:
+            return [variants[i]]
+    best = max(gains, key=lambda i: gains[i], default=0)
     return variants[best : best + 1]
 
 
