@@ -119,10 +119,11 @@ def _read(
 
 def _write(found: Diagnosis, output: str, json: str | None, report: str | None, command: str) -> None:
     """The new calibration, the results for programs and the report, all or none."""
+    from calibration.cores import blas_in_one_thread
     from kinematics.model import encode_model
     from postproc.diagnosis_summary import summary
 
-    with result(json) as results, result(report) as shown, result(output) as file:
+    with blas_in_one_thread(), result(json) as results, result(report) as shown, result(output) as file:
         file.write(encode_model(found.model))
         write_json(summary(found), results)
         if report is not None:
