@@ -15,7 +15,7 @@ import numpy as np
 from calibration.diagnosis.permuted_blocks import blocks_in_time, permuted
 from kinematics.transforms import Array
 
-ROWS = 400
+ROWS = 300
 """That decide, evenly taken."""
 PERMUTATIONS = 499
 
