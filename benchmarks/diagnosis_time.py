@@ -1,9 +1,9 @@
-"""How long `ncomp diagnose` takes, with the whole table of effects: with a cause that has a name, and with one without.
+"""How long `ncomp diagnose` takes, with the whole table of effects: with causes that have a name, and with one without.
 
     python benchmarks/diagnosis_time.py [--rows 500 5000] [--machine gantry dmu50]
 
-Data of the tests' own virtual machine (tests/virtual_machine): backlash of X, or what no table of effects holds, six
-times the noise of the mean. Times are of the whole command, its start included.
+Data of the tests' own virtual machine (tests/virtual_machine): backlash of X, a cyclic error of Y, or what no table of
+effects holds, six times the noise of the mean. Times are of the whole command, its start included.
 """
 
 from __future__ import annotations
@@ -26,7 +26,11 @@ from virtual_machine.observe import scale_to
 
 TIMES = 6.0
 PASSES = 3
-CAUSES = {"with a name": machine_causes.Backlash("X"), "without": machine_causes.Unknown("Z")}
+CAUSES = {
+    "backlash": machine_causes.Backlash("X"),
+    "cyclic": machine_causes.Cyclic("Y", 8.0, (1.0, 2.5)),
+    "without a name": machine_causes.Unknown("Z"),
+}
 
 
 def sheet(name: str, rows: int, kind: str) -> str:
@@ -36,7 +40,7 @@ def sheet(name: str, rows: int, kind: str) -> str:
     session = scattered(chain, rng, passes=PASSES, stations=1, with_references=False, positions=positions)
     setup = draws.with_machine(session, rng)
     cause = scale_to(setup, CAUSES[kind], TIMES)
-    return draws.Draw(kind, setup, (cause,), [1, 2], times=(TIMES,)).sheet()
+    return draws.Draw(kind.replace(" ", "-"), setup, (cause,), [1, 2], times=(TIMES,)).sheet()
 
 
 def seconds(name: str, rows: int, kind: str, folder: Path) -> float:
@@ -63,7 +67,7 @@ def main() -> None:
             for rows in arguments.rows:
                 for kind in CAUSES:
                     spent = seconds(name, rows, kind, Path(folder))
-                    print(f"{name:<8}{rows:>6} rows, a cause {kind:<12}{spent:7.1f} s", flush=True)
+                    print(f"{name:<8}{rows:>6} rows, {kind:<16}{spent:7.1f} s", flush=True)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from diagnosed import CFRAME, data_with, fitted, framed
-from hypothesis import given
-from hypothesis import strategies as st
 
 from calibration.diagnosis import scans
 from calibration.diagnosis.frame import Frame
@@ -112,37 +110,3 @@ def test_noise_pays_for_no_shape():
     frame = framed(seed=1, n=60)
     for each in judge(frame, list(scans.proposals(frame, library(frame.measurement, frame.fit.model)[0]))):
         assert each.score.p_value > 1e-4, each.candidate.effect.name
-
-
-@given(
-    pitch=st.floats(0.5, 50.0),
-    start=st.floats(-500.0, 500.0),
-    steps=st.lists(st.integers(1, 3), min_size=5, max_size=40).filter(lambda steps: 1 in steps),
-)
-def test_positions_on_a_lattice_are_known_as_such(pitch, start, steps):
-    x = start + pitch * np.cumsum([0, *steps])
-    assert scans.lattice(x) == pytest.approx(pitch, abs=2e-3)
-
-
-@given(st.integers(0, 10_000))
-def test_random_positions_are_no_lattice(seed):
-    assert scans.lattice(np.random.default_rng(seed).uniform(0.0, 600.0, 60)) is None
-
-
-def test_aliases_are_the_periods_that_a_lattice_can_not_tell_apart():
-    data = data_with(n=40)
-    data.state.positions[:, CFRAME.index("X")] = 10.0 * np.arange(40)
-    frame = Frame.of(fitted(data))
-    effect = wave("X", "X", 23.0, (5.0,))
-    x = 10.0 * np.arange(40)
-    told = scans.aliases(frame, effect)
-    assert len(told) == 4
-    for period in told:
-        assert period == pytest.approx(1.0 / abs(1.0 / period))
-        alike = [np.cos(2 * np.pi * x / each) for each in (23.0, period)]
-        assert alike[0] == pytest.approx(alike[1], abs=1e-6)
-
-
-def test_irregular_positions_have_no_aliases():
-    frame = framed(n=60)
-    assert scans.aliases(frame, wave("X", "X", 8.0, (5.0,))) == []

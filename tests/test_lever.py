@@ -1,4 +1,4 @@
-"""Errors judged row by row, against whole columns; spectra, tails and cores against their definitions."""
+"""Errors judged row by row, against whole columns; tails and cores against their definitions."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,6 @@ from threadpoolctl import threadpool_info
 
 from calibration import cores
 from calibration.diagnosis.lever import Lever
-from calibration.diagnosis.spectra import spectrum
 from calibration.diagnosis.whiteness import pearson_beyond
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation
@@ -54,15 +53,6 @@ def test_effects_together_are_projected_as_one_by_one(frame):
         alone = frame.projected(frame.columns(effect))
         np.testing.assert_allclose(together.left, alone.left, rtol=1e-9, atol=1e-9 * np.trace(alone.left))
         np.testing.assert_allclose(together.columns, alone.columns)
-
-
-@pytest.mark.parametrize("count", [1, 2, 7, 100])
-def test_spectra_against_their_definition(count):
-    rng = np.random.default_rng(count)
-    x, values = rng.uniform(-300.0, 500.0, 60), rng.normal(size=(2, 60))
-    frequencies = 0.01 + np.arange(count) * 3e-4
-    expected = values @ np.exp(2j * np.pi * x[:, None] * frequencies)
-    np.testing.assert_allclose(spectrum(values, x, frequencies), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("skew", [-1.5, -0.3, -1e-7, 0.0, 1e-4, 0.02, 0.8, 3.0])
