@@ -12,6 +12,7 @@ from programs import load
 
 from kinematics.errors import UserError
 from kinematics.model import no_errors
+from postproc import flow
 from postproc.dialects import find_dialect
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup
@@ -21,6 +22,14 @@ LARGEST = 6_000
 """Bytes of a program: many short ones say more than one long one."""
 SPOILT = ["X", "Y-", "G", "G91 ", "G2", "#", "[", "]", "(", ")", "%", "/", ";", ".", "=", "R1", "\r", "\n", "0", "-", "~",
           " ", "M6", "L ", "CC ", "E5", "\t", "\xe9", '"', "IF ", "G43.4 H1 ", "G68 ", "G92 X1.", "K3 ", "G16 ", "TRANS "]  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def soon_endless():
+    """A spoilt loop that does not end is refused after so many blocks, and not after two million."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(flow, "LONGEST", 100_000)
+        yield
 
 
 @cache
