@@ -112,7 +112,7 @@ def test_random_programs(name, seed, tcp, blocks):
     assert any(note.startswith("already corrected") for note in again.report.notes)
 
 
-@pytest.mark.parametrize("name", ["gantry", "dmu50"])
+@pytest.mark.parametrize("name", ["gantry", pytest.param("dmu50", marks=pytest.mark.slow)])
 @settings(max_examples=8)
 @given(seed=seeds)
 def test_chunks_of_any_size_give_the_same_bytes(name, seed):

@@ -434,6 +434,7 @@ def test_bad_options(ncomp, name):  # noqa: F811
     assert sorted(Path().iterdir()) == before
 
 
+@pytest.mark.slow
 def test_examples_of_the_page(ncomp):  # noqa: F811
     """The commands of docs/planning.md run one after the other."""
     page = (Path(__file__).parents[1] / "docs" / "planning.md").read_text()
