@@ -72,6 +72,7 @@ def real_programs(nc_data):
     return sorted([*(nc_data / "iso").rglob("*.*"), *FREECAD.glob("*.nc")])
 
 
+@pytest.mark.slow
 def test_every_real_program_that_linuxcnc_takes(linuxcnc, nc_data):
     left, moves = set(), 0
     for path in real_programs(nc_data):

@@ -324,7 +324,9 @@ def with_play(machine, seed):
     return model_of(machine, *model.effects, *plays)
 
 
-@pytest.mark.parametrize("name", ["gantry", "dmu50", pytest.param("head_table", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["gantry", *(pytest.param(name, marks=pytest.mark.slow) for name in ("dmu50", "head_table"))]
+)
 @settings(max_examples=4)
 @given(seed=seeds, tcp=st.booleans())
 def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tcp):
