@@ -173,13 +173,15 @@ def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
     lengths: by variable, in parts of its range; the function has a standard deviation of 1.
     """
     each = [_coefficients(length) for length in lengths]
-    degrees = np.indices([len(own) for own in each]).reshape(len(each), -1).T
+    norms = reduce(np.multiply.outer, [2 * np.arange(len(own)) + 1 for own in each]).reshape(-1)
     sizes = reduce(np.multiply.outer, each).reshape(-1)
-    held = sizes**2 / np.prod(2 * degrees + 1, axis=1)
-    order = np.argsort(-held, kind="stable")
+    held = sizes**2 / norms
+    least = np.partition(held, max(len(held) - most, 0))[max(len(held) - most, 0)]
+    some = np.flatnonzero(held >= least)
+    order = some[np.argsort(-held[some], kind="stable")]
     count = int(np.searchsorted(np.cumsum(held[order]), HELD * held.sum())) + 1
     chosen = np.sort(order[: min(count, most)])
-    return degrees[chosen], sizes[chosen]
+    return np.stack(np.unravel_index(chosen, [len(own) for own in each]), axis=1), sizes[chosen]
 
 
 @lru_cache(maxsize=64)
