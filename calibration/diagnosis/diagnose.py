@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import msgspec
@@ -74,8 +75,6 @@ class Diagnosis:
     """Of the error motions; None against a calibration, whose knowledge stands in for what the data do not see."""
     unexplained: Unexplained | None
     """What no cause explains, also where it was added without a name."""
-    one_by_one: tuple[Dependence, ...]
-    """How that depends on each variable alone; empty where nothing is left."""
     unnamed: str
     """What came of the request to add that; empty where there was none."""
     judged: tuple[Judged, ...]
@@ -97,6 +96,11 @@ class Diagnosis:
         if self.unexplained is None:
             return 0.0
         return remainder.shared_rms(self.named.frame, self.unexplained)
+
+    @cached_property
+    def one_by_one(self) -> list[Dependence]:
+        """How what no cause explains depends on each variable alone; empty where nothing is left."""
+        return [] if self.unexplained is None else remainder.one_by_one(self.named.frame)
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
@@ -198,7 +202,6 @@ def diagnose(
         tuple(untested),
         visibility(after.fit) if after.fit.prior.ndim == 1 else None,
         left,
-        tuple(remainder.one_by_one(found.stage.frame)) if left else (),
         unnamed,
         judged,
         closure(after.frame),

@@ -125,7 +125,8 @@ def _write(found: Diagnosis, output: str, json: str | None, report: str | None, 
 
     with blas_in_one_thread(), result(json) as results, result(report) as shown, result(output) as file:
         file.write(encode_model(found.model))
-        write_json(summary(found), results)
+        if json is not None:
+            write_json(summary(found), results)
         if report is not None:
             from calibration.pages.diagnosis import diagnosis_page
 
