@@ -5,11 +5,13 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 MACHINE := dmu50
 PROGRAM := box.nc
+PROGRAMS := 20000
+SEED := 1
 SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slow test-all lint lock clean
+.PHONY: help setup demo test test-slow test-all fuzz lint lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -37,6 +39,10 @@ test-slow: $(INSTALLED) ## run the slow tests only
 
 test-all: $(INSTALLED) ## run every test; those of LinuxCNC fail, rather than skip, without rs274
 	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 $(ARGS)
+
+fuzz: export OPENBLAS_NUM_THREADS := 1
+fuzz: $(INSTALLED) ## examine random programs with every fuzzer (PROGRAMS=200 SEED=2); what differs goes to tests/fuzz/found
+	$(BIN)/python -m tests.fuzz all --programs $(PROGRAMS) --seed $(SEED) --jobs 2
 
 lint: $(INSTALLED) ## ruff, its formatter, and mypy
 	$(BIN)/ruff check .

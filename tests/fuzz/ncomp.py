@@ -1,0 +1,74 @@
+"""ncomp's command line in this process, on the files of a case."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from typer.testing import CliRunner
+
+from kinematics.errors import UserError
+from postproc.cli import app
+from tests.fuzz.case import Case
+
+ENCODING = "latin-1"
+
+
+class Run(NamedTuple):
+    """How a run ended: exit status, text written (None: no file), and what was shown."""
+
+    status: int
+    text: str | None
+    shown: str
+
+    @property
+    def refusal(self) -> str:
+        """The class of a refusal: its message without place, numbers and quoted text."""
+        message = self.shown.strip().splitlines()[-1] if self.shown.strip() else ""
+        return reason_of(message)
+
+
+def reason_of(message: str) -> str:
+    """A message without place, text of the block, numbers and names: what many refusals have in common."""
+    message = re.sub(r"^.*?part\.\w+:\d+: ", "", message)
+    message = re.sub(r'"[^"]*"|\'[^\']*\'|`[^`]*`', "...", message)
+    return re.sub(r"[-+]?\d+(\.\d+)?", "0", message)[:100]
+
+
+def correct(case: Case, *more: str) -> Run:
+    """`ncomp correct` on a case; a fault inside ncomp is raised."""
+    return command("correct", case, "-o", "out.nc", *more)
+
+
+def command(name: str, case: Case, *options: str) -> Run:
+    """A subcommand on the program of a case in a folder of its own; `-o out.nc` is what it writes."""
+    with tempfile.TemporaryDirectory(prefix="ncomp-fuzz-") as folder:
+        place = Path(folder)
+        arguments = arguments_of(case, place)
+        output = place / "out.nc"
+        given = [str(output) if option == "out.nc" else option for option in options]
+        done = CliRunner().invoke(app, [name, *arguments, *given])
+        text = output.read_bytes().decode(ENCODING) if output.exists() else None
+        if isinstance(done.exception, UserError):
+            return Run(2, text, str(done.exception).replace(folder + "/", ""))
+        if done.exception is not None and not isinstance(done.exception, SystemExit):
+            raise done.exception
+        return Run(done.exit_code, text, done.output.replace(folder + "/", ""))
+
+
+def arguments_of(case: Case, place: Path) -> list[str]:
+    """Write the files of a case to a folder; the arguments that name them."""
+    for name, text in (case.files | {case.name: case.program}).items():
+        (place / name).write_bytes(text.encode(ENCODING))
+    machine, calibration = case.machine, case.calibration
+    if "\n" in machine:
+        (place / "machine.toml").write_text(machine, encoding="utf-8")
+        machine = str(place / "machine.toml")
+    if "{" in calibration:
+        (place / "calibration.json").write_text(calibration, encoding="utf-8")
+        calibration = str(place / "calibration.json")
+    options = [str(place / option) if option in case.files else option for option in case.options]
+    chosen = ["--calibration", calibration] if calibration else []
+    return [str(place / case.name), "--machine", machine, *chosen, *options]

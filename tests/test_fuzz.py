@@ -1,0 +1,61 @@
+"""Differences that the fuzzers have found stay away, and 200 programs of each show no new one."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz import EXAMINERS
+from tests.fuzz.case import FOUND, Case, Outcome, Verdict, examiner, load, save
+from tests.fuzz.runner import Count, judge, run
+from tests.fuzz.shrink import shrink
+
+FILES = sorted(FOUND.glob("*/*.json"))
+PROGRAMS = 200
+NEEDS_LINUXCNC = ("linuxcnc", "play")
+
+
+@pytest.fixture(autouse=True)
+def client(request: pytest.FixtureRequest) -> None:
+    """LinuxCNC, where the examiner needs it."""
+    parameters = getattr(request.node, "callspec", None)
+    names = {str(getattr(value, "parent", value)) for value in parameters.params.values()} if parameters else set()
+    if {Path(name).name for name in names} & set(NEEDS_LINUXCNC):
+        request.getfixturevalue("linuxcnc")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_found_before(path):
+    outcome = judge(examiner(path.parent.name), load(path))
+    assert outcome.verdict is not Verdict.DIFFERS, f"{outcome.text}\nfound: {json.loads(path.read_text())['detail']}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXAMINERS)
+def test_random_programs(name):
+    count = run(name, PROGRAMS, seed=0, keep=False)
+    print(count.text())
+    assert not count.differences, count.text()
+    assert count.compared > PROGRAMS / 4
+
+
+def test_a_case_is_read_as_it_was_written(tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.fuzz.case.FOUND", tmp_path)
+    case = Case("G0 X1\r\nM2\xe9\r\n", "part.h", "dmu50", "{}\n", ("--unroll",), {"tool.t": "a\nb"})
+    path = save("linuxcnc", case, Outcome(Verdict.DIFFERS, "line ends: 3 um"))
+    assert load(path) == case
+    assert path.name.startswith("line_ends_")
+
+
+def test_the_smallest_program_that_differs():
+    text = "N1 G0 X1\nN2 G1 Y2 F[3 + 4] (a comment)\nM2\n"
+    assert shrink(text, lambda text: "Y2" in text) == "Y2"
+    assert shrink(text, lambda text: "F[3 + 4]" in text) == "F[3 + 4]"
+
+
+def test_classes_are_counted():
+    count = Count()
+    for outcome in (Outcome(Verdict.COMPARED), Outcome(Verdict.REFUSED, "G7"), Outcome(Verdict.DIFFERS, "end: 1")):
+        count.add(outcome)
+    assert count.line() == "3 programs, 1 compared, 1 refused, 1 differences"
+    assert count.differences == {"end": 1}
