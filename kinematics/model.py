@@ -17,7 +17,7 @@ from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.layout import to_json
 from kinematics.machine import Machine
-from kinematics.state import State
+from kinematics.state import State, variable_unit
 from kinematics.transforms import Array, blocks
 
 ROUNDING = 1e-9
@@ -162,19 +162,20 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 lengths[i] = min(lengths[i], length * machine.scale[i])
         return lengths
 
-    def outside(self, machine: Machine, state: State) -> dict[str, float]:
-        """Effects asked for outside their interval, with how far; they hold their end value.
+    def outside(self, machine: Machine, state: State) -> dict[tuple[str, str], float]:
+        """Largest distance outside an effect's interval, by the effect's name and the unit; end values are held there.
 
-        How far is in mm or degrees; of time (s) and temperatures (K) the variable stands behind the effect's name.
+        Units are mm, deg, s and K; for time and temperatures the name holds the variable behind the effect.
         """
-        beyond: dict[str, float] = {}
+        beyond: dict[tuple[str, str], float] = {}
         for effect in self.effects:
             for variable, (low, high) in effect.intervals.items():
                 x = state.variable(machine, variable, effect.name)
                 excess = float(np.max(np.maximum(low - x, x - high), initial=0.0))
                 if excess > ROUNDING:
                     name = effect.name if variable in machine.names else f"{effect.name} in {variable}"
-                    beyond[name] = max(excess, beyond.get(name, 0.0))
+                    where = name, variable_unit(machine, variable)
+                    beyond[where] = max(excess, beyond.get(where, 0.0))
         return beyond
 
 

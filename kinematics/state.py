@@ -19,6 +19,13 @@ TIME, TEMPERATURE = "time", "temperature "
 """The variable of time, and what those of sensors begin with; all others are axes."""
 
 
+def variable_unit(machine: Machine, name: str) -> str:
+    """Unit of `State.variable`: of an axis mm or deg, of `time` s, of a temperature K."""
+    if name == TIME:
+        return "s"
+    return "K" if name.startswith(TEMPERATURE) else machine.axes[machine.index(name)].unit
+
+
 @dataclass(frozen=True)
 class State:
     """Columns over `n` instants, in the order of time; None where nothing is known of one."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import tomllib
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -24,22 +25,12 @@ class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
     home: float | None = None
 
 
-class _ControlEntry(msgspec.Struct, forbid_unknown_fields=True):
-    integer_words: Literal["units", "increments"] = "units"
-    increment: float = 1e-3
-    arc_centres: Literal["incremental", "absolute"] = "incremental"
-    tool_change_moves: tuple[str, ...] = ("X", "Y", "Z")
-    tcp_at_start: bool = False
-    passive_axes: tuple[str, ...] = ()
-    family: Literal["any", "fanuc", "linuxcnc"] = "any"
-
-
 class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
     name: str
     chain: str
     axes: dict[str, Any]
     description: str = ""
-    control: _ControlEntry = msgspec.field(default_factory=_ControlEntry)
+    control: dict[str, Any] = {}
     work_offsets: dict[str, dict[str, Any]] = {}
     tools: dict[str, Any] = {}
 
@@ -94,15 +85,7 @@ def _build(entries: _MachineFile) -> Machine:
             raise UserError(f"axis {name} of the chain {entries.chain!r} has no [axes.{name}] with its travel")
         entry = _entry(entries.axes[name], _AxisEntry, f"axes.{name}")
         axes.append(make_axis(name, side, **msgspec.structs.asdict(entry)))
-    control = Control(**msgspec.structs.asdict(entries.control))
-    if not (control.increment > 0 and math.isfinite(control.increment)):
-        raise UserError(f"control.increment {control.increment} must be positive")
-    unknown = set(control.tool_change_moves) - chained - set(Control().tool_change_moves)
-    if unknown:
-        raise UserError(f"control.tool_change_moves: no axis {', '.join(sorted(unknown))} in the chain")
-    both = chained & set(control.passive_axes)
-    if both:
-        raise UserError(f"control.passive_axes: {', '.join(sorted(both))} is in the chain")
+    control = _control(entries.control, chained)
     for offset, values in entries.work_offsets.items():
         unknown = set(values) - chained
         if unknown:
@@ -115,6 +98,24 @@ def _build(entries: _MachineFile) -> Machine:
         {offset: _lengths(values, f"work_offsets.{offset}") for offset, values in entries.work_offsets.items()},
         _lengths(entries.tools, "tools"),
     )
+
+
+def _control(table: dict[str, Any], chained: set[str]) -> Control:
+    """The `[control]` table; the fields of `Control` are its keys."""
+    known = [field.name for field in fields(Control)]
+    for key in table:
+        if key not in known:
+            raise UserError(f"control.{key} is not known; known are {', '.join(known)}")
+    control = _entry(table, Control, "control")
+    if not (control.increment > 0 and math.isfinite(control.increment)):
+        raise UserError(f"control.increment {control.increment} must be positive")
+    unknown = set(control.tool_change_moves) - chained - set(Control().tool_change_moves)
+    if unknown:
+        raise UserError(f"control.tool_change_moves: no axis {', '.join(sorted(unknown))} in the chain")
+    both = chained & set(control.passive_axes)
+    if both:
+        raise UserError(f"control.passive_axes: {', '.join(sorted(both))} is in the chain")
+    return control
 
 
 def _entry(value: object, kind: type[T], where: str) -> T:

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
+from postproc.control_state import ControlState
 from postproc.flow import Variables, never
 from postproc.motions import Motions
 from postproc.notes import Notes
@@ -20,6 +21,10 @@ from postproc.setup import Setup
 
 class Interpreter(Protocol):
     """Meaning of a dialect: blocks in, moves out, modal state kept from chunk to chunk."""
+
+    @property
+    def control_state(self) -> ControlState:
+        """Offsets and tools as the program has left them, and which it used."""
 
     @property
     def ended(self) -> bool:

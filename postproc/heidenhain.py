@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
+from postproc.control_state import ControlState
 from postproc.heidenhain_approach import approach
 from postproc.heidenhain_arcs import Arcs
 from postproc.heidenhain_codes import (
@@ -58,7 +59,8 @@ class HeidenhainInterpreter:
     scope: QParameters = field(default_factory=QParameters)
 
     def __post_init__(self) -> None:
-        self.control = Control(self.machine, self.setup, self.notes, self.scope)
+        self.control_state = ControlState(self.setup)
+        self.control = Control(self.machine, self.control_state, self.notes, self.scope)
         self.arcs = Arcs(self.control)
         self.tools = Tools(self.control)
         self.planes = Planes(self.control)

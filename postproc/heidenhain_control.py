@@ -10,6 +10,7 @@ import numpy as np
 from kinematics.forward import forward
 from kinematics.machine import Machine
 from kinematics.transforms import Array
+from postproc.control_state import ControlState
 from postproc.frames import Frame, Placement, cartesian, rotated
 from postproc.heidenhain_places import Places
 from postproc.heidenhain_variables import QParameters
@@ -18,7 +19,6 @@ from postproc.moves import AxisWord
 from postproc.notes import Notes
 from postproc.program import Block, Word
 from postproc.recorder import Recorder
-from postproc.setup import Setup
 
 UPRIGHT = 1e-4
 """rad: a tool that leans no more stands upright, for angles are written with three decimals."""
@@ -66,7 +66,7 @@ class Control:
     """What holds until a block changes it; positions in programmed coordinates, mm and degrees."""
 
     machine: Machine
-    setup: Setup
+    state: ControlState
     notes: Notes
     scope: QParameters = field(default_factory=QParameters)
 
@@ -130,7 +130,7 @@ class Control:
 
     def frame(self) -> Frame:
         """What programmed coordinates mean now."""
-        offset = list(self.setup.work_offset(self.preset))
+        offset = list(self.state.work_offset(self.preset))
         length = self.tool_length + self.oversize
         placed = self.placed(self.tilt).then(self.tilted_places.placement)
         tcp = self.tcp or self.tilt is not None
@@ -142,7 +142,7 @@ class Control:
 
     def placed(self, tilt: Placement | None) -> Placement:
         """Preset rotation, datum shift and the like, and a tilted plane within them."""
-        about_x, about_y, about_z = self.setup.turned.get(self.preset, (0.0, 0.0, 0.0))
+        about_x, about_y, about_z = self.state.setup.turned.get(self.preset, (0.0, 0.0, 0.0))
         preset = rotated(about_z).then(rotated(about_y, "ZXY")).then(rotated(about_x, "YZX"))
         return preset.then(self.places.placement).then(tilt or Placement())
 

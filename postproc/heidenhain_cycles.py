@@ -164,7 +164,7 @@ class Cycles:
         if control.tilt is not None:
             raise block.refuse("another preset while the working plane is tilted")
         control.preset = f"{values[0]:.0f}"
-        if control.preset not in control.setup.turned:
+        if control.preset not in control.state.setup.turned:
             control.notes.add("presets taken without rotation", block.line)
         control.change_frame(range(len(control.machine.axes)))
 
@@ -201,9 +201,9 @@ class Cycles:
     def _datum(self, block: Block, line: str) -> dict[str, float]:
         """A line of the datum table, in units of the program."""
         control = self.control
-        if line not in control.setup.datums:
+        if line not in control.state.setup.datums:
             raise block.refuse(f"datum #{line} is in no datum table that was given (--tool-table ZERO.D)")
-        places = control.setup.datums[line]
+        places = control.state.setup.datums[line]
         return {axis: value / (1.0 if axis in "ABC" else control.unit) for axis, value in places.items()}
 
 

@@ -52,7 +52,7 @@ class Tools:
         if control.tcp:
             raise block.refuse("a tool call while M128 is on: HEIDENHAIN asks for M129 before it")
         self.key = self._named(block, word)
-        self.length = control.setup.tool_length(self.key) if self.key != "0" else 0.0
+        self.length = control.state.tool_length(self.key) if self.key != "0" else 0.0
         control.forget(control.machine.control.tool_change_moves)
 
     def define(self, block: Block) -> None:
@@ -64,15 +64,15 @@ class Tools:
             raise block.refuse("a tool length without a tool number")
         key = self._named(block, words["T"])
         if "L" in words:
-            control.setup.tools = {**control.setup.tools, key: value_of(block, words["L"]) * control.unit}
+            control.state.enter_length(key, value_of(block, words["L"]) * control.unit)
         if "R" in words:
-            control.setup.radii = {**control.setup.radii, key: value_of(block, words["R"]) * control.unit}
+            control.state.radii[key] = value_of(block, words["R"]) * control.unit
 
     def _named(self, block: Block, word: Word) -> str:
         """The tool that a word names, as tables have it."""
         text = block.text[word.at : word.end]
         key = text.strip('"').upper() if text.startswith('"') else f"{value_of(block, word):.10g}"
-        if not key.isdecimal() and not self.control.setup.knows(key):
+        if not key.isdecimal() and not self.control.state.knows(key):
             what = "named" if text.startswith('"') else "indexed"
             raise block.refuse(f"tool {text}: lengths of {what} tools come from a tool table (--tool-table)")
         return key
@@ -81,7 +81,7 @@ class Tools:
         """Of the tool in the spindle, mm, with its oversize; or why it is not known."""
         if self.key == "0":
             return self.more
-        radius = self.control.setup.tool_radius(self.key)
+        radius = self.control.state.tool_radius(self.key)
         if radius is None:
             return NotKnown(f"the radius of tool {self.key} is given by no tool table (--tool-table)")
         return radius + self.more
@@ -90,7 +90,7 @@ class Tools:
         radius, unit = self.radius(), self.control.unit
         scope = self.control.scope
         scope.set("Q", (RADIUS,), radius if isinstance(radius, NotKnown) else radius / unit)
-        known = self.key == "0" or self.control.setup.knows(self.key)
+        known = self.key == "0" or self.control.state.knows(self.key)
         missing = NotKnown(f"the length of tool {self.key} is not given (--tool-length, --tool-table)")
         scope.set("Q", (LENGTH,), (self.length + self.control.oversize) / unit if known else missing)
 
@@ -100,8 +100,8 @@ class Tools:
         """SYSREAD ID50 NR1 and NR2: length and radius of a tool, in units of the program; NotKnown for all else."""
         if group != 50.0 or number not in (1.0, 2.0):
             raise NotKnown("what the control reads")
-        setup, key = self.control.setup, self.key if index is None else f"{index:.10g}"
-        found = setup.tool_radius(key) if number == 2.0 else setup.tool_length(key) if setup.knows(key) else None
+        state, key = self.control.state, self.key if index is None else f"{index:.10g}"
+        found = state.tool_radius(key) if number == 2.0 else state.tool_length(key) if state.knows(key) else None
         if found is None:
             what = "radius" if number == 2.0 else "length"
             raise NotKnown(f"the {what} of tool {key} is given by no tool table (--tool-table)")

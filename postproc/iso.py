@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
 from postproc.contours import follow_contour
+from postproc.control_state import ControlState
 from postproc.frames import cartesian
 from postproc.iso_arcs import read_arc
 from postproc.iso_codes import (
@@ -71,13 +72,14 @@ class IsoInterpreter:
 
     def __post_init__(self) -> None:
         control = self.machine.control
+        self.control_state = ControlState(self.setup)
         self.scope = variables_of(control.family)
         self.columns = {name: i for i, name in enumerate(self.machine.names)}
         self.rotary: list[bool] = self.machine.rotary.tolist()
         self.begun = self.ended = False
         self.opened = self.torn = False
         """A tape mark has stood before all words; the first one came behind words."""
-        self.frames = Frames(self.machine, self.setup, self.notes)
+        self.frames = Frames(self.machine, self.control_state, self.notes)
         self.recorder = self.frames.recorder
         self.values = Values(control, self.notes)
         self.modes = Modes(self.notes, self.recorder.doubt, control.arc_centres == "absolute")

@@ -48,10 +48,10 @@ def _set_length(content: Content, kind: int, number: int, frames: Frames, values
         (index, *more) = content.axes
         if more or block.words[index].address != "Z":
             raise content.refuse("a tool offset sideways is not corrected")
-        lengths.set(block, lengths.geometry, number, values.number(block, index, unit))
+        lengths.set(block, lengths.state.tools, number, values.number(block, index, unit))
     elif kind in (GEOMETRY, WEAR) and control.family == "fanuc" and "R" in content.other and not content.axes:
         _refuse_but(content, "LPR")
-        store = lengths.geometry if kind == GEOMETRY else lengths.wear
+        store = lengths.state.tools if kind == GEOMETRY else lengths.state.wear
         lengths.set(block, store, number, values.number(block, content.other["R"], unit))
     else:
         raise content.refuse(f"G10 L{kind} {DIFFERS}")

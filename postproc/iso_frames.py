@@ -8,6 +8,7 @@ import numpy as np
 
 from kinematics.forward import forward
 from kinematics.machine import Machine
+from postproc.control_state import ControlState
 from postproc.frames import Frame, Placement, cartesian, rotated, shifted, to_machine
 from postproc.iso_codes import MIRROR, SCALE, TILT
 from postproc.iso_lengths import TCP_CODES, Lengths
@@ -17,7 +18,6 @@ from postproc.moves import Known
 from postproc.notes import Notes
 from postproc.program import Block
 from postproc.recorder import Recorder
-from postproc.setup import Setup
 
 UPRIGHT = 1e-6
 """rad: a tool as far from the normal of a tilted plane stands along it."""
@@ -26,10 +26,10 @@ UPRIGHT = 1e-6
 class Frames:
     """Offsets, lengths and turns in force; every change goes to the recorder, with the axes that it concerns."""
 
-    def __init__(self, machine: Machine, setup: Setup, notes: Notes) -> None:
+    def __init__(self, machine: Machine, state: ControlState, notes: Notes) -> None:
         self.machine, self.notes = machine, notes
-        self.offsets = Offsets(setup)
-        self.lengths = Lengths(setup, notes, machine.control)
+        self.offsets = Offsets(state)
+        self.lengths = Lengths(state, notes, machine.control)
         self.place, self.placed_by = Placement(), 0.0
         """What turns the coordinates, and the code that has brought it; 0 for none."""
         self.mirrors: dict[str, float] = {}

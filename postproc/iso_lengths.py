@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from kinematics.machine import Control
+from postproc.control_state import ControlState
 from postproc.notes import Notes
 from postproc.program import Block
-from postproc.setup import Setup
 
 TCP_CODES = frozenset((43.4, 43.5))
 """The coordinates are those of the tool point in the workpiece frame; the latter says the tool axis as a vector."""
@@ -17,7 +17,7 @@ TCP_CODES = frozenset((43.4, 43.5))
 class Lengths:
     """The length in force."""
 
-    setup: Setup
+    state: ControlState
     notes: Notes
     control: Control
     selected_tool: int = 0
@@ -30,9 +30,6 @@ class Lengths:
     """The program has said which one is in force."""
     vectors: bool = False
     """I J K of a move are its tool axis (G43.5)."""
-    geometry: dict[int, float] = field(default_factory=dict)
-    wear: dict[int, float] = field(default_factory=dict)
-    """What G10 has made of lengths, mm, by number."""
 
     def __post_init__(self) -> None:
         self.tcp = self.control.tcp_at_start
@@ -46,24 +43,20 @@ class Lengths:
         """The length, mm, that coordinates are shifted by; None for none."""
         if self.given is not None:
             return self.given
-        return self._of(self.number) if self.number else None
+        return self.state.tool_length(self.number) if self.number else None
 
     def tool(self) -> float:
         """Length of the tool in the spindle as far as it is known, mm."""
         offset = self.offset()
         if offset is not None:
             return offset
-        return self._of(self.spindle_tool) if self.spindle_tool else 0.0
+        return self.state.tool_length(self.spindle_tool) if self.spindle_tool else 0.0
 
-    def _of(self, number: int) -> float:
-        geometry = self.geometry.get(number)
-        return (self.setup.tool_length(number) if geometry is None else geometry) + self.wear.get(number, 0.0)
-
-    def set(self, block: Block, store: dict[int, float], number: int, length: float) -> None:
-        """G10: a length of the table from now on."""
+    def set(self, block: Block, store: dict[str, float], number: int, length: float) -> None:
+        """G10: a length of the table, or its wear, from now on; mm."""
         if number == self.number:
             raise block.refuse("changes the length in force: some controls take it at once, others do not")
-        store[number] = length
+        store[str(number)] = length
 
     def give(self, length: float) -> None:
         """G43.1: a length said in the program, mm."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from postproc.control_state import ControlState
 from postproc.iso_codes import WORK_OFFSETS
 from postproc.program import Block
-from postproc.setup import Setup
 
 Shifts = dict[int, float]
 """By axis, mm or degrees."""
@@ -19,7 +19,7 @@ NUMBERED = dict(enumerate([*(f"G{g}" for g in range(54, 60)), "G59.1", "G59.2", 
 class Offsets:
     """The work offset in force, and what the program adds to it."""
 
-    setup: Setup
+    state: ControlState
     name: str = "G54"
     said: bool = False
     """The program has said which one is in force."""
@@ -29,17 +29,12 @@ class Offsets:
     """G92; None before the first one."""
     suspended: bool = False
     """G92.2."""
-    entered: dict[str, Shifts] = field(default_factory=dict)
-    """What G10 has made of work offsets."""
     turned: dict[str, float] = field(default_factory=dict)
     """Degrees by which G10 has turned X and Y of work offsets (LinuxCNC)."""
 
     def work(self) -> list[float]:
         """The work offset of every axis, mm or degrees."""
-        found = list(self.setup.work_offset(self.name))
-        for axis, value in self.entered.get(self.name, {}).items():
-            found[axis] = value
-        return found
+        return list(self.state.work_offset(self.name))
 
     def added(self) -> Shifts:
         """What G52 and G92 add, inside the work offset and its turn."""
@@ -65,7 +60,8 @@ class Offsets:
 
     def enter(self, name: str, values: Shifts) -> None:
         """Set a work offset, of axes that the block says."""
-        self.entered.setdefault(name, {}).update(values)
+        names = self.state.setup.machine.names
+        self.state.enter_offset(name, {names[axis]: value for axis, value in values.items()})
 
     def call(self, block: Block, here: Shifts, said: Shifts) -> None:
         """G92: the places `here` are called `said` from now on."""

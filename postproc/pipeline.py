@@ -91,7 +91,7 @@ class Pipeline:
         """For figures; None where nobody asked for them."""
         self.report.notes = standing_notes(job.model, job.conditions)
         self._marked = False
-        self._beyond: dict[str, float] = {}
+        self._beyond: dict[tuple[str, str], float] = {}
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
         """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
@@ -109,16 +109,17 @@ class Pipeline:
                 raise refusal.located(job.source.name) from None
             progress(part.size)
         self._put(out, *program.rest())
-        report.work_offsets, report.tools = job.setup.used_offsets, job.setup.used_tools
+        state = self.interpreter.control_state
+        report.work_offsets, report.tools = state.used_offsets, state.used_tools
         report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
         return report
 
     def _summary(self) -> list[str]:
         """Notes that belong to no line."""
-        unused = [f"work offset {name} was given and is not used" for name in self.job.setup.unused()]
+        unused = self.interpreter.control_state.unused()
         beyond = [
-            f"{name} is used up to {excess:.4g} (mm, deg, s, K) beyond what is known of it; its end value is held there"
-            for name, excess in sorted(self._beyond.items())
+            f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
+            for (name, unit), excess in sorted(self._beyond.items())
         ]
         return unused + beyond + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
@@ -211,8 +212,8 @@ class Pipeline:
         whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some])
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along)
-        for name, excess in self.model.outside(machine, states_before(nominal)).items():
-            self._beyond[name] = max(excess, self._beyond.get(name, 0.0))
+        for where, excess in self.model.outside(machine, states_before(nominal)).items():
+            self._beyond[where] = max(excess, self._beyond.get(where, 0.0))
         return np.stack([before.point_um, after.point_um], axis=1)
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:

@@ -1,4 +1,4 @@
-"""Work offsets and tool lengths: where they come from, and which of them a program used."""
+"""The set-up that a program meets: work offsets and tools from the machine file, tables and options."""
 
 from __future__ import annotations
 
@@ -11,57 +11,38 @@ from postproc.numbers import given_number, given_once
 from postproc.tool_tables.table import ToolTable, tool_key
 
 
-@dataclass
+@dataclass(frozen=True)
 class Setup:
-    """Offsets by name and tool lengths by number, for one machine; keeps account of what was looked up.
+    """Offsets by name and tool lengths by number, as they are before a program runs on one machine.
 
-    From the machine's file, overruled by a tool table, overruled by options; zero where nothing is said.
+    From the machine's file, overruled by a tool table, overruled by options; zero where nothing is given.
     """
 
     machine: Machine
     work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    tools: dict[str, float] = field(default_factory=dict)
-    used_offsets: dict[str, str] = field(default_factory=dict)
-    used_tools: dict[str, str] = field(default_factory=dict)
+    """Given for this run, by name and axis, mm or degrees."""
+    tools: Mapping[str, float] = field(default_factory=dict)
+    """Lengths given for this run, mm, by number or name."""
     given_tools: frozenset[str] = frozenset()
     """Numbers of tools whose lengths were given one by one, not in a table."""
     radii: Mapping[str, float] = field(default_factory=dict)
-    """Of tools, mm, by number; from a table."""
+    """Tool radii, mm, by number or name; from a table."""
     datums: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Lines of a datum table by number and axis, mm or degrees."""
     turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """Work offsets that turn the coordinates, by name: degrees about X, Y, Z."""
 
-    def work_offset(self, name: str) -> tuple[float, ...]:
-        """Offset of every machine axis, mm or degrees: what is added to a programmed position."""
-        values = self.work_offsets.get(name, self.machine.work_offsets.get(name))
-        said = ", ".join(f"{axis} {value:g}" for axis, value in values.items()) if values else "0 (default)"
-        self.used_offsets[name] = said
-        return tuple((values or {}).get(axis, 0.0) for axis in self.machine.names)
+    def work_offset(self, name: str) -> Mapping[str, float] | None:
+        """Work offset of a name by axis, mm or degrees; None where nobody gave it."""
+        return self.work_offsets.get(name, self.machine.work_offsets.get(name))
 
-    def unused(self) -> list[str]:
-        """Names of work offsets that were given for this run and not looked up: misspelt, perhaps."""
-        return sorted(self.work_offsets.keys() - self.used_offsets.keys())
-
-    def unused_tools(self) -> list[str]:
-        """Notes on tool lengths that were given for this run and not looked up."""
-        left = sorted(self.given_tools - self.used_tools.keys(), key=int)
-        return [f"tool length T{number} was given and is not used" for number in left]
-
-    def tool_length(self, tool: int | str) -> float:
-        """Length of a tool by number or name, mm, from the tool reference point to the tip."""
+    def tool_length(self, tool: int | str) -> float | None:
+        """Length of a tool by number or name, mm, from the tool reference point to the tip; None where not given."""
         key = tool_key(str(tool))
-        length = self.tools.get(key, self.machine.tools.get(key))
-        self.used_tools[key] = "0 (default)" if length is None else f"{length:g}"
-        return length or 0.0
-
-    def knows(self, tool: int | str) -> bool:
-        """True for a tool whose length is given somewhere."""
-        key = tool_key(str(tool))
-        return key in self.tools or key in self.machine.tools
+        return self.tools.get(key, self.machine.tools.get(key))
 
     def tool_radius(self, tool: int | str) -> float | None:
-        """Radius of a tool by number or name, mm; None where no table says it."""
+        """Radius of a tool by number or name, mm; None where no table gives it."""
         return self.radii.get(tool_key(str(tool)))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
 from postproc.contours import follow_contour
+from postproc.control_state import ControlState
 from postproc.frames import Frame, cartesian
 from postproc.iso_codes import HARMLESS_M, TOOL_CHANGE
 from postproc.motions import Motions
@@ -57,6 +58,7 @@ class SiemensInterpreter:
     scope: SiemensVariables = field(default_factory=SiemensVariables)
 
     def __post_init__(self) -> None:
+        self.control_state = ControlState(self.setup)
         self.scope.passive = frozenset(self.machine.control.passive_axes)
         self.begun = self.ended = False
         self.motion: float | None = None
@@ -168,7 +170,7 @@ class SiemensInterpreter:
 
     def _note_edge(self, block: Block) -> None:
         tool, edge = self._tool_key()
-        if tool and edge > 1 and not self.setup.knows(edge_key(tool, edge)):
+        if tool and edge > 1 and not self.control_state.knows(edge_key(tool, edge)):
             self.notes.add(f"D{edge} of tool {tool} taken to be as long as D1", block.line)
 
     def _change_tool(self, block: Block) -> None:
@@ -184,9 +186,9 @@ class SiemensInterpreter:
     def _tool_length(self) -> float:
         if not self.edge or not self.spindle_tool:
             return 0.0
-        self.setup.tools.update(self.scope.data.tools())
+        self.control_state.tools.update(self.scope.data.tools())
         key = edge_key(self.spindle_tool, self.edge)
-        return self.setup.tool_length(key if self.setup.knows(key) else self.spindle_tool)
+        return self.control_state.tool_length(key if self.control_state.knows(key) else self.spindle_tool)
 
     # ---- modes and frames
 
@@ -233,8 +235,7 @@ class SiemensInterpreter:
             raise block.refuse("another work offset in a plane of CYCLE800")
         data = self.scope.data
         if name in data.offsets:
-            before = dict(self.setup.work_offsets.get(name, self.machine.work_offsets.get(name, {})))
-            self.setup.work_offsets = {**self.setup.work_offsets, name: data.offset(name, before)}
+            self.control_state.enter_offset(name, data.offset(name, self.setup.work_offset(name) or {}))
         self.work_offset = name
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
 
@@ -290,7 +291,7 @@ class SiemensInterpreter:
         self.recorder.forget(list(cartesian(self.machine)))
 
     def _frame(self) -> Frame:
-        offset = list(self.setup.work_offset(self.work_offset))
+        offset = list(self.control_state.work_offset(self.work_offset))
         for axis, shift in self.places.turning.items():
             offset[self.machine.index(axis)] += shift
         length, x_y_z, placed = self.length, cartesian(self.machine), self.places.placement

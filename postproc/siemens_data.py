@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from postproc.expressions import NotKnown, Value
@@ -71,7 +71,7 @@ class ControlData:
         else:
             raise NotKnown(f"{frame} is set in a way that is not followed")
 
-    def offset(self, name: str, before: dict[str, float]) -> dict[str, float]:
+    def offset(self, name: str, before: Mapping[str, float]) -> dict[str, float]:
         """The work offset of a name, mm or degrees by axis, where it was `before` without these data."""
         coarse = {**self.whole.get(name, before), **self.single.get(name, {})}
         fine = self.fine.get(name, {})

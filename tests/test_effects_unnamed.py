@@ -35,10 +35,10 @@ def test_the_model_tells_of_what_lies_outside():
     state = full_state(DMU50, 60)
     outside = model_of(EFFECT).outside(DMU50, state)
     columns = state.position(DMU50, "X"), state.time, state.temperatures["column"]
-    told = ("", " in time", " in temperature column")
+    told = ("", "mm"), (" in time", "s"), (" in temperature column", "K")
     wanted = {
-        f"{EFFECT.name}{end}": max(float(low - c.min()), float(c.max() - high))
-        for end, c, (low, high) in zip(told, columns, RANGES, strict=True)
+        (f"{EFFECT.name}{end}", unit): max(float(low - c.min()), float(c.max() - high))
+        for (end, unit), c, (low, high) in zip(told, columns, RANGES, strict=True)
     }
     assert outside == pytest.approx(wanted)
     assert model_of(EFFECT).outside(DMU50, state.rows(slice(0, 0))) == {}

@@ -337,7 +337,7 @@ def test_presets_are_work_offsets_by_number():
     offsets = ("0=1,2,3", "12=10,20,-5,C=30")
     program = run("CYCL DEF 247 DATUM ~\n Q339=+12 ;NO\nL X+0 Y+0 Z+0 C+5\n", offsets=offsets)
     assert program.axes("XYZC").tolist() == [[11, 22, 153, 0], [10, 20, 95, 35]]
-    assert program.setup.used_offsets == {"0": "X 1, Y 2, Z 3", "12": "X 10, Y 20, Z -5, C 30"}
+    assert program.interpreter.control_state.used_offsets == {"0": "X 1, Y 2, Z 3", "12": "X 10, Y 20, Z -5, C 30"}
 
 
 def test_machine_coordinates_last_one_block():

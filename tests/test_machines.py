@@ -1,6 +1,8 @@
 """Shipped machines, machine files and what is refused in them."""
 
+import dataclasses
 import itertools
+import json
 import math
 from pathlib import Path
 
@@ -136,6 +138,18 @@ def test_control_entries():
     assert machine.control == Control("increments", 0.01, "absolute", ("Z", "X"), True)
 
 
+CONTROL_VALUES = {"integer_words": "increments", "increment": 0.01, "arc_centres": "absolute", "family": "linuxcnc",
+                  "tool_change_moves": ["X"], "passive_axes": ["E"], "tcp_at_start": True, "calls_leave_state": True}  # fmt: skip
+
+
+@pytest.mark.parametrize("field", dataclasses.fields(Control), ids=lambda field: field.name)
+def test_every_control_setting_can_be_written_in_the_machine_file(field):
+    value = CONTROL_VALUES[field.name]
+    control = machines.parse(f"{GOOD}[control]\n{field.name} = {json.dumps(value)}\n", "mill.toml").control
+    assert control == Control(**{field.name: tuple(value) if isinstance(value, list) else value})
+    assert control != Control()
+
+
 # text replaced in GOOD, its replacement, and how the message goes on after "machine file mill.toml: "
 BAD = {
     "no w": ("w C b", "C b", "chain 'C b X Y Z t' is not of the form 'w ... b ... t' (ISO 10791-6)"),
@@ -178,10 +192,15 @@ BAD = {
     "tool a word": ("1 = 80", '1 = "long"', "tools.1: Expected `float`, got `str`"),
     "tool length not a number": ("1 = 80", "1 = nan", "tools.1: nan is not finite"),
     "zero increment": ("[tools]", "[control]\nincrement = 0\n[tools]", "control.increment 0.0 must be positive"),
+    "unknown control setting": (
+        "[tools]",
+        "[control]\ncalls_leave_stat = true\n[tools]",
+        "control.calls_leave_stat is not known; known are integer_words, increment, arc_centres,",
+    ),
     "unknown control word": (
         "[tools]",
         '[control]\ninteger_words = "mm"\n[tools]',
-        "Invalid enum value 'mm' - at `$.control.integer_words`",
+        "control: Invalid enum value 'mm' - at `$.integer_words`",
     ),
     "unknown tool-change axis": (
         "[tools]",

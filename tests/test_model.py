@@ -231,7 +231,7 @@ def test_outside_names_what_is_used_beyond_its_interval_and_by_how_much():
     x, y, c = np.array([-250.0, 260.0, -253.0]), np.array([0.0, 225.0, -225.0]), np.radians([0.0, 360.0, 365.0])
     q = np.column_stack([c, 0 * x, x, y, 0 * x])
     beyond = SMALL.outside(DMU50, State(q))
-    assert beyond == {"E_XX": 10.0, "E_AC": pytest.approx(5.0)}
+    assert beyond == {("E_XX", "mm"): 10.0, ("E_AC", "deg"): pytest.approx(5.0)}
     assert SMALL.outside(DMU50, State(q[:1])) == {}
     assert SMALL.outside(DMU50, State(q[:0])) == {}
 
@@ -249,14 +249,16 @@ def test_outside_is_no_matter_of_rounding_to_rad_and_back():
 def test_outside_of_two_parts_of_one_error_motion_is_the_larger():
     parts = tuple(ErrorMotion("X", "X", Polynomial((0.0, high), 0), (1.0,), u=(1.0,)) for high in (10.0, 50.0))
     model = msgspec.structs.replace(SMALL, effects=parts)
-    assert model.outside(DMU50, State(np.array([[0.0, 0, 60, 0, 0]]))) == {"E_XX": 50.0}
+    assert model.outside(DMU50, State(np.array([[0.0, 0, 60, 0, 0]]))) == {("E_XX", "mm"): 50.0}
 
 
 def test_outside_speaks_of_both_axes_of_a_cross_term():
     sag = CrossAxis("Z", "X", "Y", (-250.0, 250.0), (-100.0, 100.0), 0, 1, (1.0,))
     model = msgspec.structs.replace(SMALL, effects=(sag,))
-    assert model.outside(DMU50, State(np.array([[0.0, 0, 0, 130, 0]]))) == {"E_ZX(Y)": 30.0}
-    assert model.outside(DMU50, State(np.array([[0.0, 0, 251, 130, 0], [0.0, 0, 290, 0, 0]]))) == {"E_ZX(Y)": 40.0}
+    assert model.outside(DMU50, State(np.array([[0.0, 0, 0, 130, 0]]))) == {("E_ZX(Y)", "mm"): 30.0}
+    assert model.outside(DMU50, State(np.array([[0.0, 0, 251, 130, 0], [0.0, 0, 290, 0, 0]]))) == {
+        ("E_ZX(Y)", "mm"): 40.0
+    }
 
 
 # --- files

@@ -27,6 +27,7 @@ from kinematics.effects import ErrorMotion
 from kinematics.errors import UserError
 from postproc.circles import sweep
 from postproc.compensate import missed
+from postproc.control_state import ControlState
 from postproc.dialects import find_dialect
 from postproc.mark import mark_in
 from postproc.moves import Kind
@@ -400,7 +401,7 @@ def test_notes():
         "C not said by the program yet, taken at its home 0 (line 1, 3 times)",
         "Z not said by the program yet, taken at its home 400 (line 1)",
         "work offset G55 was given and is not used",
-        "E_XX is used up to 100 (mm, deg, s, K) beyond what is known of it; its end value is held there",
+        "E_XX is used up to 100 mm beyond its calibrated range; its end value is held there",
     ]
 
 
@@ -468,10 +469,11 @@ def test_options_overrule_the_tool_table():
     table = ToolTable({"1": 100.0, "3": 7.0}, {"G54": {"X": 1.0}, "G55": {"X": 2.0}})
     setup = make_setup(load("dmu50"), ["G54=X=9"], ["T1=5", "t02=6.5"], table)
     assert setup.work_offsets == {"G54": {"X": 9.0}, "G55": {"X": 2.0}}
-    assert [setup.tool_length(n) for n in (1, 2, 3, 4)] == [5, 6.5, 7, 0]
-    assert setup.used_tools == {"1": "5", "2": "6.5", "3": "7", "4": "0 (default)"}
-    assert setup.unused_tools() == []
-    assert make_setup(load("dmu50"), [], ["T10=5", "T9=6"], table).unused_tools() == [
+    state = ControlState(setup)
+    assert [state.tool_length(n) for n in (1, 2, 3, 4)] == [5, 6.5, 7, 0]
+    assert state.used_tools == {"1": "5", "2": "6.5", "3": "7", "4": "0 (default)"}
+    assert state.unused() == ["work offset G54 was given and is not used", "work offset G55 was given and is not used"]
+    assert ControlState(make_setup(load("dmu50"), [], ["T10=5", "T9=6"])).unused() == [
         "tool length T9 was given and is not used",
         "tool length T10 was given and is not used",
     ]

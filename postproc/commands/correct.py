@@ -118,7 +118,6 @@ def correct(
         result(output) as file,
     ):
         done = pipeline.run(file, progress)
-        done.notes += setup.unused_tools()
         write_json(done.json(), results)
         if pipeline.trace is not None:
             from postproc.commands.job_page import job_page

@@ -85,8 +85,8 @@ def _identity(model: ErrorModel) -> str:
 def _doubts(model: ErrorModel, read: Points) -> list[str]:
     """Where the calibration is asked for more than it knows."""
     doubts = [
-        f"{name} is asked for up to {excess:.4g} outside its interval (mm, deg, s or K); it keeps its value at the end"
-        for name, excess in model.outside(read.machine, read.places.state).items()
+        f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
+        for (name, unit), excess in model.outside(read.machine, read.places.state).items()
     ]
     if model.effects and model.covariance is None and not any(any(effect.uncertainties) for effect in model.effects):
         doubts.append("the calibration has no uncertainties: every deviation counts as significant")
