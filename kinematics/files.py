@@ -3,39 +3,89 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from kinematics.errors import UserError
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
+
+
+@contextmanager
+def writing(place: str | Path) -> Iterator[None]:
+    """UserError that names the place, for a fault of the system while it is written; a reader that has gone is none."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as fault:
+        raise UserError(f"can't write {place}: {fault.strerror or fault}") from None
+
+
+class _NamedFile(io.FileIO):
+    """A file whose faults name the result that it is to become."""
+
+    def __init__(self, handle: int, becomes: str | Path) -> None:
+        super().__init__(handle, "w+b")
+        self.becomes = becomes
+
+    def write(self, data: Buffer, /) -> int:
+        """Number of bytes written; UserError where the disk is full."""
+        with writing(self.becomes):
+            return super().write(data)
+
+
+def named_file(handle: int, becomes: str | Path) -> io.BufferedRandom:
+    """A buffered file whose faults in writing name the result that it is to become."""
+    return io.BufferedRandom(_NamedFile(handle, becomes))
+
+
+class Draft:
+    """A result in a temporary file of the same folder, before it takes the place of what stands there.
+
+    UserError when the folder can't be written, or the disk is full. A link stays, and its target is replaced.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self._target = path, Path(os.path.realpath(path))
+        with writing(path):
+            handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=self._target.parent)
+        self._temporary = Path(name)
+        self.file = named_file(handle, path)
+
+    def complete(self) -> None:
+        """Bring all of it to the disk, with the permissions of the file that it replaces."""
+        with writing(self.path):
+            self.file.flush()
+            os.fsync(self.file.fileno())
+            mode = self._target.stat().st_mode if self._target.exists() else 0o666 & ~_umask()
+            self._temporary.chmod(mode & 0o777)
+
+    def publish(self) -> None:
+        """Take the place of what stands there, at once."""
+        with writing(self.path):
+            self._temporary.replace(self._target)
+
+    def close(self) -> None:
+        """Leave no trace, unless it is published."""
+        with suppress(OSError, UserError):
+            self.file.close()
+        self._temporary.unlink(missing_ok=True)
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A binary file that takes the place of `path` when the block ends well, and leaves no trace when it doesn't.
-
-    Temporary file in the same folder, fsync, rename. UserError when the folder can't be written.
-    """
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
-    except OSError as fault:
-        raise UserError(f"can't write {path}: {fault.strerror}") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        mode = path.stat().st_mode if path.exists() else 0o666 & ~_umask()
-        Path(name).chmod(mode & 0o777)
-        Path(name).replace(path)
-    except BaseException as fault:
-        Path(name).unlink(missing_ok=True)
-        if isinstance(fault, OSError):
-            raise UserError(f"can't write {path}: {fault.strerror or fault}") from None
-        raise
+    """A binary file that takes the place of `path` when the block ends well, and leaves no trace when it doesn't."""
+    with closing(Draft(path)) as draft:
+        yield draft.file
+        draft.complete()
+        draft.publish()
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
-from typing import Annotated, Any
+from contextlib import suppress
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -76,19 +79,43 @@ app.command("three-points", epilog=three_points.EPILOG)(three_points.three_point
 
 def run() -> None:
     """Entry point."""
+    for stop in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(stop, _stopped)
     try:
-        app(prog_name="ncomp")
+        try:
+            app(prog_name="ncomp")
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
     except UserError as fault:
-        print(f"ncomp: {fault}", file=sys.stderr)
-        sys.exit(2)
+        _end(2, str(fault))
     except BrokenPipeError:
-        sys.exit(1)
+        _end(1)
+    except OSError as fault:
+        _end(2, f"can't use {fault.filename or 'standard output'}: {fault.strerror or fault}")
     except Exception as fault:
         import traceback
 
         traceback.print_exc()
-        print(f"ncomp: internal fault: {fault!r}; please report it with the program that shows it", file=sys.stderr)
-        sys.exit(1)
+        _end(1, f"internal fault: {fault!r}; please report it with the program that shows it")
+
+
+def _end(status: int, message: str = "") -> NoReturn:
+    """End with a message; what standard output did not take is left behind."""
+    if message:
+        with suppress(OSError):
+            print(f"ncomp: {message}", file=sys.stderr)
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(status)
+
+
+def _stopped(number: int, _: object) -> NoReturn:
+    """End as a shell expects of a signal, and leave no temporary file behind."""
+    sys.exit(128 + number)
 
 
 def _version(wanted: bool) -> None:

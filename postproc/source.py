@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import itertools
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -19,9 +20,13 @@ ENCODING = "latin-1"
 
 BYTE_ORDER_MARK = "\xef\xbb\xbf"
 HEAD_SIZE = 20_000
+LONGEST_LINE = 1_000_000
+"""Characters; a control takes some hundred, a line of a Klartext cycle's text a few thousand."""
 CHUNK = 4096
 """Blocks that are worked on together: enough for NumPy, few enough for the processor's cache."""
 _CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r\x00\x0c\x1a")
+
+_ODD = re.compile(f"[{re.escape(''.join(map(chr, sorted({0, *_CONTROLS}))))}]")
 
 
 @dataclass(frozen=True)
@@ -35,10 +40,24 @@ class Source:
     """What came from standard input or another pipe."""
     origin: str = ""
     """Fingerprint of the program that this one was made from."""
+    state: tuple[int, int, int] | None = None
+    """Of the file, when it was opened first: it is read more than once, and has to stay as it is."""
 
     def open(self) -> io.BufferedReader | io.BytesIO:
-        """The bytes from the start."""
-        return Path(self.name).open("rb") if self.data is None else io.BytesIO(self.data)
+        """The bytes from the start; UserError where the file has changed since it was opened first."""
+        if self.data is not None:
+            return io.BytesIO(self.data)
+        try:
+            stream = Path(self.name).open("rb")  # noqa: SIM115
+        except OSError as fault:
+            raise UserError(f"program {self.name}: {fault.strerror or fault}") from None
+        self.check_unchanged(stream)
+        return stream
+
+    def check_unchanged(self, stream: io.BufferedReader | io.BytesIO) -> None:
+        """UserError where the file has changed since it was opened first."""
+        if self.state is not None and isinstance(stream, io.BufferedReader) and _state(stream) != self.state:
+            raise UserError(f"program {self.name} was changed while it was read; run ncomp again when it is complete")
 
     @cached_property
     def hash(self) -> str:
@@ -74,8 +93,17 @@ class Source:
         with self.open() as stream:
             stream.seek(len(self.mark))
             newline = "\n" if "\n" in self.head or "\r" not in self.head else "\r"
-            with io.TextIOWrapper(stream, encoding=ENCODING, newline=newline) as text:
-                yield from enumerate(text, start=1)
+            text = io.TextIOWrapper(stream, encoding=ENCODING, newline=newline)
+            for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE), ""), start=1):
+                if len(line) == LONGEST_LINE:
+                    raise UserError(
+                        f"{self.name}:{number}: a line of more than {LONGEST_LINE} characters: this is no NC program"
+                    )
+                odd = _ODD.search(line)
+                if odd and not _is_tape_end(line, number):
+                    raise UserError(f"{self.name}:{number}: {odd[0]!r} is no character of an NC program")
+                yield number, line
+            self.check_unchanged(stream)
 
 
 def open_source(path: str) -> Source:
@@ -89,7 +117,7 @@ def open_source(path: str) -> Source:
                 head = stream.read(HEAD_SIZE)
                 # a pipe can be read but once
                 data = None if stream.seekable() else head + stream.read()
-                source = Source(path, head.decode(ENCODING), data)
+                source = Source(path, head.decode(ENCODING), data, state=_state(stream))
         except OSError as fault:
             raise UserError(f"program {path}: {fault.strerror or fault}") from None
     _check(source)
@@ -102,9 +130,24 @@ def chunks(items: Iterator[tuple[int, str]], size: int) -> Iterator[list[tuple[i
         yield chunk
 
 
+def _state(stream: io.BufferedReader) -> tuple[int, int, int]:
+    """Which file it is, its size, and when it was written last."""
+    found = os.fstat(stream.fileno())
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _is_tape_end(line: str, number: int) -> bool:
+    """True for a line whose only control characters are the NULs that lead or trail a tape."""
+    text = line.lstrip("\0") if number == 1 else line
+    text = text if line.endswith(("\n", "\r")) else text.rstrip("\0")
+    return not _ODD.search(text) or not text.strip("\0 \t\r\n")
+
+
 def _check(source: Source) -> None:
     head = source.head.encode(ENCODING)
-    if not head.strip(b"\0 \t\r\n") and len(head) < HEAD_SIZE:
+    if not head.strip(b"\0 \t\r\n"):
+        if len(head) == HEAD_SIZE:
+            raise UserError(f"program {source.name} begins with {HEAD_SIZE} blank or NUL characters: no NC text")
         raise UserError(f"program {source.name} is empty")
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise UserError(f"program {source.name} is UTF-16 text; save it as plain text (ASCII or UTF-8)")

@@ -479,8 +479,11 @@ def test_options_overrule_the_tool_table():
     ]
 
 
+CONTROLS = bytes({*range(32)} - {*b"\t\n\r\f\x1a"})
+
+
 @settings(max_examples=30)
-@given(st.binary(min_size=1, max_size=200), st.integers(1, 4))
+@given(st.binary(min_size=1, max_size=200).map(lambda data: data.translate(None, CONTROLS)), st.integers(1, 4))
 def test_lines_and_chunks_lose_no_byte(data, size):
     source = source_of(data.decode(ENCODING))
     parts = list(chunks(source.lines(), size))

@@ -12,7 +12,7 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands.reading import HeaderLines, header_of
-from postproc.commands.shared import JsonFile, check_apart, check_places, result, write_json
+from postproc.commands.shared import JsonFile, check_apart, check_places, whole_results, write_json
 
 if TYPE_CHECKING:
     from calibration.continuous.estimate import TableRows
@@ -81,7 +81,7 @@ def continuous(
         quasi = _runs(read.quasi, run or [])
         status.update("joining")
         found = estimate(read.records, quasi, spacing_mm, direction)
-    with result(json) as results, result(report) as shown, result(output) as file:
+    with whole_results(json, report, output) as (results, shown, file):
         _write_table(found.table(), file)
         write_json(summary(found, read), results)
         if report is not None:

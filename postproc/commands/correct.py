@@ -27,7 +27,7 @@ from postproc.commands.shared import (
     machine_of,
     model_of,
     refuse_one_place,
-    result,
+    whole_results,
     write_json,
 )
 
@@ -113,9 +113,7 @@ def correct(
     pipeline = Pipeline(job, traced=report is not None)
     with (
         progress_of(source.size, "correcting") as progress,
-        result(json) as results,
-        result(report) as page,
-        result(output) as file,
+        whole_results(json, report, output) as (results, page, file),
     ):
         done = pipeline.run(file, progress)
         write_json(done.json(), results)

@@ -15,7 +15,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
-    result,
+    whole_results,
     write_json,
 )
 
@@ -123,7 +123,7 @@ def _write(found: Diagnosis, output: str, json: str | None, report: str | None, 
     from kinematics.model import encode_model
     from postproc.diagnosis_summary import summary
 
-    with blas_in_one_thread(), result(json) as results, result(report) as shown, result(output) as file:
+    with blas_in_one_thread(), whole_results(json, report, output) as (results, shown, file):
         file.write(encode_model(found.model))
         if json is not None:
             write_json(summary(found), results)

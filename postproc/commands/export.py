@@ -16,7 +16,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     model_of,
-    result,
+    whole_results,
     write_json,
 )
 
@@ -111,7 +111,7 @@ def export(
     if places is not None:
         errors["program"] = exported.errors_at(places)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
-    with result(json) as results, result(None if rest is None else str(rest)) as remainder:
+    with whole_results(json, None if rest is None else str(rest)) as (results, remainder):
         write_json(_json(exported, left, errors, list(files)), results)
         remainder.write(encode_model(exported.rest))
         write_folder(output, _encoded(files))

@@ -27,7 +27,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
-    result,
+    whole_results,
     write_json,
 )
 
@@ -161,7 +161,7 @@ def _write(
     """The calibration, the results for programs and the report, all or none."""
     from kinematics.model import encode_model
 
-    with result(json) as results, result(report) as shown, result(output) as file:
+    with whole_results(json, report, output) as (results, shown, file):
         file.write(encode_model(found.model))
         write_json(summary(found) | moving_summary(found, taken), results)
         if report is not None:

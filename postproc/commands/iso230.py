@@ -17,7 +17,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
-    result,
+    whole_results,
     write_json,
 )
 
@@ -60,7 +60,7 @@ def iso230(
     refuse_one_place(json, output, "the table")
     check_places((data, plan), (output, json))
     tests = evaluate(read_data(data, machine_of(machine), format, header, columns, plan))
-    with result(json) as results, result(output) as file:
+    with whole_results(json, output) as (results, file):
         write_json({"axes": [test.json() for test in tests]}, results)
         _write_tables(tests, file)
     to = console if "-" in (json, output) else screen

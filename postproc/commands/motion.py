@@ -10,7 +10,7 @@ import typer
 from kinematics.errors import UserError
 from postproc.commands import strategy as options
 from postproc.commands.path import PANEL
-from postproc.commands.shared import result
+from postproc.commands.shared import whole_results
 from postproc.commands.virtual_instrument import check_distance, check_names, tracker_poses
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def simulate_on_path(path: NominalPath, ride: Ride, simulated: Simulation) -> No
     if not len(made):
         raise UserError("--missing leaves no reading")
     output, truth = simulated.outputs
-    with result(truth) as truth_file, result(output) as file:
+    with whole_results(truth, output) as (truth_file, file):
         write_readings(made, file)
         truth_file.write(encode_model(model))
     for note in spoiled:

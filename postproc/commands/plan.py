@@ -10,7 +10,7 @@ import typer
 from kinematics.errors import UserError
 from postproc.commands import optimising, plan_path
 from postproc.commands import strategy as options
-from postproc.commands.shared import MachineName, machine_of, result
+from postproc.commands.shared import MachineName, machine_of, whole_results
 
 if TYPE_CHECKING:
     from calibration.plan import Choices, Plan
@@ -135,7 +135,7 @@ def _write(made: Plan, manner: Manner, dialect: str, outputs: tuple[str, str | N
     from postproc.terminal import console
 
     output, nc = outputs
-    with result(nc) as program, result(output) as table:
+    with whole_results(nc, output) as (program, table):
         write_plan(made, table)
         if nc is not None:
             program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect))
@@ -178,7 +178,7 @@ def _plan_on_the_fly(
     made = plan_path.plan_of_path(found, choices, manner.feed)
     corners = found.positions / machine.scale
     output, nc = outputs
-    with result(nc) as written, result(output) as table:
+    with whole_results(nc, output) as (written, table):
         write_plan(made, table)
         if nc is not None:
             lines = path_program(machine, corners, manner, dialect, "ncomp path to be measured on the fly")

@@ -15,7 +15,7 @@ from postproc.commands.shared import (
     machine_of,
     model_of,
     refuse_one_place,
-    result,
+    whole_results,
     write_json,
 )
 
@@ -62,13 +62,12 @@ def predict(
     read = read_points(points, found)
     notes = [*read.notes, *_doubts(model, read)]
     summary = Summary()
-    with result(json) as results:
-        with result(output) as file:
-            for line in _head(read, model):
-                file.write(line)
-            for block in predictions(model, found, read.places.state, read.places.tool):
-                summary.add(block)
-                file.write("".join(_lines(read, block)).encode())
+    with whole_results(json, output) as (results, file):
+        for line in _head(read, model):
+            file.write(line)
+        for block in predictions(model, found, read.places.state, read.places.tool):
+            summary.add(block)
+            file.write("".join(_lines(read, block)).encode())
         write_json(summary.json() | {"calibration": _identity(model), "notes": notes}, results)
     if model.demonstration:
         say("demonstration calibration", "it describes no real machine")

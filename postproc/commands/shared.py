@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
@@ -101,32 +101,82 @@ def check_apart(places: Mapping[str, str | None]) -> None:
         seen[where] = option
 
 
+class _Spool:
+    """A result for standard output (`-`), a device or a pipe, or one that nobody asked for (None)."""
+
+    def __init__(self, target: str | None) -> None:
+        import os
+        import tempfile
+
+        from kinematics.files import named_file, writing
+
+        self._target, self._name = target, "standard output" if target in (None, "-") else str(target)
+        with writing(self._name), tempfile.TemporaryFile() as spool:
+            self.file = named_file(os.dup(spool.fileno()), f"{self._name} (by way of {tempfile.gettempdir()})")
+
+    def complete(self) -> None:
+        """Nothing is sent before all results are whole."""
+        self.file.flush()
+
+    def publish(self) -> None:
+        """Send it all; BrokenPipeError where the reader of standard output has gone."""
+        import shutil
+
+        from kinematics.files import writing
+
+        if self._target is None:
+            return
+        self.file.seek(0)
+        with writing(self._name), self._opened() as stream:
+            shutil.copyfileobj(self.file, stream)
+            stream.flush()
+
+    def _opened(self) -> AbstractContextManager[BinaryIO]:
+        if self._target != "-":
+            return Path(str(self._target)).open("wb")
+        if sys.stdout is None:
+            raise UserError("can't write standard output: it is closed")
+        return nullcontext(sys.stdout.buffer)
+
+    def close(self) -> None:
+        """Give the space back."""
+        with suppress(UserError):
+            self.file.close()
+
+
+@contextmanager
+def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
+    """Files for the results of a command, which come out whole or not at all, and all of them or none.
+
+    `-` is standard output; None is a result that nobody asked for. What can't be taken back - standard output, pipes
+    and devices - is sent when the others are whole on the disk, before they take their places.
+    """
+    from kinematics.files import Draft
+
+    with ExitStack() as stack:
+        drafts: list[Draft | _Spool] = []
+        for target in targets:
+            replaced = target is not None and _can_be_replaced(target)
+            drafts.append(stack.enter_context(closing(Draft(Path(str(target))) if replaced else _Spool(target))))
+        yield tuple(draft.file for draft in drafts)
+        for draft in drafts:
+            draft.complete()
+        for draft in sorted(drafts, key=lambda draft: isinstance(draft, Draft)):
+            draft.publish()
+
+
 @contextmanager
 def result(target: str | None) -> Iterator[BinaryIO]:
-    """A file for one result, which comes out whole or not at all: also on standard output (`-`) and on a device.
-
-    None is a result that nobody asked for.
-    """
-    import shutil
-    import tempfile
-
-    from kinematics.files import whole_file
-
-    if target not in (None, "-") and _can_be_replaced(Path(target)):
-        with whole_file(Path(target)) as file:
-            yield file
-        return
-    with tempfile.TemporaryFile() as spool:
-        yield spool
-        spool.seek(0)
-        if target == "-":
-            shutil.copyfileobj(spool, sys.stdout.buffer)
-        elif target is not None:
-            with Path(target).open("wb") as device:
-                shutil.copyfileobj(spool, device)
+    """A file for the one result of a command; None is one that nobody asked for."""
+    with whole_results(target) as (file,):
+        yield file
 
 
-def _can_be_replaced(path: Path) -> bool:
+def _can_be_replaced(target: str) -> bool:
+    """True for a file or a new name; a name in /dev or /proc stands for something else, even where that is a file."""
+    path = Path(target)
+    if target == "-" or path.absolute().parts[1:2] in (("dev",), ("proc",)):
+        return False
     return path.is_file() or path.is_dir() or not path.exists()
 
 

@@ -15,7 +15,7 @@ from postproc.commands import virtual_instrument as instruments
 from postproc.commands import virtual_machine as virtual
 from postproc.commands.path import read_path
 from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
-from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, result
+from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, whole_results
 from postproc.commands.simulation import Simulation, streams
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _simulate_plan(
     if not len(measured):
         raise UserError("--missing leaves no observation")
     output, truth = simulated.outputs
-    with result(truth) as truth_file, result(output) as file:
+    with whole_results(truth, output) as (truth_file, file):
         write_measurement(measured, file)
         truth_file.write(encode_model(model))
     console.print(plan.summary)

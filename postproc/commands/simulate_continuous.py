@@ -9,7 +9,7 @@ import typer
 from kinematics.errors import UserError
 from postproc.commands import strategy as options
 from postproc.commands import virtual_machine as virtual
-from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, result
+from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, whole_results
 from postproc.commands.simulation import streams
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def simulate_continuous(
             found, model, axis, motion, laser, targets, Interferometer(u_um=u_um), draws[1], passes=passes, both=both,
             temperatures=virtual.courses_of(temperature or []),
         )  # fmt: skip
-    with result(truth) as truth_file, result(quasistatic) as targets_file, result(output) as file:
+    with whole_results(truth, quasistatic, output) as (truth_file, targets_file, file):
         write_records(measured.records, axis, found.name, file)
         write_measurement(measured.quasi, targets_file)
         truth_file.write(encode_model(model))

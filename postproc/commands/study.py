@@ -12,7 +12,7 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
-from postproc.commands.shared import JsonFile, check_places, refuse_one_place, result, write_json
+from postproc.commands.shared import JsonFile, check_places, refuse_one_place, whole_results, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -94,7 +94,7 @@ def study(
     store = Store.beside(output)
     with team_of(workers or os.cpu_count() or 1, dask) as team, _progress(draws, len(cases)) as progress:
         found = run(cases, draws, team, store, wanted.check_draws, progress)
-    with result(json) as results, result(report) as shown, result(output) as file:
+    with whole_results(json, report, output) as (results, shown, file):
         write_results(found, file)
         write_json(summary(found), results)
         if report is not None:

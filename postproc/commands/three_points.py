@@ -15,7 +15,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
-    result,
+    whole_results,
     write_json,
 )
 
@@ -61,7 +61,7 @@ def three_points(
     found = identify(measurement, Choice(_kind(basis), _degrees(degree or [])))
     for note in found.notes:
         say("note", note)
-    with result(json) as results, result(str(output)) as file:
+    with whole_results(json, str(output)) as (results, file):
         file.write(encode_model(found.model))
         write_json(summary(found), results)
     show(found, console if json == "-" else screen, tables)

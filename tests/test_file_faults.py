@@ -1,0 +1,292 @@
+"""Full disks, folders that vanish, processes that are killed, inputs that change: a result is whole or it is absent."""
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from programs import load, shifted
+
+from kinematics.model import write_model
+
+PROGRAM = "G21 G90 G54\nG0 X100. Y100. Z100.\nG1 X200. F500\nY300.\nM30\n"
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json")
+RUN = "from postproc.cli import run; run()"
+OLD = b"old\n"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch) -> Path:
+    """A folder with a program, a calibration and outputs of a run before."""
+    write_model(shifted(load("gantry"), X=-10.0), tmp_path / "cal.json")
+    (tmp_path / "in.nc").write_text(PROGRAM)
+    for name in ("out.nc", "out.json", "out.html"):
+        (tmp_path / name).write_bytes(OLD)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+    return tmp_path
+
+
+def shell(command: str, before: str = "") -> subprocess.CompletedProcess[bytes]:
+    """A shell command in which `ncomp` runs this code, after some Python of the test."""
+    ncomp = f"{sys.executable} -c '{before}{RUN}'"
+    return subprocess.run(["bash", "-c", command.replace("ncomp", ncomp)], capture_output=True, check=False, timeout=60)
+
+
+def started(*arguments: str, **options) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, "-c", RUN, *arguments], stderr=subprocess.PIPE, **options)
+
+
+def names() -> set[str]:
+    return {path.name for path in Path().iterdir()}
+
+
+def check_refused(done: subprocess.CompletedProcess[bytes], words: str) -> None:
+    """One clear message, exit status 2, and the outputs of the run before are still there, alone."""
+    assert done.returncode == 2, done.stderr
+    message = done.stderr.decode()
+    assert words in message
+    assert message.count("\n") == 1
+    assert "Traceback" not in message
+    assert {Path(name).read_bytes() for name in ("out.nc", "out.json", "out.html")} == {OLD}
+    assert not {name for name in names() if name.startswith(".")}
+
+
+OUTPUTS = {
+    "-o /dev/full": "can't write /dev/full: No space left on device",
+    "-o out.nc --json /dev/full": "can't write /dev/full: No space left on device",
+    "-o out.nc --json out.json --report /dev/full": "can't write /dev/full: No space left on device",
+    "> /dev/full": "can't write standard output: No space left on device",
+    "--json out.json > /dev/full": "can't write standard output: No space left on device",
+    "-o out.nc --json - > /dev/full": "can't write standard output: No space left on device",
+    ">&-": "can't write standard output: it is closed",
+}
+
+
+@pytest.mark.parametrize("where", OUTPUTS)
+def test_a_device_without_space_leaves_no_result_at_all(where):
+    check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} {where}"), OUTPUTS[where])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    ["ncomp verify in.nc in.nc --machine gantry --calibration cal.json", "ncomp machines", "ncomp --help",
+     "ncomp check in.nc --machine gantry", "ncomp predict --help"],
+)  # fmt: skip
+def test_tables_for_people_on_a_full_disk(command):
+    done = shell(f"{command} > /dev/full")
+    assert done.returncode == 2
+    assert done.stderr.decode().splitlines()[-1] == "ncomp: can't use standard output: No space left on device"
+    assert b"Traceback" not in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    ["plan --machine gantry --strategy grid --points 3 -o {}", "plan --machine gantry --strategy grid -o out.nc --nc {}",
+     "simulate --machine gantry --strategy grid --points 3 --instrument laser-tracker -o {}",
+     "predict points.csv --machine gantry --calibration cal.json -o {}"],
+)  # fmt: skip
+def test_other_commands_on_a_full_disk(folder, command):
+    (folder / "points.csv").write_text("X,Y,Z\n1,2,3\n")
+    done = shell(f"ncomp {command.format('/dev/full')}")
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr.decode()
+    assert (folder / "out.nc").read_bytes() == OLD
+
+
+def test_a_quota_in_the_midst_of_a_result():
+    """A file may not grow beyond 4 kB: the program fits, and the page with its figures does not."""
+    done = shell(f"ulimit -f 4; ncomp in.nc {' '.join(GANTRY)} -o out.nc --report out.html")
+    check_refused(done, "can't write out.html: File too large")
+
+
+def test_a_small_disk_that_fills_up(folder):
+    disk = folder / "disk"
+    disk.mkdir()
+    if (
+        os.geteuid() != 0
+        or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", disk], check=False).returncode
+    ):
+        pytest.skip("no permission to mount a small disk")
+    try:
+        (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 10_000 + "M30"))
+        (disk / "out.nc").write_bytes(OLD)
+        done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o disk/out.nc")
+        assert (disk / "out.nc").read_bytes() == OLD
+        assert [path.name for path in disk.iterdir()] == ["out.nc"]
+        check_refused(done, "can't write disk/out.nc: No space left on device")
+    finally:
+        subprocess.run(["umount", disk], check=True)
+
+
+def test_a_folder_that_vanishes_during_the_run(folder):
+    (folder / "gone").mkdir()
+    vanish = 'import os, shutil; os.fsync = lambda _: shutil.rmtree("gone"); '
+    done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o gone/out.nc", vanish)
+    check_refused(done, "can't write gone/out.nc: No such file or directory")
+
+
+# ---- killed
+
+
+MOMENTS = {
+    "is written": "import kinematics.files; kinematics.files._NamedFile.write = die",
+    "is safe on the disk": "os.fsync = die",
+    "has its permissions": "import pathlib; pathlib.Path.chmod = die",
+    "takes its place": "import pathlib; pathlib.Path.replace = die",
+    "shows its summary": "import postproc.terminal; postproc.terminal.show_report = die",
+}
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_killed_when_the_result(moment):
+    """The old result or the new one stands there, and the next run does not mind what was left."""
+    die = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{die}{MOMENTS[moment]}\n{RUN}", "in.nc", *GANTRY, "-o", "out.nc"],
+        capture_output=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    written = moment == "shows its summary"
+    assert (Path("out.nc").read_bytes() != OLD) == written
+    left = {name for name in names() if name.startswith(".")}
+    assert shell(f"ncomp in.nc {' '.join(GANTRY)} -o out.nc").returncode == 0
+    check_whole(Path("out.nc").read_text())
+    assert {name for name in names() if name.startswith(".")} == left
+
+
+def check_whole(text: str) -> None:
+    assert text.startswith("(NCOMP ")
+    assert text.endswith("M30\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_stopped_at_some_moment(folder, stop):
+    (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 20_000 + "M30"))
+    for _ in range(3):
+        with started("in.nc", *GANTRY, "-o", "out.nc", cwd=folder) as process:
+            time.sleep(random.uniform(0.3, 2.5))
+            process.send_signal(stop)
+            status = process.wait(60)
+            assert process.stderr is not None
+            assert b"internal fault" not in process.stderr.read()
+        text = Path("out.nc").read_bytes()
+        assert text == OLD or (text.startswith(b"(NCOMP ") and text.endswith(b"M30\n"))
+        if stop != signal.SIGKILL and status != -stop:  # it came before Python was ready for it
+            assert status in (0, 1, 128 + stop)
+            assert not {name for name in names() if name.startswith(".")}
+
+
+def test_a_reader_that_goes(folder):
+    (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 20_000 + "M30"))
+    done = shell(f"ncomp in.nc {' '.join(GANTRY)} --json out.json | head -1; exit ${{PIPESTATUS[0]}}")
+    assert done.returncode == 1
+    assert done.stdout.startswith(b"(NCOMP ")
+    assert done.stderr == b""
+    assert Path("out.json").read_bytes() == OLD
+
+
+def test_two_runs_at_once(folder):
+    (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 2_000 + "M30"))
+    processes = [started("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", cwd=folder) for _ in range(2)]
+    for process in processes:
+        with process:
+            assert process.wait(60) == 0
+    check_whole(Path("out.nc").read_text())
+    assert not {name for name in names() if name.startswith(".")}
+
+
+# ---- outputs and inputs that are no plain files
+
+
+def test_a_link_stays_and_its_target_is_replaced(folder):
+    (folder / "real").mkdir()
+    (folder / "real" / "prog.nc").write_bytes(OLD)
+    Path("link.nc").symlink_to("real/prog.nc")
+    assert shell(f"ncomp in.nc {' '.join(GANTRY)} -o link.nc").returncode == 0
+    assert Path("link.nc").is_symlink()
+    check_whole(Path("real/prog.nc").read_text())
+    Path("dangling.nc").symlink_to("nowhere/prog.nc")
+    check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} -o dangling.nc"), "can't write dangling.nc")
+
+
+def test_standard_output_by_its_name_is_not_replaced():
+    done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o /dev/stdout > made.nc; ls -l /dev/stdout")
+    assert b"-> /proc/self/fd/1" in done.stdout
+    check_whole(Path("made.nc").read_text())
+
+
+def test_an_input_that_changes_while_it_is_read():
+    change = """
+import pathlib, postproc.pipeline as p
+def run(self, *rest, old=p.Pipeline.run):
+    path = pathlib.Path("in.nc"); path.write_text(path.read_text() + "G0 X1.")
+    return old(self, *rest)
+p.Pipeline.run = run
+"""
+    done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o out.nc", change)
+    check_refused(done, "program in.nc was changed while it was read")
+
+
+def test_an_input_that_vanishes_while_it_is_read():
+    change = """
+import pathlib, postproc.pipeline as p
+def run(self, *rest, old=p.Pipeline.run):
+    pathlib.Path("in.nc").unlink()
+    return old(self, *rest)
+p.Pipeline.run = run
+"""
+    done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o out.nc", change)
+    check_refused(done, "program in.nc: No such file or directory")
+
+
+ODD = {
+    "empty": (b"", "is empty"),
+    "blank": (b" \n" * 50, "is empty"),
+    "NULs": (b"\0" * 100_000, "no NC text"),
+    "binary": (bytes(range(256)) * 10, "binary file"),
+    "UTF-16": (PROGRAM.encode("utf-16"), "UTF-16"),
+    "UTF-16 without a mark": (PROGRAM.encode("utf-16-le"), "binary file"),
+    "a NUL far behind": (
+        PROGRAM[:-4].encode() + b"(" + b"a" * 30_000 + b")\nG1 X\0005.\n",
+        "in.nc:6: '\\x00' is no character of an NC program",
+    ),
+    "an escape far behind": (PROGRAM[:-4].encode() + b"X1.\n" * 9_000 + b"\x1bX2.\n", "in.nc:9005: '\\x1b'"),
+    "a long line": (b"G1 X1.\n" + b"X1." * 700_000, "a line of more than 1000000 characters"),
+    "a long comment": (b"(" + b"a" * 2_000_000 + b")\n", "a line of more than 1000000 characters"),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_inputs_that_are_no_program(folder, command, name):
+    data, words = ODD[name]
+    (folder / "in.nc").write_bytes(data)
+    done = command("in.nc", *GANTRY, "-o", "out.nc")
+    check_refused(subprocess.CompletedProcess([], done.status, done.out, done.err.encode()), words)
+
+
+def test_an_endless_input_is_refused(folder):
+    """Also by its size in memory."""
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
+
+    with started("/dev/zero", *GANTRY, "-o", "out.nc", cwd=folder, preexec_fn=limited) as process:
+        assert process.wait(30) == 2
+        assert process.stderr is not None
+        assert b"no NC text" in process.stderr.read()
+
+
+def test_an_input_from_a_pipe():
+    os.mkfifo("pipe.nc")
+    done = shell(f"cat in.nc > pipe.nc & ncomp pipe.nc {' '.join(GANTRY)} -o made.nc")
+    assert done.returncode == 0, done.stderr
+    check_whole(Path("made.nc").read_text())
