@@ -10,13 +10,17 @@ from postproc.contours import follow_contour
 from postproc.control_state import ControlState
 from postproc.frames import cartesian
 from postproc.iso_arcs import read_arc
+from postproc.iso_claims import dwells_alone, take_own_words
 from postproc.iso_codes import (
+    AFTER_MOTION,
+    BESIDE_LEAVING,
     COMPENSATION,
     COMPENSATION_END,
     CONSTRUCTS,
     CYCLE_END,
     CYCLES,
     DATA,
+    DWELL,
     FINE_BORING,
     FRAME_CODES,
     HARMLESS_G,
@@ -140,13 +144,16 @@ class IsoInterpreter:
         self.opened, self.ended = True, self.begun
 
     def _read_words(self, index: int, block: Block) -> None:
-        content = sort_words(block)
+        content, family = sort_words(block), self.machine.control.family
+        take_own_words(content, self.motion, family)
         moves, other = content.moves, content.other.keys()
-        check_content(content, self.begun)
+        check_content(content, self.begun, family)
         frame = self.recorder.frame
         if content.m or "T" in other:
             self._functions(content)
         claimed = self._modes(content) if content.g else None
+        if claimed == DWELL and not dwells_alone(content, family):
+            claimed = None
         if "L" in other and claimed != DATA and not (self.cycle is not None and moves):
             raise block.refuse("L calls a subprogram on some controls and repeats the block on others")
         if claimed is None:
@@ -156,6 +163,8 @@ class IsoInterpreter:
             self._place(index, content, claimed)
         elif claimed not in STANDING:
             self._leave_path(index, content, claimed)
+        if moves and not AFTER_MOTION.isdisjoint(content.m) and family != "linuxcnc":
+            self._change_behind(content)
         self._last = content, claimed
         self.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
         self.ended = not PROGRAM_ENDS.isdisjoint(content.m)
@@ -178,6 +187,11 @@ class IsoInterpreter:
                 self.frames.change_tool(block)
             elif code == PALLET_CHANGE:
                 self.recorder.forget(list(range(len(self.machine.axes))))
+
+    def _change_behind(self, content: Content) -> None:
+        """Some controls change the tool or the pallet behind the move of the block, and then stand elsewhere."""
+        changed = self.machine.control.tool_change_moves if PALLET_CHANGE not in content.m else self.machine.names
+        self.recorder.doubt([self.machine.index(name) for name in changed if name in self.machine.names])
 
     def _modes(self, content: Content) -> float | None:
         """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
@@ -277,8 +291,14 @@ class IsoInterpreter:
         self._refuse_compensated(content)
         if self.polar is not None:
             raise content.refuse(f"G{code:g} in polar coordinates")
+        strange = sorted(content.other.keys() - BESIDE_LEAVING - ({"P"} if code == 30.0 else set()))
+        if strange:
+            raise content.refuse(f"{strange[0]} beside G{code:g}: what it does depends on the control")
         words = self.axis_words(content)
         if code != 53.0:
+            if self.cycle is not None:
+                # what coordinates do from here depends on the control
+                self.motion = self.cycle = None
             if self.modes.absolute and words:
                 self.notes.add("G28/G30 passes its intermediate point uncorrected", content.block.line)
             self.recorder.forget([word.axis for word, _ in words] or list(range(len(self.machine.axes))))

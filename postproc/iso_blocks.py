@@ -15,16 +15,16 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 from grammars import block_parser
 from postproc.block_values import check_order
 from postproc.iso_calls import CALLS, with_calls
-from postproc.iso_statements import Ambiguous, computed_word, statement
+from postproc.iso_statements import Ambiguous, computed_word, returned, statement
 from postproc.program import Block, Refusal, Word
 from postproc.statements import Code, Step
 
 # Written so that there is one way only to match a text: trying all would take for ever on a long block.
-_WORD = r"[A-Za-z][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
+_WORD = r"[A-Za-z$][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
 WORDS = re.compile(rf"(?:[ \t]*{_WORD})+[ \t]*")
 """A text that holds words and nothing else."""
 _PLAIN = re.compile(rf"((?:[ \t]*{_WORD})*)[ \t]*(?:\([^()\r\n]*\)[ \t]*|;[^\r\n]*)?[\r\n]*")
-_PARTS = re.compile(r"([A-Za-z])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
+_PARTS = re.compile(r"([A-Za-z$])[ \t]*(([+-]?)[ \t]*(\d+\.?\d*|\.\d+))")
 
 
 def read_block(line: int, text: str) -> Block:
@@ -54,6 +54,7 @@ def parse_block(line: int, text: str) -> Block:
         raise Refusal(line, text, _explain(text, fault)) from None
     words: list[Word] = []
     steps: list[Step] = []
+    statements = 0
     kind, detail, skippable = "", "", False
     try:
         items: list[Any] = tree.children
@@ -70,7 +71,8 @@ def parse_block(line: int, text: str) -> Block:
                 case "TAPE_MARK" | "NUMBER" | "bracket" as construct:
                     kind, detail = construct.lower(), _text_of(text, item)
                 case _:
-                    steps.append(statement(item))
+                    statements += 1
+                    steps += (*returned(item), statement(item))
     except Ambiguous as reason:
         raise Refusal(line, text, str(reason)) from None
     code = Code(tuple(steps)) if steps or any(word.formula for word in words) else None
@@ -78,7 +80,7 @@ def parse_block(line: int, text: str) -> Block:
     block = Block(line, text, kind, tuple(words), detail, skippable, code)
     if skippable and steps:
         raise block.refuse("whether it runs depends on the block-skip switch")
-    if len(steps) > 1 and code is not None and code.turns:
+    if statements > 1 and code is not None and code.turns:
         raise block.refuse("two statements in one block of which one turns the run of the program")
     return check_order(block)
 

@@ -16,7 +16,7 @@ CYCLES = frozenset(map(float, (73, 74, 81, 82, 83, 84, 85, 86, 89)))
 """One hole at each position: the place and the depth are the program's, all between the control's."""
 FINE_BORING = 76.0
 """A cycle on FANUC, a thread on LinuxCNC."""
-CYCLE_WORDS = frozenset("NFSTHDPQRKL")
+CYCLE_WORDS = frozenset("NFSTHDPQRKL$")
 """What may stand in a block of a cycle beside G, M and axes."""
 CYCLE_END, RETURN_TO_LEVEL, RETURN_TO_R = 80.0, 98.0, 99.0
 
@@ -42,7 +42,8 @@ COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0, 41.1, 42.1)), 40.0
 POLAR, POLAR_END = 16.0, 15.0
 SPLINE_OR_SPEED = frozenset((5.0, 5.1))
 """Splines, or the mode of a fast path, by their words."""
-STANDING = frozenset((4.0, 5.0, 5.1))
+DWELL = 4.0
+STANDING = frozenset((DWELL, 5.0, 5.1))
 """Take the coordinates of their block for something else than a move."""
 DATA, GIVEN_LENGTH, LOCAL, UPRIGHT = 10.0, 43.1, 52.0, 53.1
 SCALE, SCALE_END, MIRROR, MIRROR_END = 51.0, 50.0, 51.1, 50.1
@@ -56,7 +57,8 @@ BESIDE_PLACING = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
 NAMING = STANDING | PLACING
 ONE_SHOT = NAMING | {28.0, 30.0, 53.0}
 GROUPS = (
-    frozenset(MOTION) | CYCLES | {CYCLE_END},
+    frozenset(MOTION) | CYCLES,
+    CYCLES | {CYCLE_END},
     frozenset((RETURN_TO_LEVEL, RETURN_TO_R)),
     frozenset(PLANES),
     frozenset(UNITS),
@@ -68,8 +70,11 @@ GROUPS = (
     ONE_SHOT,
     COMPENSATION | {COMPENSATION_END},
     frozenset((POLAR, POLAR_END)),
+    frozenset((ROTATION, TILT, ROTATION_END)),
 )
-"""A block may hold one code of a group: of two, some controls take the last, others each for what follows it."""
+"""A block may hold one code of a group: of two, some controls take the last, others each for what follows it.
+
+G80 may stand beside G0 to G3: FANUC and LinuxCNC end the cycle and take the motion, others refuse the block."""
 
 REFUSED_G = {
     **dict.fromkeys((5.2, 5.3, 6.2), "splines are not corrected"),
@@ -99,13 +104,17 @@ REFUSED_M = {
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }
 TOOL_CHANGE, PALLET_CHANGE = 6.0, 60.0
+AFTER_MOTION = frozenset((TOOL_CHANGE, PALLET_CHANGE))
+"""Run before the move of their block on some controls, behind it on others."""
 PROGRAM_ENDS = frozenset((2.0, 30.0))
 HARMLESS_M = frozenset(
     map(float, [*range(12), 13, 14, 16, 17, 18, 19, 29, 30, 48, 49, 50, 51, 52, 53, PALLET_CHANGE, 88, 89])
 )
 SKIPPABLE_M = HARMLESS_M - PROGRAM_ENDS - {TOOL_CHANGE, PALLET_CHANGE}
 """Whether they run does not change what other blocks mean."""
-MOVE_WORDS = frozenset("NFSTHDPQIJKR")
+BESIDE_LEAVING = frozenset("NFSTHD$")
+"""What may stand beside G28, G30 and G53, G, M and axes."""
+MOVE_WORDS = frozenset("NFSTHDPQIJKR$")
 """What may stand in a move beside G, M and axes."""
 
 CONSTRUCTS = {

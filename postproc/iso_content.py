@@ -8,6 +8,7 @@ from postproc.iso_blocks import WORDS
 from postproc.iso_codes import (
     AXES,
     CYCLES,
+    DWELL,
     GROUPS,
     LENGTH_CODES,
     MEANINGFUL,
@@ -61,7 +62,7 @@ def sort_words(block: Block) -> Content:
     return content
 
 
-def check_content(content: Content, begun: bool) -> None:
+def check_content(content: Content, begun: bool, family: str) -> None:
     """Refuse what no reading is sure of; `begun`: the program has words before this block."""
     block, g, other = content.block, content.g, content.other
     if block.skippable and (content.moves or g or "T" in other or not SKIPPABLE_M.issuperset(content.m)):
@@ -73,7 +74,8 @@ def check_content(content: Content, begun: bool) -> None:
     if "H" in other and LENGTH_CODES.isdisjoint(g) and REFUSED_G.keys().isdisjoint(g):
         raise block.refuse("H without G43: some controls take the new length at once, others do not")
     if len(g) > 1:
-        if content.axes and not NAMING.isdisjoint(g) and not (MOTION.keys() | CYCLES).isdisjoint(g):
+        naming = NAMING - {DWELL} if family == "linuxcnc" else NAMING
+        if content.axes and not naming.isdisjoint(g) and not (MOTION.keys() | CYCLES).isdisjoint(g):
             raise block.refuse("coordinates that two codes may take")
         for group in GROUPS:
             clash = sorted(group.intersection(g))

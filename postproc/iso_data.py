@@ -26,7 +26,9 @@ def set_data(content: Content, shifts: Shifts, frames: Frames, values: Values, u
     if kind == WORK_OFFSET or (kind == WORK_OFFSET_HERE and family == "fanuc"):
         _refuse_but(content, "LP" if family == "fanuc" else "LPR")
         turn = values.number(content.block, other["R"], 1.0) if "R" in other else None
-        frames.enter_offset(content.block, _name(content, kind, number), shifts, turn)
+        in_force = kind == WORK_OFFSET and number == 0 and family == "linuxcnc"
+        name = frames.offsets.name if in_force else _name(content, kind, number)
+        frames.enter_offset(content.block, name, shifts, turn)
     elif kind == WORK_OFFSET_HERE and family == "linuxcnc":
         _refuse_but(content, "LP")
         if number and NUMBERED.get(number) != frames.offsets.name:
@@ -61,7 +63,12 @@ def _name(content: Content, kind: int, number: int) -> str:
     if kind == WORK_OFFSET_HERE:
         return f"G54.1P{number}"
     if number not in NUMBERED:
-        raise content.refuse(f"G10 L2 P{number}: which offset that is depends on the control")
+        raise content.refuse(
+            f"G10 L2 P{number}: the offset in force on LinuxCNC, that of all on FANUC, which is not corrected; "
+            'say family = "linuxcnc" in the machine file'
+            if number == 0
+            else f"G10 L2 P{number}: which offset that is depends on the control"
+        )
     return NUMBERED[number]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from postproc.iso_claims import DIFFERS
 from postproc.iso_codes import (
     BESIDE_PLACING,
     DATA,
@@ -44,6 +45,11 @@ class Placing(NamedTuple):
     frames: Frames
     values: Values
     modes: Modes
+
+    @property
+    def family(self) -> str:
+        """Whose reading counts where controls differ."""
+        return self.frames.machine.control.family
 
     @property
     def shifts(self) -> dict[int, float]:
@@ -110,13 +116,20 @@ def _call(placing: Placing) -> bool:
 
 
 def _uncall(placing: Placing) -> None:
+    if placing.words and placing.family != "fanuc":
+        raise placing.content.refuse(f"axis words beside G92.1: a move on LinuxCNC, not so on FANUC; {DIFFERS}")
     if placing.frames.placed_by:
         raise placing.content.refuse("G92.1 while the coordinates are turned")
     placing.frames.uncall(placing.shifts or range(len(placing.frames.machine.axes)))
 
 
 def _suspend(suspended: bool) -> Callable[[Placing], None]:
-    return lambda placing: placing.frames.suspend(placing.content.block, suspended)
+    def maker(placing: Placing) -> None:
+        if placing.words:
+            raise placing.content.refuse("axis words beside G92.2 or G92.3: a move on LinuxCNC")
+        placing.frames.suspend(placing.content.block, suspended)
+
+    return maker
 
 
 def _unscale(placing: Placing) -> None:
@@ -132,6 +145,8 @@ def _unmirror(placing: Placing) -> None:
 
 def _give_length(placing: Placing) -> None:
     """G43.1 of LinuxCNC: the length in the block."""
+    if placing.family != "linuxcnc":
+        raise placing.content.refuse(f"G43.1: a length on LinuxCNC, a move with another length on FANUC; {DIFFERS}")
     if [placing.frames.machine.names[word.axis] for word, _ in placing.words] != ["Z"]:
         raise placing.content.refuse("G43.1 without Z alone: a length along a tool that is turned, or sideways")
     before = placing.frames.state()

@@ -10,6 +10,7 @@ from lark import Token, Tree
 
 from postproc.expressions import Constant, Expression, Formula, Operation, Variable
 from postproc.iso_calls import CALLS
+from postproc.iso_variables import EXISTS, RETURNED, VALUE
 from postproc.program import Block, Word
 from postproc.statements import (
     Again,
@@ -130,13 +131,20 @@ def _span(node: Node) -> tuple[int, int]:
     return node.meta.start_pos, node.meta.end_pos
 
 
+def _function(name: str, operand: Expression) -> Expression:
+    """A function; EXISTS asks for the variable itself and not for its value."""
+    if name == EXISTS and isinstance(operand, Variable):
+        return Variable(f"{EXISTS} {operand.name}", operand.indices)
+    return Operation(name, (operand,))
+
+
 _EXPRESSIONS: dict[str, Callable[[list[Any]], Expression]] = {
     "bracket": lambda parts: expression(parts[0]),
     "condition": _condition,
     "sum": lambda parts: _chain(parts, str),
     "product": _product,
     "signed": lambda parts: Operation("neg" if parts[0] == "-" else "pos", (expression(parts[1]),)),
-    "function": lambda parts: Operation(str(parts[0]).upper(), (expression(parts[1]),)),
+    "function": lambda parts: _function(str(parts[0]).upper(), expression(parts[1])),
     "variable": lambda parts: _variable(parts[0]),
 }
 
@@ -152,6 +160,15 @@ def statement(node: Tree[Token]) -> Step:
 def _assign(parts: list[Any]) -> Assign:
     target, value = parts
     return Assign(_variable(target.children[0]), expression(value))
+
+
+def returned(node: Tree[Token]) -> list[Assign]:
+    """What a subprogram of LinuxCNC hands to its caller where it ends."""
+    if node.data != "subroutine" or not re.search(r"(ENDSUB|RETURN)$", str(node.children[0]), re.IGNORECASE):
+        return []
+    values = [expression(part) for part in node.children[1:]]
+    value = values[0] if values else Constant(0.0)
+    return [Assign(Variable(VALUE), value), Assign(Variable(RETURNED), Constant(float(bool(values))))]
 
 
 _SUBROUTINE = re.compile(r"O[ \t]*(\d+|<[^<>]*>)[ \t]*([A-Z]+)", re.IGNORECASE)

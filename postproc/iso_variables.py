@@ -25,6 +25,10 @@ SPLIT = 10_000
 """A P of M98 from here on holds a number of passes too, on FANUC: P51001 runs O1001 five times."""
 LINUXCNC_EQUAL = 1e-4
 """LinuxCNC takes numbers that differ by less for one."""
+VALUE, RETURNED = "#<_value>", "#<_value_returned>"
+"""What the last subprogram of LinuxCNC has handed back, and whether it has; both 0 before the first."""
+EXISTS = "EXISTS"
+"""Before the name of a variable: whether LinuxCNC has one."""
 
 
 def _agreed(a: float, b: float) -> bool:
@@ -105,19 +109,27 @@ class IsoVariables:
     """What `#1`, `#<name>` hold; nothing is known of a variable that the program has not set."""
 
     operations: Operations = field(default_factory=lambda: OPERATIONS)
-    shared: dict[str, Value | NotKnown] = field(default_factory=dict)
+    shared: dict[str, Value | NotKnown] = field(default_factory=lambda: {VALUE: 0.0, RETURNED: 0.0})
     own: list[dict[str, Value | NotKnown]] = field(default_factory=lambda: [{}])
     """Local variables of the main program, and of each subprogram that runs."""
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
         """The value of `#` with its number, or of `#<name>`."""
-        key, store = self._place(name, indices)
+        asked = name.removeprefix(f"{EXISTS} ")
+        key, store = self._place(asked, indices)
         value = store.get(key)
+        if asked != name:
+            return self._exists(key, value)
         if value is None:
             raise NotKnown(f"{key} is not set by the program")
         if isinstance(value, NotKnown):
             raise NotKnown(f"{key} is not known: {value}")
         return value
+
+    def _exists(self, key: str, value: Value | NotKnown | None) -> Value:
+        if value is None and key.startswith("#<_"):
+            raise NotKnown(f"whether LinuxCNC has a {key} of its own is not known to ncomp")
+        return truth(value is not None or not key.startswith("#<"))
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it; NotKnown for a system variable."""

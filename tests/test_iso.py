@@ -68,7 +68,7 @@ GOLDEN = {
         [(RAPID, 1, 1, 1), (RAPID, 2, 1, 1)],
     ),
     "axis words that are no move": (
-        "G0 X1 Y1 Z1\nG50.1 X0 Y0\nG5.1 Q1 X0 Y0 Z0\nG92.1 X0 Y0\nG5.1 Q0\nG91 X1\n",
+        "G0 X1 Y1 Z1\nG50.1 X0 Y0\nG5.1 Q1 X0 Y0 Z0\nG5.1 Q0\nG91 X1\n",
         {},
         [(RAPID, 1, 1, 1), (RAPID, 2, 1, 1)],
     ),
@@ -418,7 +418,6 @@ REFUSED = {
     "X1 L3": "L calls a subprogram on some controls and repeats the block on others",
     "L340": "L calls a subprogram on some controls",
     "X1 R5": "R without an arc",
-    "M19 R90": "R without an arc",
     "X1 I5": "I without an arc",
     "X#1": "X#1: #1 is not set by the program",
     "F#1 X#2": "X#2: #2 is not set by the program",

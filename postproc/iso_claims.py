@@ -1,0 +1,58 @@
+"""Words that codes of an ISO block take for themselves: the time of a dwell, the angle of an oriented stop."""
+
+from __future__ import annotations
+
+from postproc.arcs import CENTRES
+from postproc.iso_codes import CYCLES, DATA, DWELL, MOTION
+from postproc.iso_content import Content
+from postproc.moves import Kind
+
+ORIENTED_STOP, WAIT = 19.0, 66.0
+OUTPUTS: dict[float, str] = {**dict.fromkeys((62.0, 63.0, 64.0, 65.0), "P"), WAIT: "ELPQ", 67.0: "EQ", 68.0: "EQ"}
+"""LinuxCNC's M functions for outputs and inputs, with their words."""
+TAKEN_BY_M = {ORIENTED_STOP: "PQR", **OUTPUTS}
+TAKEN_BY_G = {DWELL: "P", 5.0: "P", 5.1: "Q", DATA: "LPQR", 30.0: "P", 51.0: "P", 64.0: "PQ", 54.1: "P", 154.0: "P"}
+ARC_WORDS, CYCLE_WORDS = CENTRES + "PR", CENTRES + "KLPQR"
+DWELL_TIMES = "XUFSK"
+"""Words by which some control says the time of a dwell, where P does not; LinuxCNC and its kin refuse these."""
+DIFFERS = 'say family = "fanuc" or "linuxcnc" in the machine file'
+
+
+def motion_words(content: Content, motion: float | None) -> str:
+    """The words that the motion takes in this block; `motion`: the code in force before it."""
+    motion = next((code for code in content.g if code in MOTION or code in CYCLES), motion)
+    if motion in CYCLES:
+        return CYCLE_WORDS if content.axes else "R"
+    return ARC_WORDS if content.axes and motion in MOTION and MOTION[motion] is Kind.ARC else ""
+
+
+def take_own_words(content: Content, motion: float | None, family: str) -> None:
+    """Take the words of M functions out of a block; Refusal for a word that two codes may take."""
+    takers = [(f"G{code:g}", TAKEN_BY_G[code]) for code in content.g if code in TAKEN_BY_G]
+    takers += [(f"M{code:g}", TAKEN_BY_M[code]) for code in content.m if code in TAKEN_BY_M]
+    if not takers:
+        return
+    takers.append(("its motion", motion_words(content, motion)))
+    for address in content.other:
+        names = [name for name, letters in takers if address in letters]
+        if len(names) > 1:
+            raise content.refuse(f"{address} in one block with {' and '.join(names)}, which may both take it")
+    for code in content.m:
+        if code == ORIENTED_STOP or (code in OUTPUTS and family == "linuxcnc"):
+            for address in TAKEN_BY_M[code]:
+                content.other.pop(address, None)
+
+
+def dwells_alone(content: Content, family: str) -> bool:
+    """Whether a G4 block only waits; False where its axis words move, as on LinuxCNC. Refusal where controls differ."""
+    other, times = content.other, [content.block.words[i].address for i in content.axes]
+    strange = sorted(other.keys() & {"I", "J", "R", "Q", "L", "D", "E"})
+    if strange:
+        raise content.refuse(f"{strange[0]} beside G4: what it does depends on the control")
+    if "P" in other and content.axes:
+        if family == "linuxcnc":
+            return False
+        raise content.refuse(f"axis words beside G4 P: a move on LinuxCNC and Mach3, refused by others; {DIFFERS}")
+    if "P" not in other and (len(times) > 1 or not set(times) <= set(DWELL_TIMES)):
+        raise content.refuse("a dwell with axis words that are no time: some controls move there")
+    return True

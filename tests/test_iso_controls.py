@@ -1,0 +1,111 @@
+"""ISO blocks that controls read in different ways: refused, unless `family` in the machine file decides; by LinuxCNC."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from programs import load, read
+
+import machines
+
+HEAD = "G21 G90 G17 G54 G94\nG0 X1000. Y1000. Z-500.\nG1 X1100. F500\n"
+MACHINES = Path(machines.__file__).parent
+
+
+def with_family(name, family):
+    machine = load(name)
+    return dataclasses.replace(machine, control=dataclasses.replace(machine.control, family=family))
+
+
+@pytest.fixture
+def check(command, tmp_path):
+    """Refusals `(line, reason)` of a program, by the command, for a control of a family."""
+
+    def refusals(text, family="any", machine="gantry"):
+        (tmp_path / "a.nc").write_text(text)
+        said = (MACHINES / f"{machine}.toml").read_text().replace("[control]", f'[control]\nfamily = "{family}"')
+        if "[control]" not in said:
+            said += f'\n[control]\nfamily = "{family}"\n'
+        (tmp_path / "mill.toml").write_text(said)
+        done = command("check", "a.nc", "--machine", "mill.toml")
+        assert done.status in (0, 2), done.err
+        return done.status, done.out.decode() + done.err
+
+    return refusals
+
+
+def test_words_of_a_dwell_move_on_some_controls(check):
+    """The block as it was found: LinuxCNC and Mach3 move to X1300, a dwell by P elsewhere."""
+    program = HEAD + "G4 P1 X1300.\nG1 Y1400.\nY1000.\nM30\n"
+    for family in ("any", "fanuc"):
+        status, text = check(program, family)
+        assert status == 2
+        assert "axis words beside G4 P: a move on LinuxCNC" in text
+    assert check(program, "linuxcnc")[0] == 0
+
+
+# what stands behind HEAD: who refuses it
+BLOCKS = {
+    "G0 G20 G17 G90 G40 G49 G80": "",
+    "G0 G80\nX1200.": "",
+    "G80 G0\nX1200.": "",
+    "G80 G1 X1200.": "",
+    "G80 X1200.": "",
+    "G81 X1200. Y1000. Z-510. R-505.\nG80 G0 X1100.": "",
+    "G81 X1200. Y1000. Z-510. R-505.\nG80\nX1100.": "any fanuc linuxcnc",
+    "G81 G80 X1200. Z-510. R-505.": "any fanuc linuxcnc",
+    "G0 G81 X1200. Z-510. R-505.": "any fanuc linuxcnc",
+    "G68 X0. Y0. R10. G69": "any fanuc linuxcnc",
+    "G4 X2.": "",
+    "G4 U2.": "",
+    "G4 P1": "",
+    "G4 P1 M8 F100": "",
+    "G4 X2. Y3.": "any fanuc linuxcnc",
+    "G4 Y3.": "any fanuc linuxcnc",
+    "G4 P1 R2.": "any fanuc linuxcnc",
+    "G4 P1 G0 X1200.": "any fanuc",
+    "G4 P2 G64 P0.1": "any fanuc linuxcnc",
+    "G64 P1 G3 X1200. Y1000. I50.": "any fanuc linuxcnc",
+    "G92.1 X1200.": "any linuxcnc",
+    "G92.1": "",
+    "G92.2 X1200.": "any fanuc linuxcnc",
+    "G43.1 Z5.": "any fanuc",
+    "G28 X1200. R5.": "any fanuc linuxcnc",
+    "G28 X1200. I5.": "any fanuc linuxcnc",
+    "G30 P2 X1200.": "",
+    "G53 G0 X1200. L3": "any fanuc linuxcnc",
+    "G81 X1200. Y1000. Z-510. R-505.\nG28 X1100.\nX1200.": "any fanuc linuxcnc",
+    "M19 R90.": "",
+    "M19 R90. X1200.": "",
+    "G2 M19 R90. X1200. Y1000.": "any fanuc linuxcnc",
+    "G81 X1200. Y1000. Z-510. R-505.\nM19 R-495.": "any fanuc linuxcnc",
+    "M66 P0 L3 Q2": "any fanuc",
+    "M64 P2 G3 X1200. Y1000. I50.": "any fanuc linuxcnc",
+    "M67 E0 Q5. X1200.": "any fanuc",
+    "M3 S100 $0": "",
+    "G10 L2 P0 X5.\nG1 X1200.": "any fanuc",
+    "G55\nG10 L2 P0 X5.\nG1 X1200. Y1000.": "any fanuc",
+    "o1 sub\no1 endsub [1050 + #1]\no1 call [7]\nG1 X#<_value>\nG1 Y[1000 + #<_value_returned>]": "",
+    "o1 sub\no2 if [1]\no1 return [1050]\no2 endif\no1 endsub\no1 call\nG1 X#<_value>": "",
+    "o1 sub\no1 endsub [1050]\no2 sub\no2 endsub\no1 call\no2 call\nG1 X[#<_value> + #<_value_returned>]": "",
+    "G1 X[1050 + #<_value> + #<_value_returned>]": "",
+    "#<a> = 1\nG1 X[1050 + EXISTS[#<a>] + EXISTS[#<b>] + EXISTS[#5]]": "",
+    "G1 X[1050 + EXISTS[#<_b>]]": "any fanuc linuxcnc",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+@pytest.mark.parametrize("family", ["any", "fanuc", "linuxcnc"])
+def test_family_decides_what_controls_read_differently(block, family, check):
+    status, text = check(HEAD + block + "\nM30\n", family)
+    assert status == (2 if family in BLOCKS[block].split() else 0), text
+
+
+@pytest.mark.parametrize("block", [block for block, refusing in BLOCKS.items() if "linuxcnc" not in refusing])
+def test_linuxcnc_ends_where_ncomp_says(block, linuxcnc):
+    """Blocks that LinuxCNC refuses are no danger."""
+    program = HEAD + block + "\nG1 Z-490.\nM30\n"
+    result = linuxcnc.run(program)
+    if result.exit_status == 0:
+        motions = read(program, with_family("gantry", "linuxcnc"))
+        assert motions.machine_target[-1, :2] == pytest.approx(result.moves[-1].machine[:2], abs=1e-9)
