@@ -24,16 +24,23 @@ Errors = Callable[[Array], Array]
 
 
 def correct_position(
-    machine: Machine, errors: Errors, nominal: Array, tool: Array, movable: NDArrayBool, start: Array | None = None
+    machine: Machine,
+    errors: Errors,
+    nominal: Array,
+    tool: Array,
+    movable: NDArrayBool,
+    start: Array | None = None,
+    shift: Array | float = 0.0,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, whose actual tool point is where the nominal one is at `nominal`.
 
     tool `(n, 3)` mm; movable `(n, axes)`: axes that may move, of which only the translators do. start `(n, axes)`:
-    positions that all other axes take (default: nominal). The nominal machine is aimed past the target by what the
-    exact model says it misses, until nothing is missed: each round leaves about the slope of the errors (1e-4) of what
-    the round before did. UserError when it does not settle.
+    positions that all other axes take (default: nominal). shift `(n, 3)`, mm, workpiece frame: from the nominal tool
+    point to the target. The nominal machine is aimed past the target by what the exact model says it misses, until
+    nothing is missed: each round leaves about the slope of the errors (1e-4) of what the round before did. UserError
+    when it does not settle.
     """
-    target = tool_point(machine, nominal, tool)
+    target = tool_point(machine, nominal, tool) + shift
     aim = target.copy()
     moving = np.zeros_like(movable)
     moving[:, machine.translators] = movable[:, machine.translators]

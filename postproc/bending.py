@@ -27,6 +27,7 @@ from postproc.along import places, round_the_circle
 from postproc.circles import moved_centre
 from postproc.compensate import corrected_positions
 from postproc.conditions import Conditions
+from postproc.datum import datum_shifts
 from postproc.frames import Frame, cartesian
 from postproc.motions import Motions
 from postproc.moves import Arc, Kind
@@ -56,7 +57,9 @@ class CorrectedWays:
         program, bare = places(self.motions, rows, shares), self._bare.take(rows)
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
         machine, movable = self.motions.machine, self._movable[rows]
-        corrected = corrected_positions(machine, self.models, states, bare.in_machine(program), bare.tool, movable)
+        corrected = corrected_positions(
+            machine, self.models, states, bare.in_machine(program), bare.tool, movable, self._datum[rows]
+        )
         return np.asarray(bare.in_program(corrected) - program)
 
     def misses(self, rows: np.ndarray, shares: Array) -> Array:
@@ -69,6 +72,7 @@ class CorrectedWays:
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
         wanted = tool_point(machine, q, bare.tool)
         missed = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - wanted
+        missed -= self._datum[rows]
         turned = self.turned[rows]
         if turned.any():
             there = linear_positions(machine, q[turned], wanted[turned] + missed[turned], bare.tool[turned])
@@ -128,6 +132,11 @@ class CorrectedWays:
         degrees = np.rad2deg(self.extents[:, ~linear].max(axis=1, initial=0.0))
         with np.errstate(divide="ignore"):
             return np.asarray(np.minimum(SHORTEST_MM / mm, SHORTEST_DEG / degrees))
+
+    @cached_property
+    def _datum(self) -> Array:
+        """How far the part lies from its nominal position `(n, 3)`, mm, workpiece frame."""
+        return datum_shifts(self.motions, self.models[0], self.conditions)
 
     @cached_property
     def _bare(self) -> Motions:

@@ -11,6 +11,7 @@ from kinematics.classes import CLASSES, ORIENTATION, parse_classes, select
 from kinematics.model import ErrorModel
 from postproc.compensate import COLD, correct, missed
 from postproc.conditions import Conditions
+from postproc.datum import datum_shifts
 from postproc.judge import Judge, in_a_program
 from postproc.motions import Motions
 from postproc.report import Statistic
@@ -49,6 +50,7 @@ def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = CO
     judge = Judge(model, machine, conditions, 1.0)
     states = judge.states(motions, judged)
     nominal, tool = motions.machine_target[judged], motions.tool[judged]
+    shift = datum_shifts(motions, model, conditions)[judged]
     rows = []
     for choice in ("none", *CHOICES):
         classes = frozenset() if choice == "none" else parse_classes(choice)
@@ -59,7 +61,7 @@ def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = CO
         correction = correct(motions, select(model, classes), orientation, conditions, judge.approach)
         commanded = correction.corrected[judged]
         left = Left(choice)
-        point_um, axis_urad = missed(machine, model, commanded, nominal, tool, states)
+        point_um, axis_urad, _ = missed(machine, model, commanded, nominal, tool, states, shift)
         left.position.add(point_um)
         left.tilt.add(axis_urad)
         left.turning.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)

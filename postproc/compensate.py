@@ -15,6 +15,7 @@ from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.conditions import Conditions
+from postproc.datum import datum_shifts
 from postproc.motions import Motions
 
 States = Callable[[Array], State]
@@ -48,15 +49,17 @@ def correct(
 
     Translator axes whose position the program has said in its own frame take the correction of the tool point by
     `model`; with a model for the orientation, rotary axes that of the tool axis. All others keep the nominal position.
-    approach `(n, axes)`: the direction in which each move comes to its end.
+    The target is the part as it lies: where a work offset was touched off on the machine, its shift is in it, by
+    `model`. approach `(n, axes)`: the direction in which each move comes to its end.
     """
     movable = motions.correctable & motions.programmed[:, None]
     nominal = motions.machine_target
     models, states = (model, orientation), conditions.states(approach)
-    corrected = corrected_positions(motions.machine, models, states, nominal, motions.tool, movable)
+    shift = datum_shifts(motions, model, conditions)
+    corrected = corrected_positions(motions.machine, models, states, nominal, motions.tool, movable, shift)
     rows = sorted(motions.arcs)
     at_arcs = conditions.states(None if approach is None else approach[rows])
-    middles = _arc_middles(motions, models, at_arcs, movable, rows)
+    middles = _arc_middles(motions, models, at_arcs, movable, rows, shift)
     return Correction(nominal, corrected, motions.in_program(corrected), middles)
 
 
@@ -67,10 +70,12 @@ def corrected_positions(
     nominal: Array,
     tool: Array,
     movable: NDArrayBool,
+    shift: Array | float = 0.0,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, that put the tool where it nominally is at `nominal` `(n, axes)`.
 
-    By the model of the tool point and, for movable rotary axes, that of the orientation; tool `(n, 3)`, mm.
+    By the model of the tool point and, for movable rotary axes, that of the orientation; tool `(n, 3)`, mm. shift
+    `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal position.
     """
 
     def errors_of(which: ErrorModel) -> Errors:
@@ -78,27 +83,38 @@ def corrected_positions(
 
     model, orientation = models
     start = None if orientation is None else correct_orientation(machine, errors_of(orientation), nominal, movable)
-    return correct_position(machine, errors_of(model), nominal, tool, movable, start)
+    return correct_position(machine, errors_of(model), nominal, tool, movable, start, shift)
 
 
 class Missed(NamedTuple):
     """How far the actual pose is from the wanted one `(n,)`: tool point, um; tool axis, urad."""
 
     point_um: Array
+    """From the nominal tool point on the part as it lies: the error relative to the datum."""
     axis_urad: Array
+    absolute_um: Array
+    """From the nominal tool point of the true work offset: the absolute error."""
 
 
 def missed(
-    machine: Machine, model: ErrorModel, q: Array, nominal: Array, tool: Array, states: States = State
+    machine: Machine,
+    model: ErrorModel,
+    q: Array,
+    nominal: Array,
+    tool: Array,
+    states: States = State,
+    shift: Array | float = 0.0,
 ) -> Missed:
     """What the machine with errors at `q` misses of the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
-    tool `(n, 3)`, mm; exact matrix product.
+    tool `(n, 3)`, mm; exact matrix product. shift `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal
+    position (`datum_shifts`).
     """
     actual, wanted = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
-    apart = np.linalg.norm(actual.apply(tool) - wanted.apply(tool), axis=1)
+    apart = actual.apply(tool) - wanted.apply(tool)
     leaning = np.linalg.norm(actual.rotation[:, :, 2] - wanted.rotation[:, :, 2], axis=1)
-    return Missed(apart * 1e3, leaning * 1e6)
+    point, absolute = (np.linalg.norm(vector, axis=1) for vector in (apart - shift, apart))
+    return Missed(point * 1e3, leaning * 1e6, absolute * 1e3)
 
 
 def _arc_middles(
@@ -107,6 +123,7 @@ def _arc_middles(
     states: States,
     movable: NDArrayBool,
     rows: list[int],
+    shift: Array,
 ) -> dict[int, Array]:
     if not rows:
         return {}
@@ -114,6 +131,8 @@ def _arc_middles(
     nominal = motions.in_machine(middles)
     corrected = nominal.copy()
     tool = motions.tool[rows]
-    corrected[rows] = corrected_positions(motions.machine, models, states, nominal[rows], tool, movable[rows])
-    shift = motions.in_program(corrected) - middles
-    return {row: shift[row] for row in rows}
+    corrected[rows] = corrected_positions(
+        motions.machine, models, states, nominal[rows], tool, movable[rows], shift[rows]
+    )
+    moved = motions.in_program(corrected) - middles
+    return {row: moved[row] for row in rows}

@@ -9,6 +9,7 @@ import numpy as np
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine
+from kinematics.touch_off import TouchOff
 from kinematics.transforms import Array
 
 
@@ -27,6 +28,8 @@ class Frame:
     tcp: bool = False
     turn: tuple[float, ...] | None = None
     """Of X Y Z: a matrix of three rows that turns, mirrors and scales alike in all directions; None for none."""
+    touch_off: TouchOff | None = None
+    """Of the work offset that the frame is built on; None where that is true, or where there is none."""
 
     @property
     def couples(self) -> bool:

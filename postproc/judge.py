@@ -10,6 +10,7 @@ from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 from postproc.compensate import States
 from postproc.conditions import Conditions
+from postproc.datum import datum_shifts
 from postproc.motions import Motions
 from postproc.reversals import (
     INNER,
@@ -52,10 +53,14 @@ class Judge:
         if written:
             # what was no reversal, there and on the way there, is none after rounding; a take-up is more than that
             self.band = 2 * self.band + dead_band(machine, 0.0)
-        self._conditions = conditions
+        self._model, self._conditions = model, conditions
         self._directions = Directions(self.axes, self.band)
         self.approach: Array | None = None
         """At the ends of the last chunk `(n, axes)`."""
+
+    def datum_shifts(self, motions: Motions) -> Array:
+        """How far the part lies from its nominal position `(n, 3)`, mm, workpiece frame, at the rows of a chunk."""
+        return datum_shifts(motions, self._model, self._conditions)
 
     def along(self, motions: Motions) -> Array | None:
         """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without play."""

@@ -21,6 +21,7 @@ from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
+from postproc.datum import datum_prediction
 from postproc.dialects import Dialect
 from postproc.execution import Part, execution
 from postproc.judge import Judge, in_a_program, standing_notes
@@ -196,20 +197,26 @@ class Pipeline:
 
     def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, judged: NDArrayBool) -> Array:
         """Errors `(judged, 2)`, um, before and after at the ends of judged rows; nominal `(n, axes)`, mm and rad."""
-        report, machine, tool = self.report, self.job.machine, motions.tool[judged]
+        job, report, tool = self.job, self.report, motions.tool[judged]
+        machine = job.machine
         states_before = self.before.states(motions, judged)
         states_after = self.after.states(commanded, judged)
         if not judged.any():
             return np.empty((0, 2))
         nominal, ends = nominal[judged], motions.in_machine(commanded.target)[judged]
-        before = missed(machine, self.model, nominal, nominal, tool, states_before)
-        after = missed(machine, self.model, ends, nominal, tool, states_after)
+        shift = self.before.datum_shifts(motions)[judged]
+        before = missed(machine, self.model, nominal, nominal, tool, states_before, shift)
+        after = missed(machine, self.model, ends, nominal, tool, states_after, shift)
         report.before.add(before.point_um)
         report.after.add(after.point_um)
+        report.absolute_before.add(before.absolute_um)
+        report.absolute_after.add(after.absolute_um)
         report.tilt_before.add(before.axis_urad)
         report.tilt_after.add(after.axis_urad)
         some = slice(None, None, max(1, len(nominal) // UNCERTAINTY_ROWS))
-        whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some])
+        looked_at = motions.bare.take(np.flatnonzero(judged)[some])
+        datum = datum_prediction(looked_at, self.model, job.conditions)
+        whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some], datum)
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along)
         for where, excess in self.model.outside(machine, states_before(nominal)).items():
@@ -252,10 +259,11 @@ class Pipeline:
     def _strayed(self, motions: Motions, commanded: Motions, judge: Judge, rows: NDArrayBool) -> Array:
         """Largest errors `(rows,)`, um, of commanded moves between their ends."""
         states, strayed = judge.last_states(rows), np.zeros(int(rows.sum()))
+        tool, shift = motions.tool[rows], judge.datum_shifts(motions)[rows]
         for share in BETWEEN:
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
-            here = missed(self.job.machine, self.model, actual, nominal, motions.tool[rows], states).point_um
+            here = missed(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um
             strayed = np.maximum(strayed, here)
         return strayed
 

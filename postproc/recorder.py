@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,8 @@ class Recorder:
     _frames: list[Frame] = field(init=False)
     _last: tuple[Frame, _Places, _Places, Arc | None] | None = field(init=False, default=None)
     """The last move: its frame, start and end, and its circle."""
+    _first_lengths: dict[str, float] = field(init=False, default_factory=dict)
+    """By work offset: length of the first tool that moved in it, mm."""
 
     def __post_init__(self) -> None:
         home = [axis.home for axis in self.machine.axes]
@@ -222,6 +224,7 @@ class Recorder:
         rows, words, by_row, frames = self._rows, self._words, self._by_row, self._frames
         self._rows, self._words, self._by_row, self._frames = [], [], {name: {} for name in BY_ROW}, [self.frame]
         polar_ends, self._polar_ends = self._polar_ends, {}
+        frames = self._with_probes(frames, rows)
         n, axes = len(rows), len(self.machine.axes)
         columns = zip(*rows, strict=True) if rows else ((),) * 11
         block, kind, frame, unit, incremental, timed, settled, start, target, known_start, known = columns
@@ -246,6 +249,25 @@ class Recorder:
             polar_ends=polar_ends,
             **by_row,
         )
+
+    def _with_probes(self, frames: list[Frame], rows: list[_Row]) -> list[Frame]:
+        """Frames whose touch-offs have a length: without a probe, that of the first tool that moves in the work offset.
+
+        What moves before any tool is known keeps a touch-off without a length.
+        """
+        used = {frame for _, kind, frame, *_ in rows if kind not in (Kind.MACHINE, Kind.PRESET)}
+        found = []
+        for i, frame in enumerate(frames):
+            if frame.touch_off is not None and i in used and frame.tool_length > 0.0:
+                self._first_lengths.setdefault(frame.touch_off.name, frame.tool_length)
+            found.append(self._with_probe(frame))
+        return found
+
+    def _with_probe(self, frame: Frame) -> Frame:
+        there = frame.touch_off
+        if there is None or there.probe is not None:
+            return frame
+        return replace(frame, touch_off=replace(there, probe=self._first_lengths.get(there.name)))
 
     def _record(
         self,

@@ -84,6 +84,9 @@ class Report:
     """By rotary axis, urad, when the orientation is corrected."""
     before: Statistic = field(default_factory=Statistic)
     after: Statistic = field(default_factory=Statistic)
+    absolute_before: Statistic = field(default_factory=Statistic)
+    """The same from the nominal tool point of the work offsets as they were given, taken for true."""
+    absolute_after: Statistic = field(default_factory=Statistic)
     tilt_before: Statistic = field(default_factory=Statistic)
     """Of the tool axis, urad."""
     tilt_after: Statistic = field(default_factory=Statistic)

@@ -12,6 +12,7 @@ from kinematics.machine import Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from postproc.datum import DatumPrediction
 
 COVERAGE = 2.0
 """k: an improvement, or a deviation, counts as significant above so many standard uncertainties."""
@@ -41,16 +42,21 @@ class Significance:
         return min(max(self.significant / self.improvement, 0.0), 1.0)
 
 
-def uncertainties_um(machine: Machine, model: ErrorModel, state: State, tool: Array) -> tuple[Array, Array]:
-    """Standard uncertainties `(n,)`, um, of the predicted deviation of the tool point `(n, 3)`, mm, in these states.
+def uncertainties_um(
+    machine: Machine, model: ErrorModel, state: State, tool: Array, datum: DatumPrediction | None = None
+) -> tuple[Array, Array]:
+    """Standard uncertainties `(n,)`, um, of the predicted deviation of the tool point, tool `(n, 3)`, mm.
 
-    First the root sum of squares over x, y and z; then that of its length, along its own direction.
+    First the root sum of squares over x, y and z; then that of its length, along its own direction. With a datum, of
+    the error relative to it, e(q) - e(W): both are predicted by the same parameters, and what they share cancels.
     """
-    transform = place_transform(machine, state.positions, tool)[:, :3]
+    design = model.design(machine, state, place_transform(machine, state.positions, tool)[:, :3])
     deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
+    if datum is not None:
+        design, deviation = design - datum.sensitivity, deviation - datum.shift
     length = np.linalg.norm(deviation, axis=1, keepdims=True)
     # where nothing deviates any direction is as good as another
     unit = np.where(length > 0.0, deviation / np.where(length > 0.0, length, 1.0), [1.0, 0.0, 0.0])
-    along = np.einsum("nk,nkp->np", unit, transform)[:, None]
-    both = model.standard_uncertainty(machine, state, np.concatenate([transform, along], axis=1)) * 1e3
+    along = np.einsum("nk,nkp->np", unit, design)[:, None]
+    both = model.propagated(np.concatenate([design, along], axis=1)) * 1e3
     return np.asarray(np.linalg.norm(both[:, :3], axis=1)), np.asarray(both[:, 3])

@@ -161,7 +161,8 @@ class Trace:
         shares = np.tile(np.linspace(0.0, 1.0, PIECES + 1), len(rows))
         nominal = motions.bare.take(points).in_machine(places(motions, points, shares))
         tool = motions.tool[points]
-        errors = missed(self.machine, self._model, nominal, nominal, tool, judge.last_states(points)).point_um
+        states, shift = judge.last_states(points), judge.datum_shifts(motions)[points]
+        errors = missed(self.machine, self._model, nominal, nominal, tool, states, shift).point_um
         tips = tool_point(self.machine, nominal, tool)
         self.ways.add(tips.reshape(len(rows), -1, 3), errors.reshape(len(rows), -1))
 

@@ -6,7 +6,7 @@ straight and circular feed moves, as the control interpolates them in programmed
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from kinematics.transforms import Array
 from postproc.added_blocks import Tag, begin_of, tag_of
 from postproc.compensate import COLD, missed
 from postproc.conditions import Conditions
+from postproc.datum import datum_shifts, poses, touched
 from postproc.dialects import Dialect
 from postproc.execution import execution
 from postproc.judge import Judge, in_a_program, where
@@ -32,10 +33,26 @@ from postproc.reversals import INNER
 from postproc.setup import Setup
 from postproc.source import CHUNK, Source
 
+CONTRIBUTION_ROWS = 2000
+"""Moves that the contributions of the error motions are worked out for."""
+
+
+@dataclass(frozen=True)
+class Absolute:
+    """Errors of the tool point, um, with the work offsets taken for true."""
+
+    before: Statistic = field(default_factory=Statistic)
+    after: Statistic = field(default_factory=Statistic)
+    path_before: Statistic = field(default_factory=Statistic)
+    path_after: Statistic = field(default_factory=Statistic)
+
 
 @dataclass(frozen=True)
 class Verdict:
-    """Errors of the tool point, um, before and after; and what each error motion contributes before."""
+    """Errors of the tool point relative to the datum, um, before and after; what each error motion contributes before.
+
+    Of work offsets that are true, both errors are absolute.
+    """
 
     moves: int
     before: Statistic
@@ -43,6 +60,7 @@ class Verdict:
     path_before: Statistic
     path_after: Statistic
     contributions: dict[str, Statistic]
+    absolute: Absolute = field(default_factory=Absolute)
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""
@@ -50,6 +68,11 @@ class Verdict:
             "moves": self.moves,
             "block_ends_um": {"before": self.before.json(), "after": self.after.json()},
             "along_feed_moves_um": {"before": self.path_before.json(), "after": self.path_after.json()},
+            "absolute_block_ends_um": {"before": self.absolute.before.json(), "after": self.absolute.after.json()},
+            "absolute_along_feed_moves_um": {
+                "before": self.absolute.path_before.json(),
+                "after": self.absolute.path_after.json(),
+            },
             "contributions_before_um": {name: statistic.json() for name, statistic in self.contributions.items()},
         }
 
@@ -100,8 +123,9 @@ def verify(
             ends.append(before.approach)
     judged = matched.judged
     approach = np.concatenate(ends)[judged] if before.axes else None
-    state = conditions.state(matched.machine_target[judged], approach)
-    _contributions(machine, model, state, matched.tool[judged], verdict.contributions)
+    some = np.arange(int(judged.sum()))[:: max(1, int(judged.sum()) // CONTRIBUTION_ROWS)]
+    state = conditions.state(matched.machine_target[judged], approach).rows(some)
+    _contributions(model, conditions, matched.bare.take(np.flatnonzero(judged)[some]), state, verdict.contributions)
     return verdict
 
 
@@ -114,17 +138,21 @@ def _judge(
 ) -> None:
     """Some rows of both texts, at their ends and along feed moves."""
     nominal, _ = texts
-    machine, tool = nominal.machine, nominal.tool
+    machine, tool, absolute = nominal.machine, nominal.tool, verdict.absolute
+    shift = datum_shifts(nominal, model, conditions)
     directions = [judge.along(motions) for judge, motions in zip(judges, texts, strict=True)]
     feed = nominal.judged_ways
-    places = [(share, i, feed, (verdict.path_before, verdict.path_after)) for i, share in enumerate(INNER)]
-    places.append((1.0, -1, nominal.judged, (verdict.before, verdict.after)))
+    along = ((verdict.path_before, absolute.path_before), (verdict.path_after, absolute.path_after))
+    ends = ((verdict.before, absolute.before), (verdict.after, absolute.after))
+    places = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.judged, ends)]
     for share, i, rows, statistics in places:
         wanted = nominal.in_machine(nominal.along(share))[rows]
-        for motions, approach, statistic in zip(texts, directions, statistics, strict=True):
+        for motions, approach, (relative, from_offset) in zip(texts, directions, statistics, strict=True):
             q = motions.in_machine(motions.along(share))[rows]
             states = conditions.states(where(approach, i, rows))
-            statistic.add(missed(machine, model, q, wanted, tool[rows], states).point_um)
+            found = missed(machine, model, q, wanted, tool[rows], states, shift[rows])
+            relative.add(found.point_um)
+            from_offset.add(found.absolute_um)
 
 
 def merged(parts: list[Motions]) -> Motions:
@@ -145,14 +173,26 @@ def merged(parts: list[Motions]) -> Motions:
     return Motions(first.machine, [], frames, frame=frame, words=words, **by_row, **stacked)
 
 
-def _contributions(machine: Machine, model: ErrorModel, state: State, tool: Array, into: dict[str, Statistic]) -> None:
-    """What each error motion does to the tool point, first order; location errors count with their error motions."""
-    step = max(1, len(state) // 2000)
-    state, tool = state.rows(slice(None, None, step)), tool[::step]
-    if not len(state):
+def _contributions(
+    model: ErrorModel, conditions: Conditions, motions: Motions, state: State, into: dict[str, Statistic]
+) -> None:
+    """What each error motion does to the tool point relative to the datum, first order, at the ends of some moves.
+
+    Location errors count with their error motions. State of the same rows.
+    """
+    if not len(motions):
         return
-    errors = model.errors(machine, state).reshape(len(state), -1)
-    transform = place_transform(machine, state.positions, tool)[:, :3]
+    machine, (touch_offs, which) = motions.machine, touched(motions)
+    q, tool = poses(machine, touch_offs)
+    at_datum = _parts(machine, model, conditions.state(q), tool)
+    none = np.zeros((1, *at_datum.shape[1:]))
+    parts = _parts(machine, model, state, motions.tool) - np.concatenate([at_datum, none])[which]
     for i, name in enumerate(place_names(machine)):
-        if errors[:, i].any():
-            into.setdefault(name, Statistic()).add(np.linalg.norm(transform[:, :, i] * errors[:, [i]], axis=1) * 1e3)
+        if parts[:, :, i].any():
+            into.setdefault(name, Statistic()).add(np.linalg.norm(parts[:, :, i], axis=1) * 1e3)
+
+
+def _parts(machine: Machine, model: ErrorModel, state: State, tool: Array) -> Array:
+    """What each error motion does to the tool point `(n, 3, error motions)`, mm, first order; tool `(n, 3)`, mm."""
+    errors = model.errors(machine, state).reshape(len(state), -1)
+    return np.asarray(place_transform(machine, state.positions, tool)[:, :3] * errors[:, None])
