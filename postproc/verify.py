@@ -183,10 +183,11 @@ def _contributions(
     if not len(motions):
         return
     machine, (touch_offs, which) = motions.machine, touched(motions)
-    q, tool = poses(machine, touch_offs)
-    at_datum = _parts(machine, model, conditions.state(q), tool)
-    none = np.zeros((1, *at_datum.shape[1:]))
-    parts = _parts(machine, model, state, motions.tool) - np.concatenate([at_datum, none])[which]
+    parts = _parts(machine, model, state, motions.tool)
+    if touch_offs:
+        q, tool = poses(machine, touch_offs)
+        at_datum = _parts(machine, model, conditions.state(q), tool)
+        parts = parts - np.concatenate([at_datum, np.zeros((1, *parts.shape[1:]))])[which]
     for i, name in enumerate(place_names(machine)):
         if parts[:, :, i].any():
             into.setdefault(name, Statistic()).add(np.linalg.norm(parts[:, :, i], axis=1) * 1e3)
