@@ -18,6 +18,10 @@ class NotKnown(Exception):
     """A value that the text of the program does not give; says why."""
 
 
+class Ambiguous(Exception):
+    """An expression that controls read in different ways; the reason is its text."""
+
+
 class Constant(NamedTuple):
     """A number or a text."""
 

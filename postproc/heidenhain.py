@@ -6,6 +6,8 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from kinematics.machine import Machine
 from postproc.control_state import ControlState
 from postproc.heidenhain_approach import approach
@@ -45,7 +47,8 @@ _TCPM = re.compile(
     re.IGNORECASE,
 )
 _HARMLESS_FUNCTION = re.compile(r"FUNCTION (MODE MILL|(S-PULSE|FEED DWELL)\b.*)", re.IGNORECASE)
-_TRANSFORMATION_RESET = re.compile(r"TRANS [A-Z]+ RESET", re.IGNORECASE)
+_RESETS = {"TRANS MIRROR RESET": 8, "TRANS ROTATION RESET": 10, "TRANS SCALE RESET": 11}
+"""With the numbers of the cycles that do the same."""
 _FN = re.compile(r"FN ?(\d+)", re.IGNORECASE)
 
 
@@ -210,6 +213,12 @@ class HeidenhainInterpreter:
             if code not in HARMLESS_M and code not in MEANT_M:
                 self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
                 self.recorder.doubt()
+        if 94.0 in content.m:
+            self._take_off_turns(block, content)
+        if 143.0 in content.m:
+            self.control.delete_basic_rotation(block)
+        if 124.0 in content.m:
+            self.notes.add("M124: the control may leave out short blocks, those that ncomp adds among them", block.line)
         if 128.0 in content.m:
             self._start_tcp(block, "M128")
         if 140.0 in content.m:
@@ -231,6 +240,15 @@ class HeidenhainInterpreter:
         self.control.switch_tcp(True)
         text = f"{name}: X Y Z taken as the tool point in the workpiece frame that turns with a table"
         self.notes.add(text, block.line)
+
+    def _take_off_turns(self, block: Block, content: Content) -> None:
+        """M94: the control counts rotary axes, or those that are named, between 0 and 360 degrees from here."""
+        recorder = self.recorder
+        named = {recorder.axis(block, block.words[i].address) for i in content.bare_axes}
+        for axis in named or np.flatnonzero(self.machine.rotary).tolist():
+            if not 0.0 <= recorder.position[axis] < 360.0 and recorder.known[axis]:
+                name, at = self.machine.names[axis], recorder.position[axis]
+                raise block.refuse(f"M94 takes whole turns off {name}{at:g}: which turn comes next is not followed")
 
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""
@@ -255,8 +273,10 @@ class HeidenhainInterpreter:
             self.cycles.shift(block, SHIFT, {name: value or 0.0 for name, value in words.items()})
         elif block.detail.upper() == "TRANS DATUM RESET":
             self.cycles.shift(block, SHIFT, dict.fromkeys("XYZ", 0.0))
-        elif not _TRANSFORMATION_RESET.fullmatch(block.detail) or block.words:
+        elif block.words or (cycle := _RESETS.get(block.detail.upper())) is None:
             raise block.refuse(f"{block.detail}: changes what coordinates mean")
+        elif cycle in self.control.places.active or cycle in self.control.tilted_places.active:
+            raise block.refuse(f"{block.detail}: whether it ends cycle {cycle} depends on the control")
 
     def _fn(self, block: Block) -> None:
         match = _FN.match(block.detail)

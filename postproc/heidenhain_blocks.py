@@ -14,6 +14,7 @@ from lark.exceptions import UnexpectedInput, UnexpectedToken
 
 from grammars import block_parser
 from postproc.block_values import check_order
+from postproc.expressions import Ambiguous
 from postproc.heidenhain_statements import formula_of, setting, statement
 from postproc.program import Block, Refusal, Word
 from postproc.statements import Code
@@ -82,7 +83,10 @@ def parse_block(line: int, text: str) -> Block:
     if not statements:
         return Block(line, text, "blank", (), "", skippable)
     kind, parts = str(statements[0].data), statements[0].children
-    step = statement(kind, parts)
+    try:
+        step = statement(kind, parts)
+    except Ambiguous as reason:
+        raise Refusal(line, text, str(reason)) from None
     if step is not None:
         if skippable:
             raise Refusal(line, text, "whether it runs depends on the block-skip switch")

@@ -7,15 +7,15 @@ from __future__ import annotations
 HARMLESS_M = frozenset(
     map(
         float,
-        (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19, 90, 94, 102, 103, *range(105, 112), 113, *range(115, 119)),
+        (0, 1, *range(3, 6), *range(7, 12), 13, 14, 19, 90, 102, 103, *range(105, 112), 113, *range(115, 119)),
     )
-) | frozenset(map(float, (120, 124, 126, 127, 132, 133, *range(134, 139), 141, 143, 145, 148, 149)))
+) | frozenset(map(float, (120, 124, 126, 127, 132, 133, *range(134, 139), 141, 145, 148, 149)))
 PROGRAM_END_M = frozenset((2.0, 30.0))
-MEANT_M = frozenset((6.0, 91.0, 99.0, 128.0, 129.0, 140.0)) | PROGRAM_END_M
+MEANT_M = frozenset((6.0, 91.0, 94.0, 99.0, 128.0, 129.0, 140.0, 143.0)) | PROGRAM_END_M
 REFUSED_M = {
     89.0: "calls a cycle after every move",
     92.0: "refers to a position that only the machine's maker knows",
-    **dict.fromkeys((97.0, 98.0), "changes the path at corners"),
+    **dict.fromkeys((95.0, 96.0, 97.0, 98.0), "changes the path at corners"),
     101.0: "lets the control change the tool by itself",
     104.0: "goes back to an earlier datum",
     112.0: "rounds corners",
@@ -56,7 +56,7 @@ FRAME_CYCLES = {
 PRESET_CYCLE = 247
 CALL_M = 99.0
 PLACING = frozenset((7, 8, 10, 11))
-DATA_CYCLES = frozenset((9, 13, 14, 20, 32, 39))
+DATA_CYCLES = frozenset((9, 13, 14, 20, 32))
 """Run where they stand or hold data: a call does not mean them."""
 
 CYCLES_AT_START = frozenset((1, 2, 3, 4, 5, 17, 18))

@@ -74,6 +74,8 @@ class Control:
         self.begun = self.ended = False
         self.unit = 1.0
         self.preset = "0"
+        self.without_rotation: set[str] = set()
+        """Presets whose basic rotation M143 has deleted."""
         self.tool_length = self.oversize = 0.0
         self.tcp = self.machine.control.tcp_at_start
         self.places = Places()
@@ -110,6 +112,8 @@ class Control:
         if not self.begun:
             self.notes.add("no BEGIN PGM: coordinates taken in mm", block.line)
         target = self.recorder.target(block, words)
+        self.places.check(block)
+        self.tilted_places.check(block)
         if self.levelled and any(target[i] for i, axis in enumerate(self.machine.axes) if axis.rotary):
             raise block.refuse("rotary axes away from 0 while cycle 19 is on: the control may turn the coordinates")
         if self.tilt is not None and any(word.axis in self.machine.translators for word, _ in words):
@@ -140,9 +144,38 @@ class Control:
             offset[cartesian(self.machine)[2]] += length
         return Frame(tuple(offset), length, tcp, placed.frame_turn)
 
+    @property
+    def basic_rotation(self) -> tuple[float, float, float]:
+        """That of the preset in force, degrees about X, Y, Z."""
+        deleted = self.preset in self.without_rotation
+        return (0.0, 0.0, 0.0) if deleted else self.state.setup.turned.get(self.preset, (0.0, 0.0, 0.0))
+
+    def delete_basic_rotation(self, block: Block) -> None:
+        """M143: the basic rotation of the preset in force ends, its shift stays."""
+        if self.tilt is not None:
+            raise block.refuse("M143 deletes the basic rotation in a tilted plane")
+        if any(self.basic_rotation):
+            self.notes.add(f"M143: the basic rotation of preset {self.preset} ends", block.line)
+        self.without_rotation.add(self.preset)
+        if self.frame() != self.recorder.frame:
+            self.change_frame(cartesian(self.machine))
+
+    def set_preset(self, block: Block, preset: str) -> None:
+        """Cycle 247: another preset, which ends datum shift, mirror, rotation and scaling."""
+        if self.tilt is not None:
+            raise block.refuse("another preset while the working plane is tilted")
+        if preset in self.without_rotation and any(self.state.setup.turned.get(preset, ())):
+            raise block.refuse(f"preset {preset} behind an M143: whether its rotation is back depends on the control")
+        if preset not in self.state.setup.turned:
+            self.notes.add("presets taken without rotation", block.line)
+        if self.places.active:
+            self.notes.add("cycle 247 ends datum shift, mirror, rotation and scaling", block.line)
+        self.preset, self.places = preset, Places()
+        self.change_frame(range(len(self.machine.axes)))
+
     def placed(self, tilt: Placement | None) -> Placement:
         """Preset rotation, datum shift and the like, and a tilted plane within them."""
-        about_x, about_y, about_z = self.state.setup.turned.get(self.preset, (0.0, 0.0, 0.0))
+        about_x, about_y, about_z = self.basic_rotation
         preset = rotated(about_z).then(rotated(about_y, "ZXY")).then(rotated(about_x, "YZX"))
         return preset.then(self.places.placement).then(tilt or Placement())
 

@@ -157,16 +157,10 @@ class Cycles:
     # ---- frames
 
     def _set_preset(self, block: Block) -> None:
-        control = self.control
         values = [value_of(block, word) for word in block.words if word.address == "Q339"]
         if len(values) != 1 or values[0] != int(values[0]):
             raise block.refuse("cycle 247 without a preset number Q339")
-        if control.tilt is not None:
-            raise block.refuse("another preset while the working plane is tilted")
-        control.preset = f"{values[0]:.0f}"
-        if control.preset not in control.state.setup.turned:
-            control.notes.add("presets taken without rotation", block.line)
-        control.change_frame(range(len(control.machine.axes)))
+        self.control.set_preset(block, f"{values[0]:.0f}")
 
     def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
         if number in PLACING and part is not None and not re.search(r"[\d#]", name):

@@ -9,7 +9,8 @@ from postproc.frames import Placement, mirrored, rotated, scaled, shifted
 from postproc.iso_codes import AXES
 from postproc.program import Block
 
-SHIFT = 7
+SHIFT, ROTATION = 7, 10
+_ORDER = "cycle {} beside another that changes the coordinates: their order is not followed"
 
 
 @dataclass
@@ -18,6 +19,10 @@ class Places:
 
     active: dict[int, Placement] = field(default_factory=dict)
     """By the number of its cycle."""
+    angle: float = 0.0
+    """Of cycle 10, degrees."""
+    unfinished: bool = False
+    """A datum shift has been taken back under another cycle, but not along all axes."""
 
     @property
     def placement(self) -> Placement:
@@ -33,23 +38,38 @@ class Places:
         Refusal for what it does to other axes, and for an order of cycles that is not followed.
         """
         before = self.active.get(number, Placement())
-        made = _shift(block, before, words, unit) if number == SHIFT else _MAKERS[number](block, words)
+        made = _shift(block, before, words, unit) if number == SHIFT else self._made(block, number, words)
         if made == before:
             return False
         self.active = {n: p for n, p in {**self.active, number: made}.items() if p != Placement()}
         others = self.active.keys() - {SHIFT}
-        if len(others) > 1 or (number == SHIFT and others):
-            raise block.refuse(
-                f"cycle {number} beside another that changes the coordinates: their order is not followed"
-            )
+        if len(others) > 1 or (number == SHIFT and others and any(words.values())):
+            raise block.refuse(_ORDER.format(number))
+        self.unfinished = number == SHIFT and bool(others) and SHIFT in self.active
         return True
+
+    def _made(self, block: Block, number: int, words: Mapping[str, float]) -> Placement:
+        if number != ROTATION:
+            return _MAKERS[number](block, words)
+        if words.keys() not in ({"ROT"}, {"IROT"}):
+            raise block.refuse("cycle 10 without an angle")
+        self.angle = words["ROT"] if "ROT" in words else self.angle + words["IROT"]
+        return rotated(self.angle)
+
+    def check(self, block: Block) -> None:
+        """Refusal for a move where a datum shift is taken back in part within a rotation."""
+        if self.unfinished:
+            raise block.refuse(_ORDER.format(SHIFT))
 
 
 def _shift(block: Block, before: Placement, words: Mapping[str, float], unit: float) -> Placement:
-    others = {name: value for name, value in words.items() if name not in "XYZ"}
+    others = {name: value for name, value in words.items() if name.removeprefix("I") not in tuple("XYZ")}
     if any(value or name.removeprefix("I") not in AXES for name, value in others.items()):
         raise block.refuse(f"cycle 7 shifts the datum by {' '.join(others)}")
-    x, y, z = (words[name] * unit if name in words else old for name, old in zip("XYZ", before.shift, strict=True))
+    x, y, z = (
+        (words[name] * unit if name in words else old) + words.get(f"I{name}", 0.0) * unit
+        for name, old in zip("XYZ", before.shift, strict=True)
+    )
     return shifted(x, y, z)
 
 
@@ -59,16 +79,10 @@ def _mirror(block: Block, words: Mapping[str, float]) -> Placement:
     return mirrored("".join(words))
 
 
-def _rotation(block: Block, words: Mapping[str, float]) -> Placement:
-    if words.keys() != {"ROT"}:
-        raise block.refuse("cycle 10 turns the coordinates by an increment, or by nothing")
-    return rotated(words["ROT"])
-
-
 def _scale(block: Block, words: Mapping[str, float]) -> Placement:
     if words.keys() != {"SCL"} or words["SCL"] <= 0.0:
         raise block.refuse("cycle 11 without a scale")
     return scaled(words["SCL"])
 
 
-_MAKERS: dict[int, Callable[[Block, Mapping[str, float]], Placement]] = {8: _mirror, 10: _rotation, 11: _scale}
+_MAKERS: dict[int, Callable[[Block, Mapping[str, float]], Placement]] = {8: _mirror, 11: _scale}

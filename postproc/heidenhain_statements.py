@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 from lark import Token
 
-from postproc.expressions import Constant, Expression, Formula, Operation, Variable
+from postproc.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
 from postproc.heidenhain_variables import Forget
 from postproc.program import Block, Word
 from postproc.statements import Assign, Call, Jump, Label, Rerun, Return, Step, When
@@ -63,8 +64,20 @@ def _climb(parts: list[Any], level: int) -> Expression:
     return result
 
 
+def _chain(parts: list[Any]) -> Expression:
+    """Operands with operators between them; Ambiguous where the order depends on the control."""
+    powers = [i for i, part in enumerate(parts) if part == "^"]
+    unclear = any(b - a == 2 for a, b in pairwise(powers))
+    if unclear or any(getattr(parts[i - 1], "data", "") in ("signed", "function") for i in powers):
+        raise Ambiguous(
+            "a power of a power, of a function or of a number with a sign: which comes first depends on the control; "
+            "brackets are missing"
+        )
+    return _climb([p if i % 2 else _formula(p) for i, p in enumerate(parts)], 1)
+
+
 _FORMULAS: dict[str, Callable[[list[Any]], Expression]] = {
-    "formula": lambda parts: _climb([p if i % 2 else _formula(p) for i, p in enumerate(parts)], 1),
+    "formula": _chain,
     "group": lambda parts: _formula(parts[0]),
     "signed": lambda parts: Operation("neg" if parts[0] == "-" else "pos", (_formula(parts[1]),)),
     "function": lambda parts: Operation(str(parts[0]).upper(), (_formula(parts[1]),)),

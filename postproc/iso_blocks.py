@@ -14,8 +14,9 @@ from lark.exceptions import UnexpectedCharacters, UnexpectedInput
 
 from grammars import block_parser
 from postproc.block_values import check_order
+from postproc.expressions import Ambiguous
 from postproc.iso_calls import CALLS, with_calls
-from postproc.iso_statements import Ambiguous, computed_word, returned, statement
+from postproc.iso_statements import computed_word, returned, statement
 from postproc.program import Block, Refusal, Word
 from postproc.statements import Code, Step
 

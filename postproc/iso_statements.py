@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 from lark import Token, Tree
 
-from postproc.expressions import Constant, Expression, Formula, Operation, Variable
+from postproc.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
 from postproc.iso_calls import CALLS
 from postproc.iso_variables import EXISTS, RETURNED, VALUE
 from postproc.program import Block, Word
@@ -33,10 +34,6 @@ FLOW = re.compile(
     re.IGNORECASE,
 )
 """What a program may hold in which not always the next block runs."""
-
-
-class Ambiguous(Exception):
-    """An expression that controls read in different ways; says why."""
 
 
 # ---- expressions
@@ -68,6 +65,9 @@ def _chain(children: list[Node], name: Callable[[Token], str]) -> Expression:
 def _product(children: list[Node]) -> Expression:
     """Powers first, then from left to right; the arc tangent takes the bracket behind its slash."""
     parts = list(children)
+    powers = [i for i, part in enumerate(parts) if part == "**"]
+    if any(b - a == 2 for a, b in pairwise(powers)) or any(_is_signed(parts[i - 1]) for i in powers):
+        raise Ambiguous("a power of a power, or of a number with a sign: which comes first depends on the control")
     while "**" in parts:
         i = [str(part) for part in parts].index("**")
         parts[i - 1 : i + 2] = [Tree("power", [parts[i - 1], parts[i + 1]])]
@@ -82,6 +82,10 @@ def _product(children: list[Node]) -> Expression:
         else:
             result = Operation(operator, (result, _factor(operand)))
     return result
+
+
+def _is_signed(node: Node) -> bool:
+    return isinstance(node, Tree) and node.data == "signed"
 
 
 def _factor(node: Node) -> Expression:

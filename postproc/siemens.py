@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 from kinematics.machine import Machine
 from postproc.contours import follow_contour
 from postproc.control_state import ControlState
+from postproc.expressions import Constant, NotKnown, whole
 from postproc.frames import Frame, cartesian
 from postproc.iso_codes import HARMLESS_M, TOOL_CHANGE
 from postproc.motions import Motions
 from postproc.moves import Arc, AxisWord, Kind, Known
 from postproc.notes import Notes
-from postproc.program import Block
+from postproc.program import Block, Word
 from postproc.recorder import Recorder
 from postproc.setup import Setup
 from postproc.siemens_arcs import ARC_WORDS, Said, Turn, arc_of, with_angle
@@ -26,8 +27,10 @@ from postproc.siemens_codes import (
     DWELL,
     END_OF_SUBPROGRAM,
     FEED_MODES,
+    FRAME_ENDS,
     HARMLESS_G,
     INVERSE_TIME,
+    LIMITS,
     MACHINE,
     MOTION,
     PLANES,
@@ -46,6 +49,11 @@ from postproc.siemens_polar import POLAR, Polar
 from postproc.siemens_swivel import read_swivel, rotary_positions
 from postproc.siemens_variables import EMPTY, SiemensVariables
 from postproc.siemens_vectors import turn_to_vector
+
+OLDER_TOLERANCE_MODE = 100
+"""Second arguments of CYCLE832 from here on say more than a kind of machining, digit by digit."""
+STANDING = LIMITS | {DWELL}
+"""The tool stays where it is, whatever the words of the block."""
 
 
 @dataclass
@@ -126,7 +134,7 @@ class SiemensInterpreter:
             self._swivel(index, block, content)
         elif self.cycles.read(index, block, content, self.recorder, self.unit, self.plane[2]):
             self.polar.forget()
-        elif content.moves and claimed != DWELL:
+        elif content.moves and claimed not in STANDING:
             drills, points = self.cycles.modal is not None, not VECTOR_WORDS.isdisjoint(content.other)
             block = self._move(index, block, content, frame == self.recorder.frame and not drills)
             if corner or self.compensated or drills or points:
@@ -196,7 +204,7 @@ class SiemensInterpreter:
         """Take over the modal codes; the G code that claims the block's axis words for itself, or None."""
         claimed = None
         for code in content.g:
-            if code in MACHINE or code in REFERENCE or code in POLES or code == DWELL:
+            if code in STANDING or code in MACHINE or code in REFERENCE or code in POLES:
                 claimed = code
             elif code in WORK_OFFSETS:
                 self._set_work_offset(block, f"G{code:.0f}")
@@ -204,6 +212,12 @@ class SiemensInterpreter:
                 self._compensate(block)
             elif not self._take_mode(code) and code not in HARMLESS_G:
                 raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
+        if DWELL in content.g and content.axes:
+            raise block.refuse("G4 with a coordinate: a dwell takes F or S")
+        if self.places.swivelled is not None and not FRAME_ENDS.isdisjoint(content.names):
+            raise block.refuse(f"{', '.join(FRAME_ENDS & content.names.keys())} in a plane of CYCLE800")
+        if "CYCLE832" in content.names:
+            self._check_tolerance_cycle(block, block.words[content.names["CYCLE832"]])
         if "TRAORI" in content.names or "TRAFOOF" in content.names:
             self._switch_tcp(block, content)
         if "ORIWKS" in content.names or "ORIMKS" in content.names:
@@ -211,6 +225,16 @@ class SiemensInterpreter:
         if "RET" in content.names and block.words[content.names["RET"]].arguments is not None:
             raise block.refuse("RET with arguments: a return to somewhere else")
         return claimed
+
+    def _check_tolerance_cycle(self, block: Block, word: Word) -> None:
+        """CYCLE832 in the older form, whose second digit switches the five-axis transformation."""
+        given = word.arguments or ()
+        try:
+            mode = whole(given[1], self.scope) if len(given) > 1 and given[1] != EMPTY else 0
+        except NotKnown as reason:
+            raise block.refuse(f"second argument of CYCLE832: {reason}") from None
+        if mode >= OLDER_TOLERANCE_MODE and mode // 10 % 10 != int(self.tcp):
+            raise block.refuse(f"CYCLE832 with {mode}, whose second last digit switches TRAORI on or off")
 
     def _take_mode(self, code: float) -> bool:
         if code in MOTION:
@@ -248,8 +272,9 @@ class SiemensInterpreter:
     def _switch_tcp(self, block: Block, content: Content) -> None:
         on = "TRAORI" in content.names
         arguments = block.words[content.names["TRAORI" if on else "TRAFOOF"]].arguments
-        if any(argument != EMPTY for argument in arguments or ()):
-            raise block.refuse("TRAORI with a number: which transformation that is, is not known")
+        given = [argument for argument in arguments or () if argument != EMPTY]
+        if given and (not on or given != [Constant(1.0)]):
+            raise block.refuse("TRAORI of another transformation than the first, or with a direction, is not known")
         if on and self.places.swivelled is not None:
             raise block.refuse("TRAORI in a plane of CYCLE800")
         if on:

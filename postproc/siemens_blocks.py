@@ -16,9 +16,10 @@ from lark.exceptions import UnexpectedInput
 
 from grammars import block_parser
 from postproc.block_values import check_order
+from postproc.expressions import Ambiguous
 from postproc.program import Block, Refusal, Word
-from postproc.siemens_statements import Ambiguous, arguments, number_of, statement, structure, valued
-from postproc.statements import Code, Label, Return, Step
+from postproc.siemens_statements import arguments, number_of, statement, structure, valued
+from postproc.statements import Code, Label, Return, Step, When
 
 _WORD = r"[A-Za-z][ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)"
 _PLAIN = re.compile(rf"([ \t]*(?:[Nn]\d+)?(?:[ \t]*{_WORD})*)[ \t]*(?:;[^\r\n]*)?[\r\n]*")
@@ -102,9 +103,14 @@ def _checked(block: Block) -> Block:
         raise block.refuse("whether it runs depends on the block-skip switch")
     if block.code is not None and block.code.turns:
         others = [word for word in block.words if word.address != "N"]
-        if len(steps) > 1 or others:
+        if others or (len(steps) > 1 and not all(_is_jump(step) for step in steps)):
             raise block.refuse("a statement that turns the run of the program, and something beside it")
     return check_order(block)
+
+
+def _is_jump(step: Step) -> bool:
+    """True for IF ... GOTO without an ELSE, which may stand in a block several times."""
+    return isinstance(step, When) and step.otherwise is None
 
 
 def _number(token: Token) -> Word:

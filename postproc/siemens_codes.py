@@ -21,6 +21,8 @@ WORK_OFFSETS = frozenset((*map(float, range(54, 58)), *map(float, range(505, 600
 MACHINE = frozenset((53.0, 153.0))
 """The block's coordinates are those of the machine."""
 DWELL = 4.0
+LIMITS = frozenset((25.0, 26.0))
+"""The block's coordinates, or its S, are limits of the working area, or of the spindle."""
 REFERENCE = frozenset((74.0, 75.0))
 POLES = frozenset((110.0, 111.0, 112.0))
 """The block's coordinates are those of a pole, seen from the last position, the zero, or the last pole."""
@@ -30,14 +32,14 @@ HARMLESS_G = frozenset(
     map(
         float,
         (
-            *(9, 25, 26, 40, 60, 64, 290, 340, 341, 450, 451, 460, 461, 462, 601, 602, 603, 621),
+            *(9, 40, 60, 64, 290, 340, 341, 450, 451, 460, 461, 462, 601, 602, 603, 621),
             *range(641, 646), *range(810, 820), *range(820, 830),
         ),
     )
 )  # fmt: skip
 GROUPS = (
     frozenset(MOTION), frozenset(PLANES), frozenset(UNITS), DISTANCES, FEED_MODES, WORK_OFFSETS,
-    MACHINE | REFERENCE | POLES | {DWELL}, COMPENSATION | {COMPENSATION_END},
+    MACHINE | REFERENCE | POLES | LIMITS | {DWELL}, COMPENSATION | {COMPENSATION_END},
 )  # fmt: skip
 REFUSED_G = {
     **dict.fromkeys((33.0, 34.0, 35.0, 63.0, 331.0, 332.0), "threading is not corrected"),
@@ -56,6 +58,8 @@ HARMLESS_NAMES = _all(
     "OST OSOF OSS OSC OSSE OSD ORISON ORISOF PAROTOF TOROTOF TOFRAMEOF EXTERN FENDNORM SCPARA ADISPOSA"
 )
 """Modes of speed and smoothing, of the path through the rotary axes where these are programmed themselves, resets."""
+FRAME_ENDS = _all("PAROTOF TOROTOF TOFRAMEOF")
+"""They end rotations of the table and of the tool, which only CYCLE800 may have set here."""
 HARMLESS_CALLS = _all(
     "MSG SETAL CYCLE832 CYCLE62 GROUP_BEGIN GROUP_END WORKPIECE FGROUP STOPRE SPCON SPCOF WAITM FFWON DELAYFSTON "
     "SOFTA BRISKA DRIVEA SPOS WAITS WAITP"

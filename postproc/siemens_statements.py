@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any
 
 from lark import Token, Tree
 
-from postproc.expressions import Constant, Expression, Formula, Operation, Variable
+from postproc.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
 from postproc.program import Block, Word
 from postproc.siemens_variables import EITHER_WAY, EMPTY, Declare, Receive
 from postproc.statements import Assign, Begin, Else, End, Jump, Label, Rerun, Select, Step, When
@@ -40,10 +41,6 @@ ADDRESSES = frozenset(_ADDRESSES.split())
 """Of more than one letter, that take a value and are no variables."""
 
 
-class Ambiguous(Exception):
-    """An expression that does not say what its writer may have meant; says why."""
-
-
 # ---- formulas
 
 
@@ -69,11 +66,19 @@ def number_of(text: str) -> float:
 
 def _expression(parts: list[Any]) -> Expression:
     operators = {str(part).upper() for part in parts[1::2]}
+    if sum(str(part) in COMPARING for part in parts[1::2]) > 1 and LOGIC.isdisjoint(operators):
+        raise Ambiguous("a comparison of a comparison: brackets are missing")
+    if any(_is_not(operand) and str(operator) in COMPARING for operand, operator in pairwise(parts)):
+        raise Ambiguous("NOT and a comparison: brackets are missing, for NOT binds more than the comparison")
     said = [str(part).upper() if i % 2 else formula(part) for i, part in enumerate(parts)]
     result = _climb([*said], 0, LEVELS)
     if COMPARING.isdisjoint(operators) or LOGIC.isdisjoint(operators):
         return result
     return Operation(EITHER_WAY, (result, _climb([*said], 0, USUAL_LEVELS)))
+
+
+def _is_not(node: Node) -> bool:
+    return isinstance(node, Tree) and node.data == "signed" and str(node.children[0]).upper() == "NOT"
 
 
 def _climb(parts: list[Any], level: float, levels: Mapping[str, float]) -> Expression:

@@ -167,7 +167,7 @@ FIRST, SECOND = Variable("#", (ONE,)), Variable("#", (TWO,))
     [
         ("#1=3\n", Assign(FIRST, THREE)),
         ("#<A b>=[#2*3]\n", Assign(Variable("#<ab>"), Operation("*", (SECOND, THREE)))),
-        ("##1=-2**3\n", Assign(Variable("#", (FIRST,)), Operation("**", (Operation("neg", (TWO,)), THREE)))),
+        ("##1=[-2]**3\n", Assign(Variable("#", (FIRST,)), Operation("**", (Operation("neg", (TWO,)), THREE)))),
         ("#1=1-2-3\n", Assign(FIRST, Operation("-", (Operation("-", (ONE, TWO)), THREE)))),
         ("#1=1+2mod3\n", Assign(FIRST, Operation("+", (ONE, Operation("MOD", (TWO, THREE)))))),
         ("#1=ATAN[1]/[2]\n", Assign(FIRST, Operation("ATAN2", (ONE, TWO)))),

@@ -329,7 +329,7 @@ REFUSED = {
     "MCALL POINTS(1,2)": "POINTS is not known: a cycle, a subprogram",
     "L340": "L calls a subprogram",
     "PART_TWO": "PART_TWO is not known: a cycle, a subprogram",
-    "TRAORI(2)": "which transformation that is, is not known",
+    "TRAORI(2)": "another transformation than the first",
     "BSPLINE X5": "splines are not corrected",
     "CIP X5 Y5 I1=2 J1=3": "an arc whose circle the control works out",
     "G2 X5 Y1 I2 TURN=1.5": "TURN=1.5 is no number of turns",
