@@ -39,7 +39,7 @@ TOOLS = ToolTable(tools={str(n): 0.0 for n in range(1000)}, radii={str(n): 3.0 f
 def out_of_square(machine: Machine) -> ErrorModel:
     """Y to X, Z to X and Z to Y."""
     effects = tuple(LocationError(turn, axis, SQUARENESS_URAD) for turn, axis in ("CY", "BZ", "AZ"))
-    made = Provenance("benchmark", datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC))
+    made = Provenance("benchmark", datetime.datetime.now(datetime.UTC))
     return ErrorModel(machine=reference(machine), effects=effects, provenance=made)
 
 

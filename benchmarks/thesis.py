@@ -160,7 +160,7 @@ def virtual_machine(machine: Machine, rng: np.random.Generator) -> ErrorModel:
             powers[0] -= (basis.columns(positions[:1]) @ powers)[0]
             powers *= peak / np.abs(basis.columns(x) @ powers).max()
             effects.append(ErrorMotion(component, axis, basis, tuple(powers.tolist())))
-    made = Provenance("benchmarks.thesis", datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC))
+    made = Provenance("benchmarks.thesis", datetime.datetime.now(datetime.UTC))
     return ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
 
 

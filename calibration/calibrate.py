@@ -57,6 +57,7 @@ def calibrate(
     prior_scale: float | None = None,
     variance: Variance = "sheet",
     hold_out: bool = True,
+    valid_days: float | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
     """Error motions of every axis that moves, and `effects` besides, from measured points.
@@ -64,6 +65,7 @@ def calibrate(
     basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: sizes by
     which bases that are chosen are finer than the evidence asks for. prior_scale: size of the error
     motions as a multiple of the typical one; None leaves it to the evidence where the basis is chosen, else 1.
+    valid_days: days for which the calibration states that it holds; None states nothing.
     """
     choice = _choice(measurement, basis, effects, prior_scale, progress)
     if basis.startswith(AUTO):
@@ -77,7 +79,7 @@ def calibrate(
     held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
     rms = float(np.sqrt(np.mean(before**2)))
     largest = float(np.linalg.norm(before, axis=1).max())
-    return Calibration(found, _written(found), choice, seen, rms, largest, tuple(suspects(found)), held)
+    return Calibration(found, _written(found, valid_days), choice, seen, rms, largest, tuple(suspects(found)), held)
 
 
 def _choice(
@@ -112,12 +114,14 @@ def in_datum(found: Fit) -> ErrorModel:
     return transformed(moved, effects, matrix)
 
 
-def _written(found: Fit) -> ErrorModel:
+def _written(found: Fit, valid_days: float | None) -> ErrorModel:
     """The fitted model with its location errors and where it comes from."""
     provenance = Provenance(
         made_by=f"ncomp {version('ncomp')}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         source=f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}",
         inputs={found.measurement.source: found.measurement.fingerprint},
+        valid_days=msgspec.UNSET if valid_days is None else valid_days,
+        temperatures_degC=found.measurement.temperatures or msgspec.UNSET,
     )
     return msgspec.structs.replace(in_datum(found), provenance=provenance)

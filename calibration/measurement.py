@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.instruments import Instrument
 from kinematics.machine import Machine, Vector
-from kinematics.state import State
+from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
 
 Carrier = Literal["tool", "table", "bed"]
@@ -118,6 +118,13 @@ class Measurement:
             return np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
         station = self.state.station
         return np.full(len(self), "1") if station is None else station.astype(str)
+
+    @property
+    def temperatures(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest temperature of each sensor that is known throughout, degC."""
+        known = {sensor: kelvin for sensor, kelvin in self.state.temperatures.items() if np.isfinite(kelvin).all()}
+        ends = {sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE for sensor, kelvin in known.items()}
+        return {sensor: (float(low), float(high)) for sensor, (low, high) in ends.items()}
 
     @property
     def tool(self) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -17,13 +18,15 @@ from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.layout import to_json
 from kinematics.machine import Machine
-from kinematics.state import State, variable_unit
+from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array, blocks
 
 ROUNDING = 1e-9
 """Positions, mm or degrees, come back from rad with an error far below this."""
 LONGEST_BEND = np.deg2rad(40.0)
 """rad."""
+VALID_DAYS = 365.0
+"""Validity of a calibration that does not say its own, days."""
 
 
 class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -35,12 +38,19 @@ class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a calibration comes from: tool and version, time, sources and the fingerprints of its inputs."""
+    """Where a calibration comes from: tool and version, time, sources and the fingerprints of its inputs.
+
+    Fields that are UNSET stay out of the file and out of the id, so that older files keep theirs.
+    """
 
     made_by: str
     made_at: Annotated[datetime.datetime, msgspec.Meta(tz=True)]
     source: str = ""
     inputs: dict[str, str] = {}
+    valid_days: Annotated[float, msgspec.Meta(gt=0.0)] | msgspec.UnsetType = msgspec.UNSET
+    """Days from `made_at` for which the calibration holds; without it VALID_DAYS."""
+    temperatures_degC: dict[str, tuple[float, float]] | msgspec.UnsetType = msgspec.UNSET  # noqa: N815  its unit
+    """Lowest and highest temperature of each sensor while the machine was measured, degC."""
 
 
 class Observation(NamedTuple):
@@ -97,6 +107,30 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     def age_days(self, now: datetime.datetime) -> float:
         """Days since the calibration was made."""
         return (now - self.provenance.made_at).total_seconds() / 86400.0
+
+    @property
+    def valid_days(self) -> float:
+        """Days from `made_at` for which the calibration holds; infinite for a demonstration, which never did."""
+        stated = self.provenance.valid_days
+        if self.demonstration:
+            return math.inf
+        return VALID_DAYS if stated is msgspec.UNSET else float(stated)
+
+    @property
+    def temperatures(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest temperature, degC, for which the calibration was measured, by sensor; where it is known.
+
+        The range of the measurement, and of effects that are functions of a temperature their own.
+        """
+        stated = self.provenance.temperatures_degC
+        known = {} if stated is msgspec.UNSET else dict(stated)
+        for effect in self.effects:
+            for variable, (low, high) in effect.intervals.items():
+                if variable.startswith(TEMPERATURE):
+                    sensor = variable.removeprefix(TEMPERATURE)
+                    least, most = known.get(sensor, (-math.inf, math.inf))
+                    known[sensor] = max(least, low + REFERENCE), min(most, high + REFERENCE)
+        return known
 
     def part(self, keep: Callable[[Effect], bool]) -> ErrorModel:
         """The effects that `keep` is true of, with their part of the covariance; the model itself if that is all."""
@@ -167,15 +201,19 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
         Units are mm, deg, s and K; for time and temperatures the name holds the variable behind the effect.
         """
-        beyond: dict[tuple[str, str], float] = {}
+        largest = {what: float(excess.max(initial=0.0)) for what, excess in self.excesses(machine, state).items()}
+        return {what: excess for what, excess in largest.items() if excess > ROUNDING}
+
+    def excesses(self, machine: Machine, state: State) -> dict[tuple[str, str], Array]:
+        """How far each row `(n,)` lies outside the interval of each effect, 0 inside; names and units as `outside`."""
+        beyond: dict[tuple[str, str], Array] = {}
         for effect in self.effects:
             for variable, (low, high) in effect.intervals.items():
                 x = state.variable(machine, variable, effect.name)
-                excess = float(np.max(np.maximum(low - x, x - high), initial=0.0))
-                if excess > ROUNDING:
-                    name = effect.name if variable in machine.names else f"{effect.name} in {variable}"
-                    where = name, variable_unit(machine, variable)
-                    beyond[where] = max(excess, beyond.get(where, 0.0))
+                excess = np.maximum(np.maximum(low - x, x - high), 0.0)
+                name = effect.name if variable in machine.names else f"{effect.name} in {variable}"
+                where = name, variable_unit(machine, variable)
+                beyond[where] = np.maximum(excess, beyond.get(where, 0.0))
         return beyond
 
 
@@ -222,8 +260,9 @@ def _fill(columns: Iterable[Columns], transform: Array, places: int, design: Arr
 
 
 def no_errors(machine: Machine) -> ErrorModel:
-    """The machine without errors."""
-    made = Provenance("ncomp", datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC))
+    """The machine without errors, made today."""
+    today = datetime.datetime.now(datetime.UTC).replace(hour=0, minute=0, second=0, microsecond=0)
+    made = Provenance("ncomp", today)
     return ErrorModel(machine=reference(machine), provenance=made, effects=())
 
 
@@ -256,11 +295,20 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
         units = _take_units(content)
         model = msgspec.convert(content, ErrorModel)
     except msgspec.DecodeError as fault:
-        raise UserError(f"calibration {source}: {fault}") from None
+        raise UserError(f"calibration {source}: {fault}{_hint(str(fault), data)}") from None
     except UnicodeDecodeError:
         raise UserError(f"calibration {source}: not UTF-8 text") from None
     _check(model, units, source)
     return model
+
+
+def _hint(fault: str, data: bytes) -> str:
+    """What is expected, for the faults that are easily made by hand."""
+    if "made_at" in fault:
+        return "; expected e.g. 2026-01-31T12:00:00Z"
+    if "malformed" in fault and any(word in data for word in (b"NaN", b"Infinity")):
+        return "; NaN and Infinity are no numbers in JSON"
+    return ""
 
 
 def write_model(model: ErrorModel, path: Path) -> None:
@@ -324,6 +372,10 @@ def _check(model: ErrorModel, units: list[Any], source: str) -> None:
             raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u")
         if said is not None and said != _units(effect):
             raise UserError(f"calibration {source}: {effect.name} has units {said}, ncomp reads {_units(effect)}")
+    ranges = model.provenance.temperatures_degC
+    for sensor, (low, high) in {} if ranges is msgspec.UNSET else ranges.items():
+        if low > high:
+            raise UserError(f"calibration {source}: temperatures_degC: {sensor} from {low:g} to {high:g} degC")
     if model.covariance is None:
         return
     n = len(model.parameters)

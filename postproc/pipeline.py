@@ -29,15 +29,16 @@ from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Motions
 from postproc.moves import Kind, Known
 from postproc.notes import Notes
+from postproc.plausibility import CorrectionLimit, Outside, Plausibility
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic, Straying
 from postproc.setup import Setup
-from postproc.significance import uncertainties_um
+from postproc.significance import Significance, uncertainties_um
 from postproc.source import ENCODING, Source
 from postproc.splitting import Splitter
 from postproc.take_up import TakeUps
 from postproc.trace import Trace
-from postproc.travel import check_size, note_outside, refuse_outside
+from postproc.travel import note_outside, refuse_outside
 from postproc.writer import Writer, Written
 
 UNCERTAINTY_ROWS = 500
@@ -63,6 +64,10 @@ class Job:
     """Feed moves that would stray farther than this between their ends are split; half of it is no reversal."""
     conditions: Conditions = COLD
     """While the program runs."""
+    max_correction_um: float | None = None
+    """Largest correction of a linear axis; None for that of `CorrectionLimit`."""
+    accepted: frozenset[str] = frozenset()
+    """Names of `plausibility.REASONS`."""
 
 
 class Pipeline:
@@ -91,8 +96,12 @@ class Pipeline:
         self.trace = Trace(job.machine, self.model) if traced else None
         """For figures; None where nobody asked for them."""
         self.report.notes = standing_notes(job.model, job.conditions)
+        self.plausibility = Plausibility(job.accepted)
+        self.limit = CorrectionLimit(
+            job.machine, self.model, job.conditions, job.max_correction_um, turns=self.orientation
+        )
+        self._outside = Outside()
         self._marked = False
-        self._beyond: dict[tuple[str, str], float] = {}
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
         """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
@@ -100,6 +109,8 @@ class Pipeline:
         UserError, located in the program, for what can't be used; `out` is then to be thrown away.
         """
         job, report = self.job, self.report
+        if self.model.effects:
+            self.plausibility.check_calibration(job.model, job.conditions, datetime.datetime.now(datetime.UTC))
         out.write(job.source.mark.encode(ENCODING))
         rehearsal = job.dialect.interpreter(job.machine, job.setup, Notes()) if self.model.effects else None
         program = execution(job.source, job.dialect, self.interpreter, rehearsal)
@@ -110,17 +121,25 @@ class Pipeline:
                 raise refusal.located(job.source.name) from None
             progress(part.size)
         self._put(out, *program.rest())
+        self._check_whole()
         state = self.interpreter.control_state
         report.work_offsets, report.tools = state.used_offsets, state.used_tools
         report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
         return report
+
+    def _check_whole(self) -> None:
+        """What is known of plausibility only when all moves are: UserError for what is not accepted."""
+        self.plausibility.check_outside(self._outside)
+        if not self.job.model.demonstration:  # its uncertainty is that of no machine
+            self.plausibility.check_significance(self.report.significance)
+        self.report.accepted = self.plausibility.met
 
     def _summary(self) -> list[str]:
         """Notes that belong to no line."""
         unused = self.interpreter.control_state.unused()
         beyond = [
             f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
-            for (name, unit), excess in sorted(self._beyond.items())
+            for (name, unit), excess in sorted(self._outside.largest.items())
         ]
         return unused + beyond + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
@@ -150,7 +169,7 @@ class Pipeline:
         motions, approach = self.take_ups.prepare(motions)
         orientation = self.model if self.orientation else None
         correction = correct(motions, self.corrected_part, orientation, job.conditions, approach)
-        check_size(motions, correction.nominal, correction.corrected)
+        report.max_correction_um = self.limit.check(motions, correction.nominal, correction.corrected)
         if job.travel_check:
             refuse_outside(motions, correction.corrected, "after correction")
         else:
@@ -219,8 +238,8 @@ class Pipeline:
         whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some], datum)
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along)
-        for where, excess in self.model.outside(machine, states_before(nominal)).items():
-            self._beyond[where] = max(excess, self._beyond.get(where, 0.0))
+        lines = np.array([motions.blocks[block].line for block in motions.block[judged]])
+        self._outside.add(self.model.excesses(machine, states_before(nominal)), lines)
         return np.stack([before.point_um, after.point_um], axis=1)
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
@@ -279,4 +298,6 @@ def _new_report(job: Job) -> Report:
         "demonstration": model.demonstration,
     }
     program = {"name": job.source.name, "sha256": job.source.hash, "dialect": job.dialect.name}
-    return Report(program, {"name": machine.name, "chain": machine.chain}, calibration, conditions=job.conditions)
+    named = {"name": machine.name, "chain": machine.chain}
+    significance = Significance(job.tolerance_um)
+    return Report(program, named, calibration, conditions=job.conditions, significance=significance)

@@ -93,6 +93,10 @@ class Report:
     between_ends: Statistic = field(default_factory=Statistic)
     uncertainty: Statistic = field(default_factory=Statistic)
     significance: Significance = field(default_factory=Significance)
+    max_correction_um: float | None = None
+    """Largest correction that is not refused; None where nothing is corrected."""
+    accepted: dict[str, str] = field(default_factory=dict)
+    """What is not plausible and was accepted: its figure, by the name of `--accept`."""
     not_judged: int = 0
     """Moves to machine coordinates, or before the program has said where all linear axes are."""
     work_offsets: dict[str, str] = field(default_factory=dict)
@@ -116,6 +120,7 @@ class Report:
             ("conditions", self.conditions.text()),
             ("moves", f"{self.moves} read, {self.corrected} corrected in {self.changed_blocks} blocks{added}"),
         ]
+        facts += [("accepted", f"{name}: {found}") for name, found in self.accepted.items()]
         return [(what, text) for what, text in facts if text or what != "conditions"]
 
     def corrections(self) -> list[tuple[str, Statistic]]:
@@ -152,6 +157,8 @@ class Report:
             "not_split": [straying.json(reason) for reason, straying in self.straying.items()],
             "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
             "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
+            "max_correction_um": None if self.max_correction_um is None else round(self.max_correction_um, 4),
+            "accepted": self.accepted,
             "predicted_error_um": {
                 "before": self.before.json(),
                 "after": self.after.json(),

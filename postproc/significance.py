@@ -22,10 +22,16 @@ COVERAGE = 2.0
 class Significance:
     """Gathers the improvement at block ends, um, and the part of it that is significant."""
 
+    tolerance_um: float = 0.0
+    """A move with a smaller error before is not worth correcting."""
     improvement: float = 0.0
     significant: float = 0.0
     uncertain: bool = False
     """True once any uncertainty was met: a calibration without any says nothing of significance."""
+    worthwhile: int = 0
+    """Moves with an error before above the tolerance, as many as were looked at."""
+    unsure: int = 0
+    """Of these, those whose improvement is not significant."""
 
     def add(self, before: Array, after: Array, u: Array) -> None:
         """Predicted errors before and after `(n,)`, and standard uncertainties of the former, um."""
@@ -33,6 +39,9 @@ class Significance:
         self.improvement += float(gained.sum())
         self.significant += float(gained[gained > COVERAGE * u].sum())
         self.uncertain |= bool(np.any(u > 0.0))
+        worthwhile = before > self.tolerance_um
+        self.worthwhile += int(worthwhile.sum())
+        self.unsure += int((worthwhile & (u > 0.0) & (gained <= COVERAGE * u)).sum())
 
     @property
     def share(self) -> float | None:
@@ -40,6 +49,14 @@ class Significance:
         if not self.uncertain or self.improvement <= 0.0:
             return None
         return min(max(self.significant / self.improvement, 0.0), 1.0)
+
+    def text(self) -> str:
+        """How many moves are not significant, in words."""
+        return (
+            f"for {self.unsure} of {self.worthwhile} moves with a predicted error above {self.tolerance_um:g} um the "
+            f"predicted improvement is below {COVERAGE:g} times its standard uncertainty: "
+            "the calibration is not certain enough for this program"
+        )
 
 
 def uncertainties_um(

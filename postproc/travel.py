@@ -11,21 +11,6 @@ from postproc.moves import Known
 from postproc.notes import Notes
 
 TOLERANCE = 1e-9
-LARGEST_CORRECTION_MM = 5.0
-"""No machine that still cuts is off by more: a model that says so is damaged, or not this machine's."""
-
-
-def check_size(motions: Motions, nominal: Array, corrected: Array) -> None:
-    """Refusal at the first move whose correction `(n, axes)`, mm and rad, is too large to be one."""
-    size = np.abs(corrected - nominal)[:, motions.machine.translators]
-    beyond = ~(size <= LARGEST_CORRECTION_MM)
-    for row in np.flatnonzero(beyond.any(axis=1)):
-        i = int(np.argmax(size[row]))
-        name = motions.machine.names[motions.machine.translators[i]]
-        raise motions.blocks[motions.block[row]].refuse(
-            f"{name} would be corrected by {size[row, i]:.4g} mm, more than {LARGEST_CORRECTION_MM:g}: "
-            "this calibration can't be right"
-        )
 
 
 def refuse_outside(motions: Motions, positions: Array, when: str) -> None:

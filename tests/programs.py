@@ -13,7 +13,7 @@ import numpy as np
 
 import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
-from kinematics.effects import ErrorMotion, LocationError
+from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Provenance, no_errors, reference
 from postproc.dialects import find_dialect
@@ -93,9 +93,14 @@ def correct(
     return Corrected(out.getvalue().decode(ENCODING), report)
 
 
-def model_of(machine: Machine, *effects: ErrorMotion | LocationError) -> ErrorModel:
-    made = Provenance("test", datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC))
-    return ErrorModel(machine=reference(machine), effects=tuple(effects), provenance=made)
+def model_of(machine: Machine, *effects: Effect) -> ErrorModel:
+    return ErrorModel(machine=reference(machine), effects=tuple(effects), provenance=Provenance("test", made_at()))
+
+
+@functools.cache
+def made_at() -> datetime.datetime:
+    """When the calibrations of the tests were made: always valid, and the same all through a run."""
+    return datetime.datetime.now(datetime.UTC).replace(microsecond=0)
 
 
 def shifted(machine: Machine, **um: float) -> ErrorModel:

@@ -268,6 +268,7 @@ JSON_KEYS = {
         "standard_uncertainty_of_prediction",
         "significant_share_of_improvement",
     },
+    "accepted": set(),
     "work_offsets": {"G54"},
     "tools": set(),
 }
@@ -282,7 +283,7 @@ def test_json(ncomp):
         each["calibration"].pop("age_days")
     assert data == from_file
     data["calibration"]["age_days"] = 0
-    assert data.keys() == {*JSON_KEYS, "not_split", "notes"}
+    assert data.keys() == {*JSON_KEYS, "max_correction_um", "not_split", "notes"}
     for key, keys in JSON_KEYS.items():
         assert keys == data[key].keys()
     assert data["correction_um"]["X"] == {"max": 10.0, "rms": 10.0, "count": 3}

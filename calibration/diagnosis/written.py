@@ -28,9 +28,21 @@ def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorM
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
         source=f"diagnosis of {fit.observations} observations, chi2/dof {fit.chi2_reduced:.3g}{found}",
         inputs={**before, fit.measurement.source: fit.measurement.fingerprint},
+        valid_days=msgspec.UNSET if present is None else present.provenance.valid_days,
+        temperatures_degC=_temperatures(fit, present) or msgspec.UNSET,
     )
     machine = model.part(lambda effect: effect.ACTS_ON != "instrument")
     return msgspec.structs.replace(machine, provenance=provenance, demonstration=False)
+
+
+def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float, float]]:
+    """Ranges, degC, by sensor, of the measurement and of what the present calibration was measured for."""
+    ranges = dict(fit.measurement.temperatures)
+    stated = msgspec.UNSET if present is None else present.provenance.temperatures_degC
+    for sensor, (low, high) in {} if stated is msgspec.UNSET else stated.items():
+        least, most = ranges.get(sensor, (low, high))
+        ranges[sensor] = min(least, low), max(most, high)
+    return ranges
 
 
 def merged(model: ErrorModel) -> ErrorModel:

@@ -41,6 +41,8 @@ EPILOG = (
     "-o part_c.h`\n\n"
     "`ncomp part.nc --machine mill.toml --calibration cal.json --temperature spindle=31.5 --elapsed 3600 "
     "-o part_c.nc`\n\n"
+    "`ncomp part.nc --machine mill.toml --calibration cal.json --max-correction-um 80 --accept stale,outside "
+    "-o part_c.nc`  although the calibration is old and the part reaches beyond it\n\n"
     "`ncomp part.nc --machine dmu50 -o part_c.nc --report part.html`  with a page of figures to look at\n\n"
     "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte"
 )
@@ -53,6 +55,25 @@ ClassNames = Annotated[
 Tolerance = Annotated[
     float,
     typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would stray farther between their ends."),
+]
+MaxCorrection = Annotated[
+    float | None,
+    typer.Option(
+        "--max-correction-um",
+        metavar="N",
+        min=0.0,
+        max=5000.0,
+        help="Refuse larger corrections of linear axes; default: twice the calibration's largest error, at most 500.",
+    ),
+]
+Accept = Annotated[
+    str | None,
+    typer.Option(
+        "--accept",
+        metavar="NAME,...",
+        help="Go on although it is not plausible: stale, future, temperature, outside, insignificant, worse "
+        "(docs/safety.md).",
+    ),
 ]
 
 
@@ -73,6 +94,8 @@ def correct(
     temperature: Temperatures = None,
     elapsed: Elapsed = None,
     log: ConditionsLog = None,
+    max_correction_um: MaxCorrection = None,
+    accept: Accept = None,
     unroll: Annotated[
         bool, typer.Option("--unroll", help="Write loops and calls out: every block as often as it runs.")
     ] = False,
@@ -92,6 +115,7 @@ def correct(
     from postproc.dialects import find_dialect
     from postproc.notes import Notes
     from postproc.pipeline import Job, Pipeline
+    from postproc.plausibility import parse_accepted
     from postproc.source import open_source
     from postproc.terminal import progress_of, show_report
     from postproc.unroll import unrolled
@@ -100,6 +124,7 @@ def correct(
     check_apart({"--output": output, "--json": json, "--report": report})
     check_places((program, calibration, *(tool_table or ()), log), (json, report))
     check_places((calibration, *(tool_table or ()), log), (output,))  # a program may be replaced by its corrected self
+    accepted = parse_accepted(accept)
     found = machine_of(machine)
     model = model_of(calibration, found)
     chosen = _classes(classes, found)
@@ -109,7 +134,20 @@ def correct(
     if unroll:
         source = unrolled(source, language, lambda: language.interpreter(found, setup, Notes()))
     conditions = make_conditions(temperature or (), elapsed, log)
-    job = Job(source, language, found, model, setup, not no_travel_check, force, chosen, tolerance_um, conditions)
+    job = Job(
+        source,
+        language,
+        found,
+        model,
+        setup,
+        not no_travel_check,
+        force,
+        chosen,
+        tolerance_um,
+        conditions,
+        max_correction_um,
+        accepted,
+    )
     pipeline = Pipeline(job, traced=report is not None)
     with (
         progress_of(source.size, "correcting") as progress,

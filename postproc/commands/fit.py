@@ -77,9 +77,14 @@ EPILOG = (
     "`ncomp fit tracker.csv --machine cframe --effect backlash:axis=X,width=0 -o cal.json`\n\n"
     "`ncomp fit points.csv --machine cframe --path path.nc --reversal constant -o cal.json`  taken on the fly\n\n"
     "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
+    "`ncomp fit tracker.csv --machine gantry --valid-days 90 -o gantry.json`  refused by `ncomp` when it is older\n\n"
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
 )
 
+ValidDays = Annotated[
+    float | None,
+    typer.Option("--valid-days", metavar="N", min=1.0, max=36500.0, help="Validity of the calibration; default: 365."),
+]
 HoldOut = Annotated[bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")]
 
 
@@ -96,6 +101,7 @@ def fit(
     columns: ColumnMapName = None,
     plan: PlanFile = None,
     hold_out: HoldOut = True,
+    valid_days: ValidDays = None,
     path: PathProgram = None,
     cell_mm: CellLength = None,
     corner_mm: CornerLength = 5.0,
@@ -145,6 +151,7 @@ def fit(
             variance="sheet" if noise == "sheet" else "estimate",
             prior_scale=prior_scale,
             hold_out=hold_out,
+            valid_days=valid_days,
             progress=status.update,
         )
     command = f"ncomp fit {data} --machine {machine} --basis {basis} --noise {noise}"

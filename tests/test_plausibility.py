@@ -1,0 +1,169 @@
+"""What is not plausible ends with one message and no file; by name it is accepted, and that is said everywhere."""
+
+import datetime
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+from programs import load, model_of
+
+from kinematics.basis import Legendre
+from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError
+from kinematics.model import ErrorModel, write_model
+
+NOW = datetime.datetime.now(datetime.UTC)
+PROGRAM = "G21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nY300.0\nM30\n"
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "-o", "out.nc")
+
+
+def of_x(um: float = 10.0, u: float = 0.1) -> ErrorModel:
+    return model_of(load("gantry"), LocationError("X", "X", um, u=(u,)))
+
+
+def made(model: ErrorModel, days_ago: float, **fields: object) -> ErrorModel:
+    provenance = msgspec.structs.replace(model.provenance, made_at=NOW - datetime.timedelta(days=days_ago), **fields)
+    return msgspec.structs.replace(model, provenance=provenance)
+
+
+@pytest.fixture
+def ncomp(command):
+    """Corrects PROGRAM, or another, with a calibration; nothing but inputs is left behind a refusal."""
+
+    def run(model: ErrorModel, *options: object, program: str = PROGRAM):
+        Path("in.nc").write_text(program)
+        write_model(model, Path("cal.json"))
+        Path("out.nc").unlink(missing_ok=True)
+        done = command("in.nc", *GANTRY, *options)
+        if done.status:
+            assert done.status == 2, done.err
+            assert sorted(path.name for path in Path().iterdir()) == ["cal.json", "in.nc"]
+            assert "Traceback" not in done.err
+            piped = command("in.nc", *GANTRY[:-2], *options)
+            assert (piped.status, piped.out) == (2, b"")
+        return done
+
+    return run
+
+
+OUTSIDE = model_of(load("gantry"), ErrorMotion("X", "X", Legendre((0.0, 150.0), 1), (10.0, 2.0), u=(0.1, 0.1)))
+WARM = model_of(load("gantry"), DriftWithSensor(component="X", sensor="spindle", coefficient=2.0, u=(0.01,)))
+RANGE = {"temperatures_degC": {"spindle": (18.0, 28.0)}}
+IMPLAUSIBLE = {
+    "stale": (made(of_x(), 400.0), (), ("400 days old", "valid for 365 days")),
+    "stale by its own": (made(of_x(), 40.0, valid_days=30.0), (), ("40 days old", "valid for 30 days")),
+    "future": (made(of_x(), -2.0), (), ("2 days ahead", "clock")),
+    "temperature": (
+        made(WARM, 1.0, **RANGE),
+        ("--temperature", "spindle=31.5"),
+        ("temperature spindle is 31.5 degC", "from 18 to 28 degC"),
+    ),
+    "outside": (OUTSIDE, (), ("2 of 3 evaluated moves (66.7%)", "lines 3-4")),
+    "insignificant": (of_x(10.0, 6.0), (), ("3 of 3 moves", "2 times its standard uncertainty")),
+}
+
+
+@pytest.mark.parametrize("case", IMPLAUSIBLE)
+def test_refused_with_the_figure_unless_accepted(ncomp, case):
+    model, options, words = IMPLAUSIBLE[case]
+    name = case.split()[0]
+    refused = ncomp(model, *options)
+    assert refused.status == 2
+    for word in (*words, f"--accept {name}"):
+        assert word in refused.err
+    others = ",".join(sorted({"stale", "future", "temperature", "outside", "insignificant", "worse"} - {name}))
+    assert ncomp(model, *options, "--accept", others).status == 2
+    accepted = ncomp(model, *options, "--accept", f"worse, {name}", "--json", "-", "--report", "page.html")
+    assert accepted.status == 0, accepted.err
+    assert list(json.loads(accepted.out)["accepted"]) == [name]
+    for text in (accepted.err, Path("page.html").read_text(), json.loads(accepted.out)["accepted"][name]):
+        assert words[0] in text
+
+
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [
+        (made(of_x(), 364.0), ()),
+        (made(of_x(), 400.0, valid_days=500.0), ()),
+        (made(of_x(), -0.003), ()),
+        (made(WARM, 1.0, **RANGE), ("--temperature", "spindle=28")),
+        (made(WARM, 1.0), ("--temperature", "spindle=60")),
+        (msgspec.structs.replace(made(of_x(10.0, 6.0), 4000.0), demonstration=True), ()),
+        (msgspec.structs.replace(made(of_x(), -4000.0), demonstration=True), ()),
+        (of_x(0.9, 6.0), ()),
+        (of_x(10.0, 0.0), ()),
+        (of_x(0.0, 6.0), ()),
+    ],
+    ids=[
+        "nearly stale", "valid longer", "clocks differ", "at the end of the range", "no range stated",
+        "old demonstration", "future demonstration", "nothing above the tolerance", "no uncertainty", "no error",
+    ],
+)  # fmt: skip
+def test_plausible(ncomp, model, options):
+    done = ncomp(model, *options)
+    assert done.status == 0, done.err
+    assert "accepted" not in done.err
+
+
+def test_one_per_cent_of_the_moves_may_end_outside(ncomp):
+    inside = "".join(f"X{100 + i % 7}.0\n" for i in range(198))
+    program = f"G21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 F500 X101.0\n{inside}{{}}M30\n"
+    assert ncomp(OUTSIDE, program=program.format("X151.0\nX150.0\nX151.0\n")).status == 0
+    refused = ncomp(OUTSIDE, program=program.format("X151.0\nX150.0\nX151.0\nX152.0\n"))
+    assert refused.status == 2
+    assert "3 of 204 evaluated moves (1.5%)" in refused.err
+
+
+def test_an_unknown_name_is_refused_with_the_list(command):
+    Path("in.nc").write_text(PROGRAM)
+    done = command("in.nc", "-m", "dmu50", "--accept", "stale,everything", "-o", "out.nc")
+    assert done.status == 2
+    assert "no name 'everything'" in done.err
+    assert "stale, future, temperature, outside, insignificant, worse" in done.err
+    assert not Path("out.nc").exists()
+
+
+# ---- the size of a correction
+
+
+def test_the_user_limits_corrections(ncomp):
+    refused = ncomp(of_x(10.0), "--max-correction-um", 5)
+    assert refused.status == 2
+    assert (
+        "in.nc:2: 'G0 X100.0 Y100.0 Z100.0': X would be corrected by 10 um, more than 5 um (--max-correction-um)"
+        in (refused.err)
+    )
+    assert ncomp(of_x(10.0), "--max-correction-um", 10).status == 0
+
+
+def test_no_calibration_allows_more_than_500_um_by_itself(ncomp):
+    refused = ncomp(of_x(600.0))
+    assert refused.status == 2
+    assert "600 um, more than 500 um" in refused.err
+    assert ncomp(of_x(600.0), "--max-correction-um", 600).status == 0
+    assert ncomp(of_x(600.0), "--max-correction-um", 6000).status == 2
+    assert ncomp(of_x(600.0), "--max-correction-um", "nan").status == 2
+
+
+def test_by_default_twice_the_largest_error_over_the_travel(ncomp):
+    """Beyond the travel a squareness error grows on."""
+    model = model_of(load("gantry"), LocationError("C", "Y", 10.0, u=(0.01,)))
+    far = "G21 G17 G90\nG0 X100.0 Y{}.0 Z100.0\nM30\n"
+    done = ncomp(model, "--no-travel-check", "--json", "-", program=far.format(5900))
+    assert done.status == 0, done.err
+    assert json.loads(done.out)["max_correction_um"] == pytest.approx(2 * 30.0, rel=0.01)
+    refused = ncomp(model, "--no-travel-check", program=far.format(6100))
+    assert refused.status == 2
+    assert "X would be corrected by 61 um, more than 60 um (twice the largest error" in refused.err
+
+
+def test_the_limit_knows_play_and_tools():
+    from postproc.compensate import COLD
+    from postproc.plausibility import largest_error_um
+
+    gantry = load("gantry")
+    play = model_of(gantry, Backlash(axis="X", width=15.0), Backlash(axis="Y", width=20.0))
+    assert largest_error_um(gantry, play, COLD, (0.0, 0.0, 0.0)) == pytest.approx(12.5)
+    tilted = model_of(load("dmu50"), ErrorMotion("A", "Z", Legendre((0.0, 400.0), 0), (100.0,)))
+    short, long = (largest_error_um(load("dmu50"), tilted, COLD, (0.0, 0.0, -tip)) for tip in (0.0, 200.0))
+    assert long - short == pytest.approx(20.0, rel=0.2)
