@@ -29,7 +29,7 @@ from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Motions
 from postproc.moves import Kind, Known
 from postproc.notes import Notes
-from postproc.plausibility import CorrectionLimit, Outside, Plausibility
+from postproc.plausibility import REASONS, CorrectionLimit, Outside, Plausibility
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic, Straying
 from postproc.setup import Setup
@@ -66,8 +66,8 @@ class Job:
     """While the program runs."""
     max_correction_um: float | None = None
     """Largest correction of a linear axis; None for that of `CorrectionLimit`."""
-    accepted: frozenset[str] = frozenset()
-    """Names of `plausibility.REASONS`."""
+    accepted: frozenset[str] = frozenset(REASONS)
+    """What is not refused although it is not plausible; the command line accepts nothing by itself."""
 
 
 class Pipeline:

@@ -50,7 +50,8 @@ def test_the_uncertainty_that_counts_is_the_one_along_the_deviation():
 def test_the_summary_says_it(command, tmp_path, u, share):
     (tmp_path / "in.nc").write_text(PROGRAM)
     write_model(shifted(u), tmp_path / "cal.json")
-    done = command("in.nc", "-m", "gantry", "-c", "cal.json", "-o", "out.nc", "--json", "-")
+    options = ("--accept", "insignificant") if share == 0.0 else ()
+    done = command("in.nc", "-m", "gantry", "-c", "cal.json", "-o", "out.nc", "--json", "-", *options)
     assert done.status == 0, done.err
     assert json.loads(done.out)["predicted_error_um"]["significant_share_of_improvement"] == share
     assert (f"{share:.0%}" in done.err) if share is not None else ("significant" not in done.err)
