@@ -26,6 +26,8 @@ class Findings:
     """What was found; lists of line numbers, a line as often as it runs."""
 
     dialect: str
+    evidence: str = ""
+    """Why it is read so; nothing where the user has said it."""
     blocks: int = 0
     corrected: list[int] = field(default_factory=list)
     """Moves whose end is put right."""
@@ -49,6 +51,7 @@ class Findings:
         """The machine-readable form."""
         return {
             "dialect": self.dialect,
+            "dialect_evidence": self.evidence,
             "blocks": self.blocks,
             "moves": len(self.corrected) + len(self.unsaid) + len(self.machine),
             "corrected_lines": ranges(self.corrected),
@@ -78,7 +81,7 @@ class Findings:
 def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> Findings:
     """Read a program as the main job would."""
     notes = Notes()
-    interpreter, findings = dialect.interpreter(machine, setup, notes), Findings(dialect.name)
+    interpreter, findings = dialect.interpreter(machine, setup, notes), Findings(dialect.name, dialect.evidence)
     if turns(source, dialect):
         _walk(source, dialect, interpreter, findings)
     else:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Protocol
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from postproc.control_state import ControlState
+from postproc.evidence import evidence
 from postproc.flow import Variables, never
 from postproc.motions import Motions
 from postproc.notes import Notes
@@ -72,15 +73,17 @@ class Dialect:
     """The blocks of a program that is held as a whole, with what only the whole tells of them."""
     begins: Callable[[Block], bool] = never
     """True for the first block of a program that jumps and labels of another don't reach."""
+    evidence: str = ""
+    """Why a program is read so, for messages; nothing where the user has said it."""
 
 
 def _iso() -> Dialect:
-    from postproc import iso, iso_blocks, iso_statements
+    from postproc import iso, iso_leader, iso_statements
 
     return Dialect(
         "iso",
-        iter,
-        iso_blocks.read_block,
+        iso_leader.join_lines,
+        iso_leader.read_line,
         iso_statements.FLOW,
         iso_statements.labels,
         iso.IsoInterpreter,
@@ -127,15 +130,6 @@ DIALECTS = {"iso": _iso, "siemens": _siemens, "heidenhain": _heidenhain}
 """A run loads the one it needs."""
 NAMES = ("auto", "iso", "siemens", "heidenhain")
 
-_HEIDENHAIN = re.compile(r"^\s*\d*\s*(BEGIN PGM|BLK FORM|TOOL CALL|CYCL DEF|L\s+[XYZABCM]|LN\s)", re.M | re.I)
-_SIEMENS = re.compile(
-    r"%_N_|;\$PATH|^\s*(N\d+\s*)?(R\d+\s*=|DEF\s|PROC\s|EXTERN\s|TRAORI|[A]?TRANS\b|[A]?ROT\b|MCALL|CYCLE\d+|MSG\s*\()"
-    r"|[XYZIJKABC]\w*\s*=\s*\S|\b(CR|AR|SPOS)\s*=|\b[A-Z_]\w+\s*=\s*\S|^\s*(IF|WHILE|FOR|GOTO[FB]?|LOOP|REPEAT|CASE)\b[^\[]*$",
-    re.M | re.I,
-)
-_HEIDENHAIN_SUFFIXES = (".h", ".hnc", ".klartext")
-_SIEMENS_SUFFIXES = (".mpf", ".spf")
-
 
 def find_dialect(name: str, file: str, head: str) -> Dialect:
     """The dialect by its name, or for `auto` by what the program says and, failing that, by the file's name.
@@ -144,22 +138,7 @@ def find_dialect(name: str, file: str, head: str) -> Dialect:
     """
     if name not in NAMES:
         raise UserError(f"--dialect {name}: expected one of {', '.join(NAMES)}")
-    if name == "auto":
-        name = _guess(PurePath(file).suffix.lower(), head)
-    return DIALECTS[name]()
-
-
-def _spoken(line: str) -> str:
-    """A line without its comment; a Siemens path is none."""
-    return line if "$PATH" in line else line.partition(";")[0]
-
-
-def _guess(suffix: str, head: str) -> str:
-    spoken = "\n".join(map(_spoken, re.split(r"[\r\n]+", head)))
-    if suffix in _SIEMENS_SUFFIXES:
-        return "siemens"
-    if _HEIDENHAIN.search(spoken):
-        return "heidenhain"
-    if "#" not in spoken and _SIEMENS.search(re.sub(r"\([^()]*\)", "", spoken)):
-        return "siemens"
-    return "heidenhain" if suffix in _HEIDENHAIN_SUFFIXES else "iso"
+    if name != "auto":
+        return DIALECTS[name]()
+    found = evidence(PurePath(file).suffix.lower(), head)
+    return replace(DIALECTS[found.dialect](), evidence=found.text)

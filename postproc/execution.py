@@ -87,7 +87,7 @@ class Straight:
                 motions = self.interpreter.read(straight(blocks, self.interpreter.scope))
                 yield Part(motions, range(len(blocks)), sum(len(text) for _, text in lines))
         except Refusal as refusal:
-            raise refusal.located(self.source.name) from None
+            raise refusal.located(self.source.name, self.dialect.evidence) from None
 
     def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
         """All of them."""
@@ -128,7 +128,7 @@ class Walk:
                 yield Part(motions, places, size, varied)
                 size = 0
         except Refusal as refusal:
-            raise refusal.located(self.source.name) from None
+            raise refusal.located(self.source.name, self.dialect.evidence) from None
 
     def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
         """None before the end; a block that runs more than once has to become the same every time."""

@@ -47,12 +47,14 @@ from postproc.iso_codes import (
 from postproc.iso_content import Content, check_content, sort_words
 from postproc.iso_cycles import CannedCycle, check_cycle_words
 from postproc.iso_frames import Frames
+from postproc.iso_leader import DETAIL as LEADER
 from postproc.iso_modal import calls_macro
 from postproc.iso_modes import Modes
 from postproc.iso_placing import extended_offset, place
 from postproc.iso_polar import PolarPlaces, place_of
 from postproc.iso_values import Values
 from postproc.iso_variables import IsoVariables, variables_of
+from postproc.line_length import refuse_long_line
 from postproc.motions import Motions
 from postproc.moves import AxisWord, Kind, Polar
 from postproc.notes import Notes
@@ -107,6 +109,8 @@ class IsoInterpreter:
         for index, block in enumerate(blocks):
             done.append(block)
             self._last = None
+            if not self.ended:
+                refuse_long_line(self.machine.control, block)
             if block.kind != "blank":
                 self._read_block(index, block)
                 if self.alone:
@@ -140,6 +144,8 @@ class IsoInterpreter:
     def _read_tape_mark(self, block: Block) -> None:
         if block.words or block.skippable:
             raise block.refuse("a tape mark that does not stand alone")
+        if block.detail == LEADER:
+            self.notes.add("what stands before the first tape mark is taken for the leader of a tape", block.line)
         self.torn = self.begun and not self.opened
         self.opened, self.ended = True, self.begun
 

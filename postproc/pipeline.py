@@ -25,6 +25,7 @@ from postproc.datum import datum_prediction
 from postproc.dialects import Dialect
 from postproc.execution import Part, execution
 from postproc.judge import Judge, in_a_program, standing_notes
+from postproc.line_length import refuse_lengthened
 from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Motions
 from postproc.moves import Kind, Known
@@ -114,13 +115,13 @@ class Pipeline:
         out.write(job.source.mark.encode(ENCODING))
         rehearsal = job.dialect.interpreter(job.machine, job.setup, Notes()) if self.model.effects else None
         program = execution(job.source, job.dialect, self.interpreter, rehearsal)
-        for part in program.parts():
-            try:
+        try:
+            for part in program.parts():
                 self._put(out, *program.finished(part, self._correct(part)))
-            except Refusal as refusal:
-                raise refusal.located(job.source.name) from None
-            progress(part.size)
-        self._put(out, *program.rest())
+                progress(part.size)
+            self._put(out, *program.rest())
+        except Refusal as refusal:
+            raise refusal.located(job.source.name, job.dialect.evidence) from None
         self._check_whole()
         state = self.interpreter.control_state
         report.work_offsets, report.tools = state.used_offsets, state.used_tools
@@ -148,6 +149,8 @@ class Pipeline:
         job, report = self.job, self.report
         report.blocks += len(blocks)
         report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
+        if job.dialect.name == "iso":
+            refuse_lengthened(job.machine.control, blocks, texts)
         place = mark_place(job.dialect, blocks) if self.model.effects and not self._marked else None
         if place is not None:
             texts = [*texts[:place], mark_line(job.dialect, job.machine, job.model, job.source), *texts[place:]]

@@ -19,10 +19,11 @@ class Refusal(UserError):
         self.text = text.strip()
         self.reason = reason
 
-    def located(self, file: str) -> UserError:
-        """The message a user sees."""
+    def located(self, file: str, read_as: str = "") -> UserError:
+        """The message a user sees; `read_as`: the dialect, and why."""
         shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
-        return UserError(f"{file}:{self.line}: {shown!r}: {self.reason}")
+        behind = f" ({read_as})" if read_as else ""
+        return UserError(f"{file}:{self.line}: {shown!r}: {self.reason}{behind}")
 
 
 class Word(NamedTuple):

@@ -56,7 +56,7 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
         try:
             rows = _path_rows(motions, begun=bool(positions))
         except Refusal as refusal:
-            raise refusal.located(source.name) from None
+            raise refusal.located(source.name, dialect.evidence) from None
         if not len(rows):
             continue
         motions = motions.take(rows)

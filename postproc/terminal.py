@@ -66,6 +66,8 @@ def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> 
             to.print(f"{what:<12} {len(lines)}: lines {ranges(lines)}")
     for note in findings.notes:
         to.print(f"note         {note}")
+    if findings.refused and findings.evidence:
+        to.print(f"note         {findings.evidence}")
     for line, text, reason in findings.refused:
         to.print(f"refused      line {line}: {text!r}: {reason}")
     if not findings.refused:

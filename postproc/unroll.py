@@ -65,7 +65,7 @@ def _lines(walk: Walk, ran: list[tuple[int, Block]]) -> Iterator[str]:
             line = _straight(block, last=i == len(ran) - 1)
         except UserError as refusal:
             located = getattr(refusal, "located", None)
-            raise located(walk.source.name) if located else refusal from None
+            raise located(walk.source.name, walk.dialect.evidence) if located else refusal from None
         if place != before + 1:
             comment = walk.dialect.comment.format(f"LINE {block.line}, PASS {passes[place]}")
         before = place

@@ -109,3 +109,61 @@ def test_linuxcnc_ends_where_ncomp_says(block, linuxcnc):
     if result.exit_status == 0:
         motions = read(program, with_family("gantry", "linuxcnc"))
         assert motions.machine_target[-1, :2] == pytest.approx(result.moves[-1].machine[:2], abs=1e-9)
+
+
+def test_a_leader_before_the_first_tape_mark(check, command):
+    """Controls pass over it; the mark of ncomp comes behind it."""
+    program = "* PART 4711, REV B\nPOST: 5.2\n%\nO1234 (PART)\nG21 G90 G54\nG0 X100. Y50. Z50.\nM30\n%\n"
+    status, text = check(program)
+    assert status == 0, text
+    assert "taken for the leader of a tape" in text
+    done = command("a.nc", "--machine", "dmu50", "--no-travel-check")
+    assert done.status == 0, done.err
+    assert done.out.decode().startswith("* PART 4711, REV B\nPOST: 5.2\n%\nO1234 (PART)\n(")
+    done = command("a.nc", "--machine", "gantry", "--calibration", "none", "--no-travel-check")
+    assert done.out.decode() == program
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        HEAD + "G1 Y1&00.\nM30\n%\n",  # a slip, and the mark that ends the tape
+        "* PART\nG0 X1.\n%\nO1\n" + HEAD + "M30\n%\n",  # words that another control would run
+        "* PART\n#1=5\n%\nO1\n" + HEAD + "M30\n%\n",
+    ],
+)
+def test_what_is_no_leader(check, program):
+    status, text = check(program)
+    assert status == 2
+    assert "is not understood" in text
+
+
+LONG = "G1 X120. Y110. F500 ("
+"""Corrected by the demonstration calibration, it gets longer."""
+
+
+def padded(size):
+    return LONG + "a" * (size - len(LONG) - 2) + ")\n"
+
+
+def test_lines_that_linuxcnc_can_read(check, linuxcnc):
+    """Its buffer has 255 characters, of which it reads 253 with the end of the line."""
+    assert linuxcnc.run(HEAD + padded(253) + "M30\n").exit_status == 0
+    assert linuxcnc.run(HEAD + padded(254) + "M30\n").exit_status != 0
+    assert check(HEAD + padded(253) + "M30\n", "linuxcnc")[0] == 0
+    for line in (padded(254), "(" + "a" * 300 + ")\n"):
+        status, text = check(HEAD + line + "M30\n", "linuxcnc")
+        assert status == 2
+        assert "LinuxCNC reads 253" in text
+        assert check(HEAD + line + "M30\n", "any")[0] == 0
+
+
+@pytest.mark.parametrize(("family", "size", "status"), [("any", 253, 2), ("fanuc", 253, 0), ("any", 254, 0)])
+def test_a_corrected_line_that_linuxcnc_could_not_read(check, command, tmp_path, family, size, status):
+    """Refused, unless the control is no LinuxCNC: its own line is too long already, or the machine file says so."""
+    check("G21 G90 G54\nG0 X100. Y50. Z50.\n" + padded(size) + "M30\n", family, "dmu50")
+    calibration = MACHINES / "calibrations" / "dmu50.json"
+    done = command("a.nc", "--machine", "mill.toml", "--calibration", calibration, "--no-travel-check", "-o", "out.nc")
+    assert done.status == status, done.err
+    assert ("LinuxCNC reads 253: make it shorter" in " ".join(done.err.split())) == (status == 2)
+    assert (tmp_path / "out.nc").exists() == (status == 0)

@@ -1,0 +1,56 @@
+"""What a program shows of its dialect outside of comments, parentheses and texts, and on which line."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+TITLES = {"iso": "ISO", "siemens": "Siemens", "heidenhain": "Klartext"}
+OVERRIDE = "--dialect overrides this"
+_LONGEST = 60
+"""Characters of a line that a message shows."""
+
+_HEIDENHAIN = re.compile(r"^\s*\d*\s*(BEGIN PGM|BLK FORM|TOOL CALL|CYCL DEF|L\s+[XYZABCM]|LN\s)", re.IGNORECASE)
+_SIEMENS = re.compile(
+    r"%_N_|;\$PATH|^\s*(N\d+\s*)?(R\d+\s*=|DEF\s|PROC\s|EXTERN\s|TRAORI|[A]?TRANS\b|[A]?ROT\b|MCALL|CYCLE\d+|MSG\s*\()"
+    r"|[XYZIJKABC]\w*\s*=\s*\S|\b(CR|AR|SPOS)\s*=|\b[A-Z_]\w+\s*=\s*\S"
+    r"|^\s*(IF|WHILE|FOR|GOTO[FB]|GOTO(?!\s*\d)|LOOP|REPEAT|CASE)\b[^\[]*$",
+    re.IGNORECASE,
+)
+_VARIABLE = re.compile(r"#\s*[\d<\[#]")
+"""Of FANUC and LinuxCNC."""
+_SUFFIXES = {".h": "heidenhain", ".hnc": "heidenhain", ".klartext": "heidenhain", ".mpf": "siemens", ".spf": "siemens"}
+_UNSPOKEN = re.compile(r'\([^()]*(?:\)|$)|"[^"]*(?:"|$)|;.*')
+
+
+class Evidence(NamedTuple):
+    """A dialect, and what shows it."""
+
+    dialect: str
+    reason: str
+
+    @property
+    def text(self) -> str:
+        """For a message."""
+        return f"read as {TITLES[self.dialect]} because {self.reason}; {OVERRIDE}"
+
+
+def spoken(line: str) -> str:
+    """A line without comments, and without what stands in parentheses and texts; a Siemens path is no comment."""
+    return line if ";$PATH" in line else _UNSPOKEN.sub(lambda match: match[0][0] if match[0][0] != ";" else "", line)
+
+
+def evidence(suffix: str, head: str) -> Evidence:
+    """The dialect of a program by the suffix of its file, in lower case with its point, and by its beginning."""
+    if _SUFFIXES.get(suffix) == "siemens":
+        return Evidence("siemens", f"its name ends in {suffix}")
+    lines = re.split(r"\r\n|\r|\n", head)
+    said = [spoken(line) for line in lines]
+    signs = {"heidenhain": _HEIDENHAIN, "iso": _VARIABLE, "siemens": _SIEMENS}
+    for dialect, sign in signs.items():
+        for number, text in enumerate(said, start=1):
+            if sign.search(text):
+                return Evidence(dialect, f"of line {number}: {lines[number - 1].strip()[:_LONGEST]!r}")
+    if suffix in _SUFFIXES:
+        return Evidence(_SUFFIXES[suffix], f"its name ends in {suffix}")
+    return Evidence("iso", "no line at its beginning is Siemens or Klartext")
