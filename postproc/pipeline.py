@@ -30,7 +30,7 @@ from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Motions
 from postproc.moves import Kind, Known
 from postproc.notes import Notes
-from postproc.plausibility import REASONS, CorrectionLimit, Outside, Plausibility
+from postproc.plausibility import REASONS, CorrectionLimit, Guard, Outside, Plausibility
 from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic, Straying
 from postproc.setup import Setup
@@ -101,6 +101,7 @@ class Pipeline:
         self.limit = CorrectionLimit(
             job.machine, self.model, job.conditions, job.max_correction_um, turns=self.orientation
         )
+        self.guard = Guard(job.machine, job.tolerance_um, self.plausibility)
         self._outside = Outside()
         self._marked = False
 
@@ -210,6 +211,7 @@ class Pipeline:
         commanded = written.moves(motions)
         errors = np.full((len(motions), 2), np.nan)
         errors[judged] = self._judge_ends(motions, commanded, correction.nominal, judged)
+        self.guard.check(motions, np.flatnonzero(judged), errors[judged, 0], errors[judged, 1], "at its end")
         if judged.any():
             self._judge_between(motions, commanded)
             self._note_turning(motions, correction, written)
@@ -272,11 +274,23 @@ class Pipeline:
             self.trace.between_before.add(self._strayed(motions, motions, self.before, rows))
         strayed = self._strayed(motions, commanded, self.after, rows)
         self.report.between_ends.add(strayed)
+        self._guard_between(motions, rows, strayed)
         beyond = strayed > self.job.tolerance_um
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
             block = int(motions.block[row])
             reason = self.splitter.whole.get(block, "its error jumps, or an axis with play turns back in it")
             self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
+
+    def _guard_between(self, motions: Motions, rows: NDArrayBool, strayed: Array) -> None:
+        """Hold feed moves, whose errors `(rows,)`, um, between their ends are given, to those of the input."""
+        doubtful = self.guard.above_tolerance(strayed)
+        if not doubtful.any():
+            return
+        numbers = np.flatnonzero(rows)[doubtful]
+        chosen = np.zeros_like(rows)
+        chosen[numbers] = True
+        before = self._strayed(motions, motions, self.before, chosen)
+        self.guard.check(motions, numbers, before, strayed[doubtful], "between its ends")
 
     def _strayed(self, motions: Motions, commanded: Motions, judge: Judge, rows: NDArrayBool) -> Array:
         """Largest errors `(rows,)`, um, of commanded moves between their ends."""

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import datetime
 import itertools
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from kinematics.errors import UserError
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ROUNDING, ErrorModel
 from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
@@ -38,6 +39,10 @@ OUTSIDE_SHARE = 0.01
 """Of the evaluated moves, which may end outside the measured range."""
 MOST = 0.5
 """Share of the moves worth correcting beyond which their improvement must be significant."""
+TURNING_HINT = (
+    ": rotary axes turn at feed, and the linear axes keep the correction from before; name X Y Z in this block, or "
+    "turn at rapid"
+)
 HIGHEST_UM = 500.0
 """No correction is larger than this unless the user sets the limit."""
 MOST_LINES = 1000
@@ -132,6 +137,47 @@ class Outside:
         )
 
 
+class Guard:
+    """Holds every evaluated move to its error in the input.
+
+    A move is worse when its predicted error is above the tolerance and above that in the input, by more than the
+    number format explains: the rounding of its end, and of its start or centre.
+    """
+
+    def __init__(self, machine: Machine, tolerance_um: float, plausibility: Plausibility) -> None:
+        resolution = max(machine.axes[i].resolution for i in machine.translators)
+        self._rounding_um = 2.0 * math.sqrt(3.0) / 2.0 * resolution * 1e3
+        self._tolerance_um, self._plausibility = tolerance_um, plausibility
+        self._lines: list[int] = []
+        self._largest = (0.0, 0.0)
+        self._worse = 0
+
+    def above_tolerance(self, after: Array) -> NDArrayBool:
+        """Errors `(n,)`, um, after the correction that could be worse than in the input."""
+        return np.asarray(after > self._tolerance_um + self._rounding_um)
+
+    def check(self, motions: Motions, rows: np.ndarray, before: Array, after: Array, where: str) -> None:
+        """Errors `(k,)`, um, of some rows `(k,)` of a chunk; Refusal at the first that is worse and not accepted."""
+        for i in np.flatnonzero(self.above_tolerance(after) & (after > before + self._rounding_um)).tolist():
+            row = int(rows[i])
+            block = motions.blocks[motions.block[row]]
+            found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
+            if "worse" not in self._plausibility.accepted:
+                hint = TURNING_HINT if motions.turning[row] else ""
+                raise block.refuse(f"{found}{hint}; --accept worse goes on nevertheless")
+            self._add(block.line, float(before[i]), float(after[i]))
+
+    def _add(self, line: int, before: float, after: float) -> None:
+        self._worse += 1
+        self._lines += [line] if len(self._lines) < MOST_LINES else []
+        self._largest = max(self._largest, (after, before))
+        after, before = self._largest
+        self._plausibility.met["worse"] = (
+            f"{self._worse} moves are predicted to be worse than in the input, at most {after:.3g} um instead of "
+            f"{before:.3g} um (lines {shortened(ranges(self._lines))})"
+        )
+
+
 class CorrectionLimit:
     """The largest correction of a linear axis that is plausible, um.
 
@@ -169,7 +215,8 @@ class CorrectionLimit:
 
     def check(self, motions: Motions, nominal: Array, corrected: Array) -> float:
         """The limit, um; Refusal at the first move whose correction `(n, axes)`, mm and rad, is beyond it."""
-        limit = self.um({frame.tool for frame in motions.frames})
+        probes = {(0.0, 0.0, -frame.touch_off.length) for frame in motions.frames if frame.touch_off is not None}
+        limit = self.um({frame.tool for frame in motions.frames} | probes)
         columns = motions.machine.translators
         size = np.abs(corrected - nominal)[:, columns] * 1e3
         resolution = np.array([motions.machine.axes[i].resolution for i in columns]) * 1e3

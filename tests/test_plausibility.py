@@ -8,7 +8,7 @@ import msgspec
 import pytest
 from programs import load, model_of
 
-from kinematics.basis import Legendre
+from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError
 from kinematics.model import ErrorModel, write_model
 
@@ -167,3 +167,36 @@ def test_the_limit_knows_play_and_tools():
     tilted = model_of(load("dmu50"), ErrorMotion("A", "Z", Legendre((0.0, 400.0), 0), (100.0,)))
     short, long = (largest_error_um(load("dmu50"), tilted, COLD, (0.0, 0.0, -tip)) for tip in (0.0, 200.0))
     assert long - short == pytest.approx(20.0, rel=0.2)
+
+
+# ---- never worse than in the input
+
+TABLE = ErrorMotion("Y", "C", Fourier((0.0, 360.0), (2.0,)), (0.0, 0.0, 20.0, 0.0), u=(0.1,) * 4)
+TURNED = "G21 G17 G90\nG0 X10.0 Y10.0 Z200.0 B0 C90\nG1 {} F500\nG1 X20.0\nM30\n"
+
+
+@pytest.fixture
+def turned(command):
+    """Corrects a program with C on a DMU 50 whose table moves with twice the angle of C."""
+
+    def run(block: str, *options: object):
+        Path("in.nc").write_text(TURNED.format(block))
+        write_model(model_of(load("dmu50"), TABLE), Path("cal.json"))
+        return command("in.nc", "-m", "dmu50", "-c", "cal.json", "-o", "out.nc", "--no-travel-check", *options)
+
+    return run
+
+
+def test_a_move_that_would_be_worse_than_in_the_input_is_refused(turned):
+    refused = turned("C270")
+    assert refused.status == 2
+    assert "in.nc:3: 'G1 C270 F500': predicted to be worse than in the input at its end: 40 um instead of 20 um" in (
+        refused.err
+    )
+    assert "name X Y Z in this block" in refused.err
+    assert not Path("out.nc").exists()
+    accepted = turned("C270", "--accept", "worse", "--json", "-")
+    assert accepted.status == 0, accepted.err
+    assert "at most 40 um instead of 20 um (lines 3-4)" in json.loads(accepted.out)["accepted"]["worse"]
+    for block in ("X10.0 Y10.0 Z200.0 C270", "C100"):
+        assert turned(block).status == 0
