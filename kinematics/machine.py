@@ -12,12 +12,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from kinematics.errors import UserError
 from kinematics.transforms import Array
+
+if TYPE_CHECKING:
+    from kinematics.touch_off import Datum
 
 Vector = tuple[float, float, float]
 
@@ -113,6 +116,8 @@ class Machine:
     """Offsets by name (G54, or a preset number) and axis, mm or degrees."""
     tools: Mapping[str, float] = field(default_factory=dict)
     """Tool lengths, mm, by number as text."""
+    datums: Mapping[str, Datum] = field(default_factory=dict)
+    """How work offsets are obtained, by their name; `default` for all that are not named."""
 
     @property
     def chain(self) -> str:

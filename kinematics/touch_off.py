@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from kinematics.errors import UserError
-from kinematics.machine import Machine
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
 
 PROBED, TRUE = "probed", "true"
 _ENTRY = re.compile(r"(?:(probe|[A-Za-z]\d?)\s*=|([A-Za-z]))\s*([-+]?[\d.].*)")
@@ -59,8 +62,11 @@ def touch_off(name: str, datum: Datum, offset: tuple[float, ...], machine: Machi
     return TouchOff(name, offset, tuple(position), datum.probe)
 
 
-def read_datum(text: str, machine: Machine, where: str) -> Datum:
-    """`probed@C90,probe=120` or `true` as a Datum; UserError, beginning with `where`, for anything else."""
+def read_datum(text: str, axes: Collection[str], where: str) -> Datum:
+    """`probed@C90,probe=120` or `true` as a Datum, on a machine with these axes.
+
+    UserError, beginning with `where`, for anything else.
+    """
     kind, at, entries = text.strip().partition("@")
     kind = kind.strip().lower()
     if kind not in (PROBED, TRUE) or (at and (kind == TRUE or not entries.strip())):
@@ -70,8 +76,8 @@ def read_datum(text: str, machine: Machine, where: str) -> Datum:
         name, value = _entry(entry, where)
         if name in positions:
             raise UserError(f"{where}: {name} is given twice")
-        if name != "probe" and name not in machine.names:
-            raise UserError(f"{where}: no axis {name} on machine {machine.name}")
+        if name != "probe" and name not in axes:
+            raise UserError(f"{where}: no axis {name}; the machine has {', '.join(axes)}")
         positions[name] = value
     probe = positions.pop("probe", None)
     if probe is not None and probe < 0.0:

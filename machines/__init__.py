@@ -12,6 +12,7 @@ import msgspec
 
 from kinematics.errors import UserError
 from kinematics.machine import Control, Machine, make_axis, split_chain
+from kinematics.touch_off import read_datum
 
 FOLDER = Path(__file__).parent
 T = TypeVar("T")
@@ -33,6 +34,7 @@ class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
     control: dict[str, Any] = {}
     work_offsets: dict[str, dict[str, Any]] = {}
     tools: dict[str, Any] = {}
+    datum: dict[str, str] = {}
 
 
 def names() -> list[str]:
@@ -97,6 +99,7 @@ def _build(entries: _MachineFile) -> Machine:
         control,
         {offset: _lengths(values, f"work_offsets.{offset}") for offset, values in entries.work_offsets.items()},
         _lengths(entries.tools, "tools"),
+        {name: read_datum(text, chained, f"datum.{name}") for name, text in entries.datum.items()},
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from kinematics.touch_off import TouchOff, touch_off
 from postproc.setup import Setup
 from postproc.tool_tables.table import tool_key
 
@@ -42,6 +43,11 @@ class ControlState:
         self.used_offsets[name] = ", ".join(f"{axis} {value:g}" for axis, value in values.items()) or "0 (default)"
         return tuple(values.get(axis, 0.0) for axis in self.setup.machine.names)
 
+    def touch_off(self, name: str) -> TouchOff | None:
+        """The touch-off of a work offset as it is now; None for one that is true."""
+        datum = self.setup.datum(name)
+        return touch_off(name, datum, self.work_offset(name), self.setup.machine) if datum.probed else None
+
     def tool_length(self, tool: int | str) -> float:
         """Length of a tool by number or name, mm, from the tool reference point to the tip, with its wear."""
         key = tool_key(str(tool))
@@ -64,7 +70,9 @@ class ControlState:
         """Notes on work offsets and tool lengths that were given for this run and not used: misspelt, perhaps."""
         offsets = sorted(self.setup.work_offsets.keys() - self.used_offsets.keys())
         tools = sorted(self.setup.given_tools - self.used_tools.keys(), key=int)
+        datums = sorted(self.setup.obtained.keys() - self.used_offsets.keys())
         return [
             *(f"work offset {name} was given and is not used" for name in offsets),
+            *(f"the datum of {name} was given and is not used" for name in datums),
             *(f"tool length T{number} was given and is not used" for number in tools),
         ]

@@ -142,7 +142,7 @@ class Control:
             offset[axis] += shift
         if not tcp:
             offset[cartesian(self.machine)[2]] += length
-        return Frame(tuple(offset), length, tcp, placed.frame_turn)
+        return Frame(tuple(offset), length, tcp, placed.frame_turn, self.state.touch_off(self.preset))
 
     @property
     def basic_rotation(self) -> tuple[float, float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from kinematics.touch_off import TouchOff
 from postproc.control_state import ControlState
 from postproc.iso_codes import WORK_OFFSETS
 from postproc.program import Block
@@ -35,6 +36,10 @@ class Offsets:
     def work(self) -> list[float]:
         """The work offset of every axis, mm or degrees."""
         return list(self.state.work_offset(self.name))
+
+    def touch_off(self) -> TouchOff | None:
+        """Of the work offset in force; None where it is true."""
+        return self.state.touch_off(self.name)
 
     def added(self) -> Shifts:
         """What G52 and G92 add, inside the work offset and its turn."""

@@ -40,6 +40,7 @@ from postproc.splitting import Splitter
 from postproc.take_up import TakeUps
 from postproc.trace import Trace
 from postproc.travel import note_outside, refuse_outside
+from postproc.used_datums import UsedDatums
 from postproc.writer import Writer, Written
 
 UNCERTAINTY_ROWS = 500
@@ -126,6 +127,7 @@ class Pipeline:
         self._check_whole()
         state = self.interpreter.control_state
         report.work_offsets, report.tools = state.used_offsets, state.used_tools
+        report.datums.predict(job.machine, self.model, job.conditions)
         report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
         return report
 
@@ -163,6 +165,7 @@ class Pipeline:
         motions = part.motions
         job, report, blocks = self.job, self.report, motions.blocks
         report.moves += int((motions.kind != Kind.PRESET).sum())
+        report.datums.add(motions)
         if job.travel_check:
             refuse_outside(motions, motions.machine_target, "as programmed")
         if not self.model.effects:
@@ -317,4 +320,7 @@ def _new_report(job: Job) -> Report:
     program = {"name": job.source.name, "sha256": job.source.hash, "dialect": job.dialect.name}
     named = {"name": machine.name, "chain": machine.chain}
     significance = Significance(job.tolerance_um)
-    return Report(program, named, calibration, conditions=job.conditions, significance=significance)
+    datums = UsedDatums(job.setup)
+    return Report(
+        program, named, calibration, datums, conditions=job.conditions, significance=significance
+    )

@@ -12,6 +12,7 @@ from kinematics.transforms import Array
 from postproc.conditions import Conditions
 from postproc.lines import ranges, shortened
 from postproc.significance import Significance
+from postproc.used_datums import UsedDatums
 
 
 @dataclass
@@ -67,6 +68,8 @@ class Report:
     program: dict[str, Any]
     machine: dict[str, Any]
     calibration: dict[str, Any]
+    datums: UsedDatums
+    """Of the work offsets that the program used."""
     blocks: int = 0
     moves: int = 0
     corrected: int = 0
@@ -116,6 +119,7 @@ class Report:
             ("machine", f"{machine['name']}  {machine['chain']}"),
             ("calibration", f"{calibration['id']}{age}"),
             ("work offsets", "; ".join(f"{name}: {value}" for name, value in self.work_offsets.items())),
+            ("datum", self.datums.text(self.work_offsets)),
             ("tool lengths", f"{tools} (mm)"),
             ("conditions", self.conditions.text()),
             ("moves", f"{self.moves} read, {self.corrected} corrected in {self.changed_blocks} blocks{added}"),
@@ -130,15 +134,24 @@ class Report:
 
     def errors(self) -> list[tuple[str, Statistic]]:
         """Of what was judged: predicted errors, in um where no unit is named."""
+        error = f"error {self.relative}".strip()
+        absolute = [("absolute error at block ends before", self.absolute_before)] if self.relative else []
+        absolute += [("absolute error at block ends after", self.absolute_after)] if self.relative else []
         named = [
-            ("error at block ends before", self.before),
-            ("error at block ends after", self.after),
-            ("error between block ends after", self.between_ends),
+            (f"{error} at block ends before", self.before),
+            (f"{error} at block ends after", self.after),
+            (f"{error} between block ends after", self.between_ends),
+            *absolute,
             ("tool axis before, urad", self.tilt_before),
             ("tool axis after, urad", self.tilt_after),
-            ("standard uncertainty (k=1)", self.uncertainty),
+            (f"standard uncertainty (k=1) of the {error} before", self.uncertainty),
         ]
         return [(name, statistic) for name, statistic in named if statistic.count]
+
+    @property
+    def relative(self) -> str:
+        """What errors are relative to, in words; empty where all work offsets are true, so that they are absolute."""
+        return "relative to the datum" if self.datums.used else ""
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""
@@ -166,8 +179,11 @@ class Report:
                 "standard_uncertainty_of_prediction": self.uncertainty.json(),
                 "significant_share_of_improvement": self.significance.share,
             },
+            "predicted_absolute_error_um": {"before": self.absolute_before.json(), "after": self.absolute_after.json()},
             "predicted_tool_axis_error_urad": {"before": self.tilt_before.json(), "after": self.tilt_after.json()},
             "work_offsets": self.work_offsets,
+            "errors_relative_to": "datum" if self.relative else "work offset",
+            "datum": self.datums.json(self.work_offsets),
             "tools": self.tools,
             "notes": self.notes,
         }

@@ -7,8 +7,12 @@ from dataclasses import dataclass, field
 
 from kinematics.errors import UserError
 from kinematics.machine import Machine
+from kinematics.touch_off import Datum, read_datum
 from postproc.numbers import given_number, given_once
 from postproc.tool_tables.table import ToolTable, tool_key
+
+NO_OFFSET = frozenset(("G53", "G500"))
+"""Names of frames that are the machine's own: no work offset."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +35,21 @@ class Setup:
     """Lines of a datum table by number and axis, mm or degrees."""
     turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """Work offsets that turn the coordinates, by name: degrees about X, Y, Z."""
+    obtained: Mapping[str, Datum] = field(default_factory=dict)
+    """How work offsets were obtained, given for this run, by name."""
+    probed: bool = False
+    """All other work offsets were touched off on the machine; otherwise they are true."""
 
     def work_offset(self, name: str) -> Mapping[str, float] | None:
         """Work offset of a name by axis, mm or degrees; None where nobody gave it."""
         return self.work_offsets.get(name, self.machine.work_offsets.get(name))
+
+    def datum(self, name: str) -> Datum:
+        """How a work offset was obtained; machine coordinates are true."""
+        if name in NO_OFFSET:
+            return Datum(probed=False)
+        everywhere = self.machine.datums.get("default", Datum(self.probed))
+        return self.obtained.get(name, self.machine.datums.get(name, everywhere))
 
     def tool_length(self, tool: int | str) -> float | None:
         """Length of a tool by number or name, mm, from the tool reference point to the tip; None where not given."""
@@ -70,6 +85,14 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
     return "".join(name.split()).upper(), offsets
 
 
+def parse_datum(text: str, machine: Machine) -> tuple[str, Datum]:
+    """`G54=probed@C90,probe=120` as name and datum; UserError says what is wrong with it."""
+    name, equals, obtained = text.partition("=")
+    if not name.strip() or not equals:
+        raise UserError(f"--datum {text}: expected e.g. G54=probed or G54=true")
+    return "".join(name.split()).upper(), read_datum(obtained, machine.names, f"--datum {text}")
+
+
 def parse_tool_length(text: str) -> tuple[str, float]:
     """`T1=120.5` as number and length, mm; UserError says what is wrong with it."""
     name, _, value = text.partition("=")
@@ -84,8 +107,11 @@ def make_setup(
     work_offsets: Iterable[str] = (),
     tool_lengths: Iterable[str] = (),
     table: ToolTable | None = None,
+    datums: Iterable[str] = (),
+    *,
+    probed: bool = False,
 ) -> Setup:
-    """The setup from the options of the command line and a tool table."""
+    """The setup from the options of the command line and a tool table; work offsets are true unless `probed`."""
     table = table or ToolTable()
     for name, values in table.work_offsets.items():
         for axis, value in values.items():
@@ -101,4 +127,6 @@ def make_setup(
         radii=table.radii,
         datums=table.datums,
         turned=table.turned,
+        obtained=given_once((parse_datum(text, machine) for text in datums), "--datum "),
+        probed=probed,
     )

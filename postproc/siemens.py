@@ -325,7 +325,8 @@ class SiemensInterpreter:
         on_the_tip = self.tcp or self.places.swivelled is not None
         if not on_the_tip:
             offset[x_y_z[2]] += length
-        return Frame(tuple(offset), length, on_the_tip, placed.frame_turn)
+        touched = self.control_state.touch_off(self.work_offset)
+        return Frame(tuple(offset), length, on_the_tip, placed.frame_turn, touched)
 
     # ---- moves
 

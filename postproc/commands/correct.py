@@ -9,6 +9,7 @@ import typer
 from kinematics.errors import UserError
 from postproc.commands.program import (
     ConditionsLog,
+    Datums,
     DialectName,
     Elapsed,
     Program,
@@ -86,6 +87,7 @@ def correct(
     calibration: CalibrationName = None,
     dialect: DialectName = "auto",
     work_offset: WorkOffsets = None,
+    datum: Datums = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
     no_travel_check: NoTravelCheck = False,
@@ -129,7 +131,7 @@ def correct(
     model = model_of(calibration, found)
     chosen = _classes(classes, found)
     source = open_source(program)
-    setup = setup_of(found, work_offset, tool_length, tool_table)
+    setup = setup_of(found, work_offset, tool_length, tool_table, datum)
     language = find_dialect(dialect, source.name, source.text_head)
     if unroll:
         source = unrolled(source, language, lambda: language.interpreter(found, setup, Notes()))

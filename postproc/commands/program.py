@@ -33,6 +33,15 @@ ToolTable = Annotated[
     list[Path] | None,
     typer.Option("--tool-table", metavar="FILE", help="Table of tools, presets or datums of a control. Repeatable."),
 ]
+Datums = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--datum",
+        metavar="G54=probed|true",
+        help="How a work offset was obtained: touched off on the machine (G54=probed, G54=probed@C90,probe=120: "
+        "machine position, length of the probe), or G54=true. Repeatable.",
+    ),
+]
 Temperatures = Annotated[
     list[str] | None,
     typer.Option("--temperature", metavar="NAME=degC", help="Of a sensor, while the program runs. Repeatable."),
@@ -48,10 +57,18 @@ ConditionsLog = Annotated[
 
 
 def setup_of(
-    machine: Machine, offsets: list[str] | None, lengths: list[str] | None, tables: list[Path] | None
+    machine: Machine,
+    offsets: list[str] | None,
+    lengths: list[str] | None,
+    tables: list[Path] | None,
+    datums: list[str] | None = None,
 ) -> Setup:
-    """What the control knows of a program's work offsets and tools; UserError for what is none."""
+    """What the control knows of a program's work offsets and tools; UserError for what is none.
+
+    A work offset was touched off on the machine, unless the user or the machine file calls it true.
+    """
     from postproc.setup import make_setup
     from postproc.tool_tables import read_tool_tables
 
-    return make_setup(machine, offsets or (), lengths or (), read_tool_tables(tables or ()))
+    table = read_tool_tables(tables or ())
+    return make_setup(machine, offsets or (), lengths or (), table, datums or (), probed=True)

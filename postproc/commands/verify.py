@@ -8,6 +8,7 @@ import typer
 
 from postproc.commands.program import (
     ConditionsLog,
+    Datums,
     DialectName,
     Elapsed,
     Program,
@@ -45,6 +46,7 @@ def verify(
     ] = None,
     dialect: DialectName = "auto",
     work_offset: WorkOffsets = None,
+    datum: Datums = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
     classes: Annotated[
@@ -72,7 +74,7 @@ def verify(
     check_places((program, corrected, calibration, old, *(tool_table or ()), log), (json,))
     found = machine_of(machine)
     model = model_of(calibration, found)
-    setup = setup_of(found, work_offset, tool_length, tool_table)
+    setup = setup_of(found, work_offset, tool_length, tool_table, datum)
     conditions = make_conditions(temperature or (), elapsed, log)
     earlier = model_of(old, found) if old else None
     notes = standing_notes(model, conditions)

@@ -1,0 +1,118 @@
+"""Which work offsets a program used, how each was obtained, where its true datum is, and what to enter instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from kinematics.forward import tool_point
+from kinematics.inverse import linear_positions
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.touch_off import TouchOff
+from kinematics.transforms import Array
+from postproc.conditions import Conditions
+from postproc.datum import deviations, poses
+from postproc.frames import cartesian
+from postproc.motions import Motions
+from postproc.setup import NO_OFFSET, Setup
+
+LISTED = 12
+"""Touch-offs that are listed; a program that sets its work offsets itself may have any number."""
+
+
+@dataclass(frozen=True)
+class UsedDatum:
+    """A touched-off work offset that a program used."""
+
+    touch_off: TouchOff
+    machine: Machine
+    tcp: bool
+    """X Y Z of the work offset are those of the tool point in the workpiece frame."""
+    given_probe: bool
+    """The length of the probe was given; otherwise it is that of the first tool."""
+    shift: Array | None = None
+    """True datum minus work offset `(3,)`, mm, workpiece frame; None without an error model."""
+
+    @property
+    def instead(self) -> Array:
+        """The work offset `(3,)`, mm, with which the program cuts the same part when it is called true."""
+        offset = np.array(self.touch_off.offset)[list(cartesian(self.machine))]
+        if self.shift is None:
+            return offset
+        if self.tcp:
+            return np.asarray(offset + self.shift)
+        q, tool = poses(self.machine, [self.touch_off])
+        moved = linear_positions(self.machine, q, tool_point(self.machine, q, tool) + self.shift, tool)
+        return np.asarray(offset + (moved - q)[0, cartesian(self.machine)])
+
+    def text(self) -> str:
+        """How it was obtained and what that makes of it, in words."""
+        there = self.touch_off
+        position = " ".join(f"{axis}{value:g}" for axis, value in zip(self.machine.names, there.position, strict=True))
+        probe = f"{there.length:g} mm probe" + ("" if self.given_probe else ", as long as the first tool")
+        touched = f"{there.name}: probed at {position} ({probe})"
+        if self.shift is None:
+            return touched
+        x, y, z = (f"{1e3 * value:+.1f}" for value in self.shift)
+        new = " ".join(f"{axis}{value:.4f}" for axis, value in zip("XYZ", self.instead, strict=True))
+        return f"{touched}, true datum {x} {y} {z} um beside it; or enter {new} with --datum {there.name}=true"
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form."""
+        there = self.touch_off
+        return {
+            "work_offset": there.name,
+            "obtained": "probed",
+            "position": dict(zip(self.machine.names, there.position, strict=True)),
+            "probe_mm": there.length,
+            "probe_given": self.given_probe,
+            "true_datum_minus_offset_um": None if self.shift is None else np.round(self.shift * 1e3, 4).tolist(),
+            "true_offset_mm": dict(zip("XYZ", np.round(self.instead, 7).tolist(), strict=True)),
+        }
+
+
+@dataclass
+class UsedDatums:
+    """Gathers the touch-offs of the moves of a program, chunk by chunk."""
+
+    setup: Setup
+    used: list[UsedDatum] = field(default_factory=list)
+    _known: set[TouchOff] = field(default_factory=set)
+
+    def add(self, motions: Motions) -> None:
+        """Take in the moves of a chunk that programmed coordinates place."""
+        for index in dict.fromkeys(motions.frame[motions.programmed].tolist()):
+            frame = motions.frames[index]
+            there = frame.touch_off
+            if there is None or there in self._known:
+                continue
+            self._known.add(there)
+            given = self.setup.datum(there.name).probe is not None
+            self.used.append(UsedDatum(there, motions.machine, frame.tcp, given))
+
+    def predict(self, machine: Machine, model: ErrorModel, conditions: Conditions) -> None:
+        """Work out where the true datums are; without effects nothing is known of them.
+
+        A touch-off without a length, of moves before the first tool, is left out where the same has one.
+        """
+        lengths = {there.touch_off.name for there in self.used if there.touch_off.probe is not None}
+        self.used = [u for u in self.used if u.touch_off.probe is not None or u.touch_off.name not in lengths]
+        if model.effects:
+            shifts = deviations(machine, model, [there.touch_off for there in self.used], conditions)
+            self.used = [replace(there, shift=shift) for there, shift in zip(self.used, shifts, strict=True)]
+
+    def text(self, offsets: Iterable[str]) -> str:
+        """All of them in words, and those of some work offsets that are true."""
+        true = [f"{name}: true" for name in offsets if name not in NO_OFFSET and not self.setup.datum(name).probed]
+        more = [f"{len(self.used) - LISTED} more"] if len(self.used) > LISTED else []
+        return "; ".join([*(there.text() for there in self.used[:LISTED]), *more, *true])
+
+    def json(self, offsets: Iterable[str]) -> list[dict[str, Any]]:
+        """The machine-readable form of the same."""
+        true = [name for name in offsets if name not in NO_OFFSET and not self.setup.datum(name).probed]
+        listed = [there.json() for there in self.used[:LISTED]]
+        return [*listed, *({"work_offset": name, "obtained": "true"} for name in true)]
