@@ -55,13 +55,13 @@ def deviations(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOf
     if not model.effects or not touch_offs:
         return np.zeros((len(touch_offs), 3))
     q, tool = poses(machine, touch_offs)
-    return exact_deviation(machine, q, model.errors(machine, conditions.state(q)), tool).position
+    return exact_deviation(machine, q, model.errors(machine, conditions.state(q, np.zeros_like(q))), tool).position
 
 
 def sensitivities(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOff], conditions: Conditions) -> Array:
     """Derivatives `(k, 3, parameters)` of the deviations at touch-offs by the parameters of the model, first order."""
     q, tool = poses(machine, touch_offs)
-    return model.design(machine, conditions.state(q), place_transform(machine, q, tool)[:, :3])
+    return model.design(machine, conditions.state(q, np.zeros_like(q)), place_transform(machine, q, tool)[:, :3])
 
 
 class DatumPrediction(NamedTuple):

@@ -321,6 +321,4 @@ def _new_report(job: Job) -> Report:
     named = {"name": machine.name, "chain": machine.chain}
     significance = Significance(job.tolerance_um)
     datums = UsedDatums(job.setup)
-    return Report(
-        program, named, calibration, datums, conditions=job.conditions, significance=significance
-    )
+    return Report(program, named, calibration, datums, conditions=job.conditions, significance=significance)

@@ -119,7 +119,7 @@ class Report:
             ("machine", f"{machine['name']}  {machine['chain']}"),
             ("calibration", f"{calibration['id']}{age}"),
             ("work offsets", "; ".join(f"{name}: {value}" for name, value in self.work_offsets.items())),
-            ("datum", self.datums.text(self.work_offsets)),
+            *self.datums.facts(self.work_offsets),
             ("tool lengths", f"{tools} (mm)"),
             ("conditions", self.conditions.text()),
             ("moves", f"{self.moves} read, {self.corrected} corrected in {self.changed_blocks} blocks{added}"),
@@ -134,7 +134,7 @@ class Report:
 
     def errors(self) -> list[tuple[str, Statistic]]:
         """Of what was judged: predicted errors, in um where no unit is named."""
-        error = f"error {self.relative}".strip()
+        error = self.error
         absolute = [("absolute error at block ends before", self.absolute_before)] if self.relative else []
         absolute += [("absolute error at block ends after", self.absolute_after)] if self.relative else []
         named = [
@@ -144,7 +144,7 @@ class Report:
             *absolute,
             ("tool axis before, urad", self.tilt_before),
             ("tool axis after, urad", self.tilt_after),
-            (f"standard uncertainty (k=1) of the {error} before", self.uncertainty),
+            ("standard uncertainty (k=1)", self.uncertainty),
         ]
         return [(name, statistic) for name, statistic in named if statistic.count]
 
@@ -152,6 +152,11 @@ class Report:
     def relative(self) -> str:
         """What errors are relative to, in words; empty where all work offsets are true, so that they are absolute."""
         return "relative to the datum" if self.datums.used else ""
+
+    @property
+    def error(self) -> str:
+        """The error that counts: relative to the datum, unless all work offsets are true."""
+        return f"error {self.relative}".strip()
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""

@@ -51,6 +51,10 @@ class Setup:
         everywhere = self.machine.datums.get("default", Datum(self.probed))
         return self.obtained.get(name, self.machine.datums.get(name, everywhere))
 
+    def datum_by_default(self, name: str) -> bool:
+        """True for a work offset of which neither the user nor the machine file says how it was obtained."""
+        return not {name, "default"} & self.machine.datums.keys() and name not in self.obtained
+
     def tool_length(self, tool: int | str) -> float | None:
         """Length of a tool by number or name, mm, from the tool reference point to the tip; None where not given."""
         key = tool_key(str(tool))

@@ -42,8 +42,7 @@ def show_report(report: Report) -> None:
     """The summary of a correction."""
     if report.calibration["demonstration"]:
         say("demonstration calibration", "it describes no real machine; don't cut with it")
-    for what, text in report.facts():
-        console.print(f"{what:<12} {text}")
+    show_facts(report.facts(), console)
     if report.correction:
         console.print(_correction_table(report))
     for note in report.notes:
@@ -76,9 +75,14 @@ def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> 
 
 def show_verdict(verdict: Verdict, to: Console, by: str = "") -> None:
     """The result of a verification, and by which model."""
-    table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points", title=by)
+    absolute = verdict.absolute
+    title = "; ".join(filter(None, ("relative to the datum" if verdict.relative else "", by)))
+    table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points", title=title)
     _row(table, "block ends", verdict.before, verdict.after)
     _row(table, "along feed moves", verdict.path_before, verdict.path_after)
+    if verdict.relative:
+        _row(table, "absolute, at ends", absolute.before, absolute.after)
+        _row(table, "absolute, along", absolute.path_before, absolute.path_after)
     to.print(table)
     parts = Table("what makes it (before)", "max um", "RMS um")
     ranked = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)
@@ -86,6 +90,12 @@ def show_verdict(verdict: Verdict, to: Console, by: str = "") -> None:
         parts.add_row(name, f"{statistic.largest:.2f}", f"{statistic.rms:.2f}")
     if ranked:
         to.print(parts)
+
+
+def show_facts(facts: list[tuple[str, str]], to: Console) -> None:
+    """What ran, line by line."""
+    for what, text in facts:
+        to.print(f"{what:<12} {text}")
 
 
 def show_classes(rows: list[Left], to: Console) -> None:

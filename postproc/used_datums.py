@@ -12,7 +12,7 @@ from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
-from kinematics.touch_off import TouchOff
+from kinematics.touch_off import Datum, TouchOff
 from kinematics.transforms import Array
 from postproc.conditions import Conditions
 from postproc.datum import deviations, poses
@@ -32,8 +32,10 @@ class UsedDatum:
     machine: Machine
     tcp: bool
     """X Y Z of the work offset are those of the tool point in the workpiece frame."""
-    given_probe: bool
-    """The length of the probe was given; otherwise it is that of the first tool."""
+    given: Datum
+    """As the user or the machine file gives it."""
+    by_default: bool
+    """Neither of them does."""
     shift: Array | None = None
     """True datum minus work offset `(3,)`, mm, workpiece frame; None without an error model."""
 
@@ -49,17 +51,22 @@ class UsedDatum:
         moved = linear_positions(self.machine, q, tool_point(self.machine, q, tool) + self.shift, tool)
         return np.asarray(offset + (moved - q)[0, cartesian(self.machine)])
 
-    def text(self) -> str:
+    def facts(self) -> list[tuple[str, str]]:
         """How it was obtained and what that makes of it, in words."""
         there = self.touch_off
-        position = " ".join(f"{axis}{value:g}" for axis, value in zip(self.machine.names, there.position, strict=True))
-        probe = f"{there.length:g} mm probe" + ("" if self.given_probe else ", as long as the first tool")
-        touched = f"{there.name}: probed at {position} ({probe})"
+        order = sorted(range(len(self.machine.names)), key=lambda i: (self.machine.rotary[i], self.machine.names[i]))
+        position = " ".join(f"{self.machine.names[i]} {there.position[i]:g}" for i in order)
+        probe = f"{there.length:g} mm" + ("" if self.given.probe is not None else ", the length of the first tool")
+        default = " (default)" if self.by_default else ""
+        touched = ("datum", f"{there.name}: probed{default} at {position}; probe {probe}")
         if self.shift is None:
-            return touched
+            return [touched]
         x, y, z = (f"{1e3 * value:+.1f}" for value in self.shift)
-        new = " ".join(f"{axis}{value:.4f}" for axis, value in zip("XYZ", self.instead, strict=True))
-        return f"{touched}, true datum {x} {y} {z} um beside it; or enter {new} with --datum {there.name}=true"
+        new = ", ".join(f"{axis} {value:.4f}" for axis, value in zip("XYZ", self.instead, strict=True))
+        return [
+            touched,
+            ("true datum", f"{there.name} {x} {y} {z} um in x, y, z; with --datum {there.name}=true enter {new}"),
+        ]
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form."""
@@ -69,7 +76,7 @@ class UsedDatum:
             "obtained": "probed",
             "position": dict(zip(self.machine.names, there.position, strict=True)),
             "probe_mm": there.length,
-            "probe_given": self.given_probe,
+            "probe_given": self.given.probe is not None,
             "true_datum_minus_offset_um": None if self.shift is None else np.round(self.shift * 1e3, 4).tolist(),
             "true_offset_mm": dict(zip("XYZ", np.round(self.instead, 7).tolist(), strict=True)),
         }
@@ -91,8 +98,8 @@ class UsedDatums:
             if there is None or there in self._known:
                 continue
             self._known.add(there)
-            given = self.setup.datum(there.name).probe is not None
-            self.used.append(UsedDatum(there, motions.machine, frame.tcp, given))
+            given, by_default = self.setup.datum(there.name), self.setup.datum_by_default(there.name)
+            self.used.append(UsedDatum(there, motions.machine, frame.tcp, given, by_default))
 
     def predict(self, machine: Machine, model: ErrorModel, conditions: Conditions) -> None:
         """Work out where the true datums are; without effects nothing is known of them.
@@ -105,14 +112,17 @@ class UsedDatums:
             shifts = deviations(machine, model, [there.touch_off for there in self.used], conditions)
             self.used = [replace(there, shift=shift) for there, shift in zip(self.used, shifts, strict=True)]
 
-    def text(self, offsets: Iterable[str]) -> str:
+    def facts(self, offsets: Iterable[str]) -> list[tuple[str, str]]:
         """All of them in words, and those of some work offsets that are true."""
-        true = [f"{name}: true" for name in offsets if name not in NO_OFFSET and not self.setup.datum(name).probed]
-        more = [f"{len(self.used) - LISTED} more"] if len(self.used) > LISTED else []
-        return "; ".join([*(there.text() for there in self.used[:LISTED]), *more, *true])
+        rows = [fact for there in self.used[:LISTED] for fact in there.facts()]
+        if len(self.used) > LISTED:
+            rows.append(("datum", f"{len(self.used) - LISTED} more that the program sets"))
+        return [*rows, *(("datum", f"{name}: true") for name in self._true(offsets))]
 
     def json(self, offsets: Iterable[str]) -> list[dict[str, Any]]:
         """The machine-readable form of the same."""
-        true = [name for name in offsets if name not in NO_OFFSET and not self.setup.datum(name).probed]
         listed = [there.json() for there in self.used[:LISTED]]
-        return [*listed, *({"work_offset": name, "obtained": "true"} for name in true)]
+        return [*listed, *({"work_offset": name, "obtained": "true"} for name in self._true(offsets))]
+
+    def _true(self, offsets: Iterable[str]) -> list[str]:
+        return [name for name in offsets if name not in NO_OFFSET and not self.setup.datum(name).probed]

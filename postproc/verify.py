@@ -61,11 +61,14 @@ class Verdict:
     path_after: Statistic
     contributions: dict[str, Statistic]
     absolute: Absolute = field(default_factory=Absolute)
+    relative: bool = False
+    """A work offset was touched off, so that errors relative to the datum are not the absolute ones."""
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""
         return {
             "moves": self.moves,
+            "errors_relative_to": "datum" if self.relative else "work offset",
             "block_ends_um": {"before": self.before.json(), "after": self.after.json()},
             "along_feed_moves_um": {"before": self.path_before.json(), "after": self.path_after.json()},
             "absolute_block_ends_um": {"before": self.absolute.before.json(), "after": self.absolute.after.json()},
@@ -114,7 +117,8 @@ def verify(
     machine = nominal.machine
     before = Judge(model, machine, conditions, tolerance_um)
     after = Judge(model, machine, conditions, tolerance_um, written=True)
-    verdict = Verdict(moves, Statistic(), Statistic(), Statistic(), Statistic(), {})
+    relative = bool(touched(nominal)[0])
+    verdict = Verdict(moves, Statistic(), Statistic(), Statistic(), Statistic(), {}, relative=relative)
     ends: list[Array] = [np.empty((0, len(machine.axes)))]
     starts = np.flatnonzero(~matched.added)[::CHUNK]  # no move is torn apart
     for rows in np.split(np.arange(len(matched)), starts[1:]):
@@ -186,7 +190,7 @@ def _contributions(
     parts = _parts(machine, model, state, motions.tool)
     if touch_offs:
         q, tool = poses(machine, touch_offs)
-        at_datum = _parts(machine, model, conditions.state(q), tool)
+        at_datum = _parts(machine, model, conditions.state(q, np.zeros_like(q)), tool)
         parts = parts - np.concatenate([at_datum, np.zeros((1, *parts.shape[1:]))])[which]
     for i, name in enumerate(place_names(machine)):
         if parts[:, :, i].any():

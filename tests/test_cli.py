@@ -27,7 +27,9 @@ def ncomp(command, tmp_path):
     return command
 
 
-GANTRY = ("--machine", "gantry", "--calibration", "cal.json")
+TRUE = ("--datum", "G54=true")
+"""A touched-off work offset holds the error of a constant model already."""
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json", *TRUE)
 
 
 def corrected(stdin=GOOD):
@@ -92,7 +94,7 @@ BAD_OPTIONS = {
     "calibration that is none": (["in.nc", "--machine", "gantry", "-c", "other.json"], "other.json: no ncomp calibration"),
     "binary calibration": (["in.nc", "--machine", "gantry", "-c", "binary.json"], "calibration binary.json"),
     "later calibration": (["in.nc", "--machine", "gantry", "-c", "later.json"], "later.json: version 2"),
-    "calibration off by mm": (["in.nc", "--machine", "gantry", "-c", "huge.json"], "is this the calibration of this machine"),
+    "calibration off by mm": (["in.nc", "--machine", "gantry", "-c", "huge.json", *TRUE], "is this the calibration of this machine"),
     "unknown dialect": (["in.nc", *GANTRY, "--dialect", "pascal"], "--dialect pascal: expected one of auto, iso"),
     "work offset of too few values": (["in.nc", *GANTRY, "--work-offset", "G54=1"], "G54=1: expected G54=x,y,z, got 1 of 3"),
     "time before zero": (["in.nc", *GANTRY, "--elapsed", "-5"], "--elapsed -5: negative"),
@@ -258,6 +260,7 @@ JSON_KEYS = {
     "conditions": {"elapsed_s", "temperatures_degC", "log"},
     "blocks": {"read", "changed", "added"},
     "correction_urad": set(),
+    "predicted_absolute_error_um": {"before", "after"},
     "predicted_tool_axis_error_urad": {"before", "after"},
     "moves": {"read", "corrected", "split", "not_judged"},
     "correction_um": {"X", "Y", "Z"},
@@ -283,7 +286,7 @@ def test_json(ncomp):
         each["calibration"].pop("age_days")
     assert data == from_file
     data["calibration"]["age_days"] = 0
-    assert data.keys() == {*JSON_KEYS, "max_correction_um", "not_split", "notes"}
+    assert data.keys() == {*JSON_KEYS, "max_correction_um", "not_split", "notes", "datum", "errors_relative_to"}
     for key, keys in JSON_KEYS.items():
         assert keys == data[key].keys()
     assert data["correction_um"]["X"] == {"max": 10.0, "rms": 10.0, "count": 3}

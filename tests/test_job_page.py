@@ -56,6 +56,10 @@ def test_page_of_the_demo(command):
     setup = table(page, "Set-up")
     assert setup["work offsets"] == ["G54: X -30, Y -20, Z 150"]
     assert setup["tool lengths"] == ["T1: 80 (mm)"]
+    assert setup["datum"] == [
+        "G54: probed (default) at X -30 Y -20 Z 150 B 0 C 0; probe 80 mm, the length of the first tool"
+    ]
+    assert "with --datum G54=true enter X -29.9670, Y -20.0169, Z 150.0159" in setup["true datum"][0]
     assert setup["classes"] == ["all but FOR"]
     assert setup["program&#39;s hash"][0].startswith(results["program"]["sha256"])
     notes = page.split("<h2>Notes</h2>")[1].split("<h2>")[0]
@@ -71,13 +75,16 @@ def test_page_of_the_demo(command):
 
 def _numbers_agree(page, results):
     errors, predicted = table(page, "Errors"), results["predicted_error_um"]
+    error = "error relative to the datum" if results["errors_relative_to"] == "datum" else "error"
     for name, key in (
-        ("error at block ends before", "before"),
-        ("error at block ends after", "after"),
-        ("error between block ends after", "between_block_ends_after"),
+        (f"{error} at block ends before", "before"),
+        (f"{error} at block ends after", "after"),
+        (f"{error} between block ends after", "between_block_ends_after"),
         ("standard uncertainty (k=1)", "standard_uncertainty_of_prediction"),
     ):
         _same(errors[name], predicted[key])
+    for key, numbers in results["predicted_absolute_error_um"].items() if error != "error" else ():
+        _same(errors[f"absolute error at block ends {key}"], numbers)
     assert errors["moves that are not judged"] == ["", "", str(results["moves"]["not_judged"])]
     for axis, numbers in results["correction_um"].items():
         _same(table(page, "Corrections")[f"correction {axis}"], numbers)
@@ -135,7 +142,8 @@ def test_without_errors_there_is_nothing_to_draw(ncomp):
 def test_a_program_that_says_too_little_is_not_judged(ncomp, tmp_path):
     write_model(shifted(load("gantry"), X=-10.0), tmp_path / "shift.json")
     Path("in.nc").write_text("G21 G90\nG1 X50.0 F100\n")
-    done = ncomp("in.nc", "--machine", "gantry", "-c", "shift.json", "-o", "out.nc", "--report", "-")
+    options = ("--machine", "gantry", "-c", "shift.json", "--datum", "G54=true")
+    done = ncomp("in.nc", *options, "-o", "out.nc", "--report", "-")
     assert done.status == 0
     page = done.out.decode()
     assert "Nothing is judged" in page

@@ -20,6 +20,11 @@ SIGNS = (
     "Errors are actual minus nominal, tool relative to workpiece: predicted by the exact error model of the "
     "calibration, not measured. A correction is what was added to a command."
 )
+RELATIVE = (
+    " A work offset that was touched off on the machine holds the machine's error at that position, and the part lies "
+    "there. An error relative to the datum is the error less the one at the touch-off: it is the error of the part. An "
+    "absolute error takes the work offset for true."
+)
 DEMONSTRATION = "DEMONSTRATION CALIBRATION: it describes no real machine; don't cut with it."
 
 
@@ -40,14 +45,19 @@ def _verdict(report: Report) -> str:
         return f"{warning}Nothing is judged: no move says where all axes are that place the tool."
     sure = f"; standard uncertainty (k=1) of the prediction {report.uncertainty.rms:.2f} um RMS"
     return (
-        f"{warning}Predicted error of the tool point at {before.count} block ends: {before.rms:.2f} -> {after.rms:.2f} "
-        f"um RMS, at most {before.largest:.2f} -> {after.largest:.2f} um{sure if report.uncertainty.largest else ''}."
+        f"{warning}Predicted {report.error} of the tool point at {before.count} block ends: "
+        f"{before.rms:.2f} -> {after.rms:.2f} um RMS, "
+        f"at most {before.largest:.2f} -> {after.largest:.2f} um{sure if report.uncertainty.largest else ''}."
     )
 
 
 def _sections(job: Job, report: Report, trace: Trace) -> Iterator[Section]:
     yield Section("Set-up", table=Table(("", ""), [*report.facts(), *_choices(job, report)]))
-    yield Section("Errors", SIGNS, Table(("um", "max", "RMS", "number"), _error_rows(report, trace)))
+    yield Section(
+        "Errors",
+        SIGNS + (RELATIVE if report.relative else ""),
+        Table(("um", "max", "RMS", "number"), _error_rows(report, trace)),
+    )
     if report.correction:
         yield Section("Corrections", table=Table(("um", "max", "RMS", "number"), _rows(report.corrections())))
     if report.straying:
@@ -55,7 +65,7 @@ def _sections(job: Job, report: Report, trace: Trace) -> Iterator[Section]:
     if report.notes:
         told_above = {straying.text(reason) for reason, straying in report.straying.items()}
         yield Section("Notes", "\n".join(note for note in report.notes if note not in told_above))
-    yield from _figures(trace)
+    yield from _figures(trace, report.error)
     for what, places in zip(("before", "after"), trace.worst, strict=True):
         if places:
             yield Section(f"Largest errors {what}", _WORST, _worst_table(trace, places))
@@ -86,7 +96,8 @@ def _rows(named: Sequence[tuple[str, Statistic]]) -> list[tuple[str, ...]]:
 
 def _error_rows(report: Report, trace: Trace) -> list[tuple[str, ...]]:
     """Statistics, the uncertainty and what of the improvement is significant."""
-    between = [("error between block ends before", trace.between_before)] if trace.between_before.count else []
+    what = f"{report.error} between block ends before"
+    between = [(what, trace.between_before)] if trace.between_before.count else []
     named = report.errors()
     rows = _rows([*named[:2], *between, *named[2:]])
     rows.append(("moves that are not judged", "", "", str(report.not_judged)))
@@ -107,15 +118,15 @@ def _whole_table(report: Report) -> Table:
     return Table(("reason", "strays up to, um", "lines"), rows)
 
 
-def _figures(trace: Trace) -> Iterator[Section]:
-    """Along the program, and seen from above and from the front."""
+def _figures(trace: Trace, error: str) -> Iterator[Section]:
+    """Along the program, and seen from above and from the front; `error` is the one that is drawn."""
     bins, ways = trace.bins, trace.ways
     if not bins.moves:
         return
     joined = f" Each step stands for {bins.width} moves: line RMS, area up to the largest." if bins.width > 1 else ""
     if not np.isnan(bins.largest).all():
         yield Section(
-            "Error along the program",
+            f"{error.capitalize()} along the program",
             f"At the ends of moves, in the order they run; mind the two scales.{joined}",
             figure=error_figure(bins),
         )
@@ -128,7 +139,7 @@ def _figures(trace: Trace) -> Iterator[Section]:
         some = f" One feed move in {ways.stride} is drawn." if ways.stride > 1 else ""
         yield Section(
             "Where on the part",
-            f"Nominal tool path of feed moves in the workpiece frame, coloured by the error before correction.{some}",
+            f"Nominal tool path of feed moves in the workpiece frame, coloured by the {error} before correction.{some}",
             figure=plan_figure(ways),
         )
 

@@ -44,6 +44,14 @@ def verify(
         str | None,
         typer.Option("--old", metavar="CAL.json|none", help="An earlier calibration: the errors by its model as well."),
     ] = None,
+    align: Annotated[
+        str | None,
+        typer.Option(
+            "--align",
+            metavar="TRUE.json",
+            help="A second calibration as truth: the errors by its model, aligned at the datum touched off by it.",
+        ),
+    ] = None,
     dialect: DialectName = "auto",
     work_offset: WorkOffsets = None,
     datum: Datums = None,
@@ -64,39 +72,48 @@ def verify(
     from postproc.class_table import class_table
     from postproc.conditions import make_conditions
     from postproc.dialects import find_dialect
-    from postproc.judge import standing_notes
+    from postproc.judge import in_a_program, standing_notes
     from postproc.mark import calibration_of
     from postproc.source import open_source
-    from postproc.terminal import console, output, say, show_classes, show_verdict
+    from postproc.terminal import console, output, say, show_classes, show_facts, show_verdict
+    from postproc.used_datums import UsedDatums
     from postproc.verify import merged, read_motions
     from postproc.verify import verify as judged
 
-    check_places((program, corrected, calibration, old, *(tool_table or ()), log), (json,))
+    check_places((program, corrected, calibration, old, align, *(tool_table or ()), log), (json,))
     found = machine_of(machine)
     model = model_of(calibration, found)
     setup = setup_of(found, work_offset, tool_length, tool_table, datum)
     conditions = make_conditions(temperature or (), elapsed, log)
     earlier = model_of(old, found) if old else None
-    notes = standing_notes(model, conditions)
+    truth = model_of(align, found) if align else model
+    notes = standing_notes(truth, conditions)
     motions = []
     for name in (program, corrected):
         source = open_source(name)
         language = find_dialect(dialect, source.name, source.text_head)
         motions.append(merged(read_motions(source, language, found, setup)))
-    verdict = judged(motions[0], motions[1], model, conditions, tolerance_um)
-    by_old = judged(motions[0], motions[1], earlier, conditions, tolerance_um) if earlier else None
+    judges = {"": (truth, "--align" if align else "")}
+    judges |= {"by_calibration": (model, "--calibration")} if align else {}
+    judges |= {"by_old_model": (earlier, "--old")} if earlier else {}
+    verdicts = {key: judged(motions[0], motions[1], by, conditions, tolerance_um) for key, (by, _) in judges.items()}
+    datums = UsedDatums(setup)
+    datums.add(motions[0])
+    datums.predict(found, truth.part(in_a_program), conditions)
     for note in notes:
         say("note", note)
     marked = calibration_of(source)
     if marked != model.id.upper():
         say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
-    table = class_table(motions[0], model, conditions) if classes else []
+    table = class_table(motions[0], truth, conditions) if classes else []
     with result(json) as results:
-        by_model = {"by_old_model": by_old.json()} if by_old else {}
-        write_json(verdict.json() | by_model | {"classes": [left.json() for left in table]}, results)
+        others = {key: verdict.json() for key, verdict in verdicts.items() if key}
+        rest = {"datum": datums.json(setup.obtained), "classes": [left.json() for left in table]}
+        write_json(verdicts[""].json() | others | rest, results)
     to = console if json == "-" else output
-    show_verdict(verdict, to, f"by {model.id}" if by_old else "")
-    if by_old and earlier:
-        show_verdict(by_old, to, f"by {earlier.id}, --old")
+    show_facts(datums.facts(setup.obtained), to)
+    for key, (by, option) in judges.items():
+        title = ", ".join(filter(None, (f"by {by.id}", option))) if len(judges) > 1 else ""
+        show_verdict(verdicts[key], to, title)
     if table:
         show_classes(table, to)
