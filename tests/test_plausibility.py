@@ -14,7 +14,7 @@ from kinematics.model import ErrorModel, write_model
 
 NOW = datetime.datetime.now(datetime.UTC)
 PROGRAM = "G21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nY300.0\nM30\n"
-GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "-o", "out.nc")
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--datum", "G54=true", "-o", "out.nc")
 
 
 def of_x(um: float = 10.0, u: float = 0.1) -> ErrorModel:
