@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -15,6 +16,7 @@ from kinematics.transforms import Array, turn
 CONVERGED = 1e-8
 """mm and rad."""
 MAX_ROUNDS = 12
+MAX_HALVINGS = 24
 DAMPING = 5e-3
 """rad: the tilt off a pole below which rotary axes give up correcting the orientation (gain 1/2 there)."""
 
@@ -37,8 +39,9 @@ def correct_position(
     tool `(n, 3)` mm; movable `(n, axes)`: axes that may move, of which only the translators do. start `(n, axes)`:
     positions that all other axes take (default: nominal). shift `(n, 3)`, mm, workpiece frame: from the nominal tool
     point to the target. The nominal machine is aimed past the target by what the exact model says it misses, until
-    nothing is missed: each round leaves about the slope of the errors (1e-4) of what the round before did. UserError
-    when it does not settle.
+    nothing is missed: each round leaves about the slope of the errors (1e-4) of what the round before did. Where the
+    errors jump and the target lies in the jump, the side of it that misses less is taken. UserError where nothing
+    settles.
     """
     target = tool_point(machine, nominal, tool) + shift
     aim = target.copy()
@@ -48,11 +51,53 @@ def correct_position(
     for _ in range(MAX_ROUNDS):
         aim = aim - (tool_point(machine, q, tool, errors(q)) - target)
         following = np.where(moving, linear_positions(machine, q, aim, tool), others)
-        step = np.abs(following - q).max(initial=0.0)
+        steps = np.abs(following - q).max(axis=1, initial=0.0)
         q = following
-        if step < CONVERGED:
+        if steps.max(initial=0.0) < CONVERGED:
             return q
-    raise UserError("the error model changes so steeply with position that no correction settles")
+    return _beside_jumps(machine, errors, q, (target, tool, moving, others), steps >= CONVERGED)
+
+
+def _beside_jumps(
+    machine: Machine, errors: Errors, q: Array, wanted: tuple[Array, Array, NDArrayBool, Array], unsettled: NDArrayBool
+) -> Array:
+    """The positions q `(n, axes)`, where they are unsettled `(n,)` those beside a jump that miss the target least.
+
+    wanted: targets and tools `(n, 3)`, mm; axes that move `(n, axes)`; positions `(n, axes)` of all others. Each axis
+    goes towards the target by steps that are halved whenever it turns back, down to its resolution: then it stands
+    beside the jump, and of both sides along each axis, and the uncorrected position, the best is taken.
+    """
+    target, tool, others = wanted[0][unsettled], wanted[1][unsettled], wanted[3][unsettled]
+    moving: NDArrayBool = wanted[2][unsettled]
+    resolution = np.array([axis.resolution for axis in machine.axes]) * machine.scale
+
+    def missed(at: Array) -> Array:
+        return np.asarray(tool_point(machine, at, tool, errors_there(at)) - target)
+
+    def errors_there(at: Array) -> Array:
+        everywhere = q.copy()
+        everywhere[unsettled] = at
+        return errors(everywhere)[unsettled]
+
+    at, size, before = q[unsettled], np.full_like(target[:, :1], np.inf), np.zeros_like(others)
+    for _ in range(MAX_HALVINGS):
+        aim = tool_point(machine, at, tool) - missed(at)
+        step = np.where(moving, linear_positions(machine, at, aim, tool) - at, 0.0)
+        size = np.where(step * before < 0.0, np.abs(before) / 2, size)
+        before = np.clip(step, -size, size)
+        at = at + before
+        if (np.abs(before) < resolution).all():
+            break
+    else:
+        raise UserError("the error model changes so steeply with position that no correction settles")
+    sides = np.array(list(itertools.product((-1.0, 0.0, 1.0), repeat=3)))
+    shifts = np.zeros((len(sides), len(resolution)))
+    shifts[:, machine.translators] = sides * resolution[list(machine.translators)]
+    candidates = [others, *(at + np.where(moving, shift, 0.0) for shift in shifts)]
+    best = np.argmin([np.linalg.norm(missed(candidate), axis=1) for candidate in candidates], axis=0)
+    result = q.copy()
+    result[unsettled] = np.array(candidates)[best, np.arange(len(at))]
+    return result
 
 
 def correct_orientation(machine: Machine, errors: Errors, nominal: Array, movable: NDArrayBool) -> Array:

@@ -13,6 +13,8 @@ from postproc.words import Layout, place
 
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
+ALONE = "a jump or a call comes or goes there, or the control rounds or shifts its corners"
+"""Why a block has none of ncomp's own beside it."""
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
 """M functions that every control runs before the move of their block: they stay with the first piece of it."""
 END_M = frozenset((0.0, 1.0, 2.0, 30.0))
@@ -23,6 +25,9 @@ SINGLE_FEEDS = frozenset(("FB", "FT", "FMAXT"))
 """Feeds of one block."""
 LASTING = frozenset(("DC", "ACP", "ACN"))
 """Siemens: which way round an axis turns to a position."""
+
+TURN_WORDS = frozenset(("P", "TURN"))
+"""ISO and Siemens: how many turns an arc has."""
 
 
 class Tag(StrEnum):

@@ -24,7 +24,7 @@ from kinematics.machine import NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 from postproc.along import places, round_the_circle
-from postproc.circles import moved_centre
+from postproc.circles import middle_share, moved_centre
 from postproc.compensate import corrected_positions
 from postproc.conditions import Conditions
 from postproc.datum import datum_shifts
@@ -112,7 +112,7 @@ class CorrectedWays:
         lengths = np.linalg.norm(way[:, linear], axis=1)
         for row in motions.arcs:
             lengths[row] += way_round(motions, row)
-        curved = np.array([frame.tcp or frame.couples for frame in motions.frames], bool)[motions.frame]
+        curved = motions.coupled
         curved[list(motions.arcs)] = True
         extents[np.ix_(curved, linear)] += lengths[curved, None]
         return np.asarray(extents)
@@ -120,9 +120,11 @@ class CorrectedWays:
     @cached_property
     def steps(self) -> Array:
         """In how many steps `(n,)`, not whole, a move has to be looked at so that no bend is missed."""
-        return np.asarray(
-            4.0 * (self.extents / self.models[0].bend_lengths(self.motions.machine)).max(axis=1, initial=0.0)
-        )
+        steps = 4.0 * (self.extents / self.models[0].bend_lengths(self.motions.machine)).max(axis=1, initial=0.0)
+        for row in self.motions.arcs:
+            if self.motions.arcs[row].turns:
+                steps[row] = max(steps[row], STEPS * abs(arc_turned(self.motions, row)) / math.pi)
+        return np.asarray(steps)
 
     @cached_property
     def shortest(self) -> Array:
@@ -144,7 +146,7 @@ class CorrectedWays:
 
     @cached_property
     def _movable(self) -> NDArrayBool:
-        return self.motions.correctable
+        return self.motions.movable
 
     @cached_property
     def _heading(self) -> Array | None:
@@ -255,7 +257,7 @@ def _arc_rest(motions: Motions, piece: _Piece, arc: Arc, shifts: np.ndarray) -> 
     even = np.linspace(0.0, 1.0, len(shifts))
     nominal = round_the_circle(arc, (start, end), piece.low + even * (piece.high - piece.low))
     first, last = nominal[0], nominal[-1]
-    middle = shifts[len(shifts) // 2]
+    middle = shifts[round(middle_share(turned) * (len(shifts) - 1))]
     moved = [(float(s.real), float(s.imag)) for s in (shifts[0], middle, shifts[-1])]
     ends = (first.real, first.imag), (last.real, last.imag)
     part = part_of(arc, ends, turned)

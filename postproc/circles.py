@@ -50,13 +50,15 @@ def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> P
 def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts: tuple[Point, Point, Point]) -> Point:
     """The centre of a circle on which start, middle and end of an arc lie after their shifts, to first order.
 
-    `turned` is the sweep of the arc, rad. Across its chord the centre goes where the middle asks it to; on short arcs
-    less far, where that takes a long way to no purpose. Along its chord it goes with the mean of the shifts when the
-    two radii then differ no more than they did, up to CLOSE; otherwise so that their difference stays as it was. On
-    nearly full circles, whose ends lie side by side, that too is a long way, and the radii are left to differ.
+    `turned` is the sweep of the arc, rad; its middle is at `middle_share`. Across its chord the centre goes where the
+    middle asks it to; on short arcs less far, where that takes a long way to no purpose. Along its chord it goes with
+    the mean of the shifts when the two radii then differ no more than they did, up to CLOSE; otherwise so that their
+    difference stays as it was. On nearly full circles, whose ends lie side by side, that too is a long way, and the
+    radii are left to differ.
     """
     start, end = ends
     first, last = math.dist(start, centre), math.dist(end, centre)
+    turned = math.copysign(min(abs(turned), 2 * math.pi), turned)
     mean = [(a + b) / 4 + m / 2 for a, m, b in zip(*shifts, strict=True)]
     if first == 0.0 or last == 0.0:
         return centre[0] + mean[0], centre[1] + mean[1]
@@ -72,6 +74,13 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
     return centre[0] + mean[0] + across * w[0] - along * n[0], centre[1] + mean[1] + across * w[1] - along * n[1]
 
 
+def middle_share(turned: float) -> float:
+    """Share of the way of an arc, `turned` rad, of its middle; of several turns, where it is opposite its start."""
+    if abs(turned) <= 2 * math.pi:
+        return 0.5
+    return (2 * math.floor(abs(turned) / (4 * math.pi)) + 1) * math.pi / abs(turned)
+
+
 def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool, turns: int = 0) -> float:
     """Angle turned through, rad, positive counter-clockwise; 2 pi for a full circle; with whole turns besides."""
     besides = sense * turns * 2 * math.pi
@@ -82,17 +91,17 @@ def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool, turns
     return sense * ((sense * (last - first)) % (2 * math.pi)) + besides
 
 
-def quadrants(start: Point, centre: Point, turned: float) -> list[tuple[float, int]]:
-    """Where an arc that turns through `turned`, rad, crosses the lines through its centre along the axes of its plane.
+def crossings(start: Point, centre: Point, turned: float, phase: float) -> list[float]:
+    """Where an arc that turns through `turned`, rad, crosses the line through its centre in the direction `phase`, rad.
 
-    Shares of its way, within 0..1, in order; and which coordinate turns back there, 0 or 1.
+    Shares of its way, within 0..1, in order. What is measured along that line turns back there.
     """
     if turned == 0.0:
         return []
-    right, sense = math.pi / 2, math.copysign(1.0, turned)
-    first = sense * math.atan2(start[1] - centre[1], start[0] - centre[0])
-    crossed = range(math.floor(first / right) + 1, math.ceil((first + abs(turned)) / right))
-    return [((k * right - first) / abs(turned), k % 2) for k in crossed]
+    sense = math.copysign(1.0, turned)
+    first = sense * (math.atan2(start[1] - centre[1], start[0] - centre[0]) - phase)
+    crossed = range(math.floor(first / math.pi) + 1, math.ceil((first + abs(turned)) / math.pi))
+    return [(k * math.pi - first) / abs(turned) for k in crossed]
 
 
 def point_at(start: Point, centre: Point, angle: float) -> Point:

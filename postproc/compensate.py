@@ -14,9 +14,11 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from postproc.circles import middle_share
 from postproc.conditions import Conditions
 from postproc.datum import datum_shifts
 from postproc.motions import Motions
+from postproc.pieces import arc_turned
 
 States = Callable[[Array], State]
 """The state of the machine at axis positions `(n, axes)`, mm and rad."""
@@ -52,7 +54,7 @@ def correct(
     The target is the part as it lies: where a work offset was touched off on the machine, its shift is in it, by
     `model`. approach `(n, axes)`: the direction in which each move comes to its end.
     """
-    movable = motions.correctable & motions.programmed[:, None]
+    movable = motions.movable
     nominal = motions.machine_target
     models, states = (model, orientation), conditions.states(approach)
     shift = datum_shifts(motions, model, conditions)
@@ -127,7 +129,7 @@ def _arc_middles(
 ) -> dict[int, Array]:
     if not rows:
         return {}
-    middles = motions.along(0.5)
+    middles = _middles(motions)
     nominal = motions.in_machine(middles)
     corrected = nominal.copy()
     tool = motions.tool[rows]
@@ -136,3 +138,13 @@ def _arc_middles(
     )
     moved = motions.in_program(corrected) - middles
     return {row: moved[row] for row in rows}
+
+
+def _middles(motions: Motions) -> Array:
+    """Programmed positions `(n, axes)` in the middle of all moves, of arcs as `middle_share` has it."""
+    middles = motions.along(0.5)
+    for row, arc in motions.arcs.items():
+        share = middle_share(arc_turned(motions, row)) if arc.turns else 0.5
+        if share != 0.5:
+            middles[row] = motions.take(np.array([row])).along(share)[0]
+    return middles

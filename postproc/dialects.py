@@ -71,6 +71,8 @@ class Dialect:
     """Variables that corrections are put into: a program that has them already can't be corrected."""
     link: Callable[[Sequence[Block]], list[Block]] = list
     """The blocks of a program that is held as a whole, with what only the whole tells of them."""
+    leads: Callable[[Block], bool] = never
+    """True for a block that is written together with the one behind it."""
     begins: Callable[[Block], bool] = never
     """True for the first block of a program that jumps and labels of another don't reach."""
     evidence: str = ""
@@ -106,6 +108,7 @@ def _heidenhain() -> Dialect:
         "; {}",
         lambda block: block.kind == "begin_pgm",
         heidenhain_statements.OWN,
+        leads=lambda block: block.kind == "centre",
     )
 
 

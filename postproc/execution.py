@@ -6,10 +6,9 @@ jumps, loops or calls is held as a whole: its chunks are of blocks as they run, 
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -19,7 +18,9 @@ from postproc.dialects import Dialect, Interpreter
 from postproc.flow import Flow
 from postproc.motions import Motions
 from postproc.program import Block, Refusal
-from postproc.source import CHUNK, Source, chunks
+from postproc.source import CHUNK, Source
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -82,10 +83,11 @@ class Straight:
     def parts(self) -> Iterator[Part]:
         """Chunk by chunk."""
         try:
-            for lines in chunks(self.dialect.join_lines(self.source.lines()), CHUNK):
-                blocks = [self.dialect.read_block(line, text) for line, text in lines]
+            lines = self.dialect.join_lines(self.source.lines())
+            read = (self.dialect.read_block(line, text) for line, text in lines)
+            while blocks := list(_chunk(read, self.dialect.leads)):
                 motions = self.interpreter.read(straight(blocks, self.interpreter.scope))
-                yield Part(motions, range(len(blocks)), sum(len(text) for _, text in lines))
+                yield Part(motions, range(len(blocks)), sum(len(block.text) for block in blocks))
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
 
@@ -122,8 +124,9 @@ class Walk:
             more = True
             while more:
                 places: list[int] = []
-                motions = self.interpreter.read(_noting(itertools.islice(steps, CHUNK), places.append))
-                more = len(places) == CHUNK
+                chunk = _chunk(steps, lambda step: self.dialect.leads(step[1]))
+                motions = self.interpreter.read(_noting(chunk, places.append))
+                more = len(places) >= CHUNK
                 varied = frozenset(i for i, place in enumerate(places) if place in self.varied)
                 yield Part(motions, places, size, varied)
                 size = 0
@@ -163,6 +166,14 @@ def _varied(walk: Walk) -> frozenset[int]:
     except UserError:
         return frozenset()
     return frozenset(varied)
+
+
+def _chunk(items: Iterator[Item], leads: Callable[[Item], bool]) -> Iterator[Item]:
+    """The next items, which are worked on together: none that is written with the one behind it is the last."""
+    for count, item in enumerate(items, start=1):
+        yield item
+        if count >= CHUNK and not leads(item):
+            return
 
 
 def _noting(steps: Iterator[tuple[int, Block]], note: Callable[[int], None]) -> Iterator[Block]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
-from kinematics.machine import Machine
+from kinematics.machine import Machine, NDArrayBool
 from kinematics.touch_off import TouchOff
 from kinematics.transforms import Array
 
@@ -35,6 +35,16 @@ class Frame:
     def couples(self) -> bool:
         """True where a programmed coordinate moves more than the axis of its name."""
         return self.turn is not None and any(self.turn[i] != 0.0 for i in (1, 2, 3, 5, 6, 7))
+
+    @property
+    def shares(self) -> NDArrayBool:
+        """True `(3, 3)` where machine axis X, Y or Z (row) moves with the programmed X, Y or Z (column).
+
+        Under TCP a turn couples them all, for it turns with the table.
+        """
+        if not self.couples:
+            return np.eye(3, dtype=bool)
+        return np.ones((3, 3), bool) if self.tcp else np.asarray(_matrix(self.turn or ()) != 0.0)
 
     def turned(self, vector: Array) -> Array:
         """A direction `(3,)` in programmed coordinates as one in those that the offset leads to."""
@@ -106,6 +116,13 @@ class Placement:
     def frame_turn(self) -> tuple[float, ...] | None:
         """The turn of a Frame, None for none."""
         return None if self.turn == Placement().turn else self.turn
+
+
+def renamed(before: Placement, after: Placement) -> tuple[int, ...]:
+    """Which of X, Y and Z (0, 1, 2) are other coordinates within one placement than they were within another."""
+    old, new = (np.linalg.inv(_matrix(place.turn)) for place in (before, after))
+    origin_moved = ~np.isclose(old @ np.array(before.shift), new @ np.array(after.shift), rtol=0.0, atol=1e-12)
+    return tuple(np.flatnonzero((old != new).any(axis=1) | origin_moved).tolist())
 
 
 def shifted(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Placement:

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinematics.machine import Machine
 from postproc.control_state import ControlState
+from postproc.frames import cartesian
 from postproc.heidenhain_approach import approach
 from postproc.heidenhain_arcs import Arcs
 from postproc.heidenhain_codes import (
@@ -108,8 +109,9 @@ class HeidenhainInterpreter:
             done.append(block)
             if block.kind in HARMLESS_KINDS:
                 continue
+            compensated = control.compensated
             self._read_block(index, block)
-            shifted = control.cornered or control.compensated or block.kind == "normal_line"
+            shifted = control.cornered or compensated or control.compensated or block.kind == "normal_line"
             if shifted and block.kind in MOVING_KINDS:
                 done[-1] = block._replace(alone=True)
             control.cornered = block.kind in ("rounding", "chamfer")
@@ -182,6 +184,9 @@ class HeidenhainInterpreter:
             control.compensated = True
             self.notes.add("radius compensation: the points of the contour are corrected", block.line)
         elif "R0" in content.other or block.kind == "departure":
+            if control.compensated and block.kind == "line":
+                # the tool stands beside the contour until both axes of the plane are named again
+                control.recorder.doubt(cartesian(control.machine)[:2])
             control.compensated = False
 
     def _line(self, index: int, block: Block, content: Content, settled: bool) -> None:

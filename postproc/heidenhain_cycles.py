@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from postproc.expressions import NotKnown
-from postproc.frames import cartesian
+from postproc.frames import cartesian, renamed
 from postproc.heidenhain_codes import (
     CONTOUR_CYCLES,
     CYCLES_AT_PLACE,
@@ -189,8 +189,9 @@ class Cycles:
         """A part of cycle 7, 8, 10 or 11, or what does the same."""
         control = self.control
         places = control.places if control.tilt is None else control.tilted_places
+        before, x_y_z = places.placement, cartesian(control.machine)
         if places.set(block, number, words, control.unit):
-            control.change_frame(cartesian(control.machine))
+            control.change_frame([x_y_z[i] for i in renamed(before, places.placement)])
 
     def _datum(self, block: Block, line: str) -> dict[str, float]:
         """A line of the datum table, in units of the program."""

@@ -231,7 +231,7 @@ class IsoInterpreter:
         elif code in COMPENSATION:
             self._compensate(content)
         elif code == COMPENSATION_END:
-            self.compensated = False
+            self._end_compensation()
         elif code in (POLAR, POLAR_END):
             self._count_angles(content, code == POLAR)
         elif code == ROTATION_END:
@@ -248,6 +248,12 @@ class IsoInterpreter:
             raise content.refuse("radius compensation under TCP, in a tilted plane or in a canned cycle: not corrected")
         self.compensated = True
         self.notes.add("radius compensation: the points of the contour are corrected", content.block.line)
+
+    def _end_compensation(self) -> None:
+        """G40: the tool stands beside the contour until both axes of the plane are named again."""
+        if self.compensated:
+            self.recorder.doubt(self.machine.index(axis) for axis in self.modes.plane[:2])
+        self.compensated = False
 
     def _count_angles(self, content: Content, on: bool) -> None:
         if on and not self.modes.absolute:

@@ -9,7 +9,7 @@ import numpy as np
 from kinematics.forward import forward
 from kinematics.machine import Machine
 from postproc.control_state import ControlState
-from postproc.frames import Frame, Placement, cartesian, rotated, shifted, to_machine
+from postproc.frames import Frame, Placement, cartesian, renamed, rotated, shifted, to_machine
 from postproc.iso_codes import MIRROR, SCALE, TILT
 from postproc.iso_lengths import TCP_CODES, Lengths
 from postproc.iso_offsets import Offsets, Shifts
@@ -198,10 +198,12 @@ class Frames:
         self._put(left, MIRROR if self.mirrors else 0.0)
 
     def _put(self, place: Placement, code: float) -> None:
-        was_tilted = self.tilted
+        was_tilted, before, x_y_z = self.tilted, self.place, cartesian(self.machine)
         self.place, self.placed_by = place, code
-        if self.frame() != self.recorder.frame or was_tilted != self.tilted:
-            self.recorder.set_frame(self.frame(), cartesian(self.machine))
+        if was_tilted != self.tilted:
+            self.recorder.set_frame(self.frame(), x_y_z)
+        elif self.frame() != self.recorder.frame:
+            self.recorder.set_frame(self.frame(), [x_y_z[i] for i in renamed(before, place)])
 
     def stand_upright(self, block: Block) -> None:
         """G53.1: the tool along the normal of the tilted plane; where it does not stand so, the control chooses how."""

@@ -76,13 +76,29 @@ class Motions:
 
     @property
     def correctable(self) -> NDArrayBool:
-        """Positions `(n, axes)` that the program has said; of coordinates that are turned, all or none."""
-        said = np.asarray(self.known == Known.PROGRAM)
-        coupled = np.array([frame.couples for frame in self.frames], bool)
-        if coupled.any():
-            cells = np.ix_(np.flatnonzero(coupled[self.frame]), np.array(cartesian(self.machine)))
-            said[cells] &= said[cells].all(axis=1, keepdims=True)
-        return said
+        """Programmed positions `(n, axes)` that the program has said: those that a word may put elsewhere."""
+        return np.asarray(self.known == Known.PROGRAM)
+
+    @property
+    def movable(self) -> NDArrayBool:
+        """Machine axes `(n, axes)` that a programmed position moves which the program has said."""
+        movable: NDArrayBool = self.correctable & self.programmed[:, None]
+        x_y_z = np.array(cartesian(self.machine))
+        for i, frame in enumerate(self.frames):
+            if frame.couples:
+                cells = np.ix_(np.flatnonzero(self.frame == i), x_y_z)
+                movable[cells] = movable[cells] @ frame.shares.T
+        return movable
+
+    @property
+    def tcp(self) -> NDArrayBool:
+        """Rows `(n,)` under TCP."""
+        return np.asarray(np.array([frame.tcp for frame in self.frames], bool)[self.frame])
+
+    @property
+    def coupled(self) -> NDArrayBool:
+        """Rows `(n,)` whose programmed coordinates are not those of single axes of the machine."""
+        return np.asarray(np.array([frame.tcp or frame.couples for frame in self.frames], bool)[self.frame])
 
     @property
     def inner(self) -> NDArrayBool:
@@ -122,6 +138,24 @@ class Motions:
         """Feed moves `(n,)`, pieces too, whose way between is known."""
         judged = self._said(self.known_start) & self._said(self.known)
         return np.asarray(judged & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
+
+    @property
+    def known_ways(self) -> NDArrayBool:
+        """Feed moves `(n,)`, pieces too, that end where the program has said, from where ncomp at least knows."""
+        known = (self.known_start[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
+        return np.asarray(known & self._said(self.known) & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
+
+    @property
+    def left(self) -> NDArrayBool:
+        """Cells `(n, axes)` of feed moves and holes that are not corrected.
+
+        The program has not named the axis since a new frame, a move in machine coordinates or an M function that ncomp
+        does not know.
+        """
+        left = self.known == Known.MACHINE
+        left[:, self.machine.rotary] = False
+        left[~self.programmed | self.inner | (self.kind == Kind.RAPID)] = False
+        return np.asarray(left)
 
     def _said(self, known: np.ndarray) -> NDArrayBool:
         return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))

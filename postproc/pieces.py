@@ -12,9 +12,13 @@ import numpy as np
 
 from kinematics.machine import NDArrayBool
 from postproc.along import places
-from postproc.circles import Point, quadrants, same, sweep
+from postproc.circles import Point, crossings, same, sweep
+from postproc.frames import cartesian
 from postproc.motions import BY_ROW, Motions
 from postproc.moves import Arc, Kind, Known
+
+NEARLY_A_TURN = 2 * math.pi - 1e-3
+"""rad."""
 
 
 def arc_ends(motions: Motions, row: int) -> tuple[Point, Point]:
@@ -31,15 +35,27 @@ def arc_turned(motions: Motions, row: int) -> float:
 
 
 def turning_points(motions: Motions, row: int) -> Iterator[tuple[float, int, float]]:
-    """Where the axes of its plane turn back within an arc, in the order of its way.
+    """Where the axes that its plane moves turn back within an arc, in the order of its way.
 
     Share of the way, column of the axis, and how far, mm, it goes there and back within the arc: the less of both.
     """
     arc, (start, _), turned = motions.arcs[row], arc_ends(motions, row), arc_turned(motions, row)
-    radius = math.dist(start, arc.centre)
-    for share, coordinate in quadrants(start, arc.centre, turned):
-        nearer = min(share, 1.0 - share) * abs(turned)
-        yield share, arc.plane[coordinate], radius * (1.0 - math.cos(min(nearer, math.pi)))
+    radius, found = math.dist(start, arc.centre), []
+    for axis, (x, y) in _directions_in_plane(motions, row):
+        for share in crossings(start, arc.centre, turned, math.atan2(y, x)):
+            nearer = min(share, 1.0 - share) * abs(turned)
+            found.append((share, axis, math.hypot(x, y) * radius * (1.0 - math.cos(min(nearer, math.pi)))))
+    yield from sorted(found)
+
+
+def _directions_in_plane(motions: Motions, row: int) -> list[tuple[int, Point]]:
+    """Machine axes that the plane of an arc moves, each with its direction in the plane, mm per programmed mm."""
+    arc, x_y_z, frame = motions.arcs[row], cartesian(motions.machine), motions.frames[motions.frame[row]]
+    if not frame.couples:
+        return [(arc.plane[0], (1.0, 0.0)), (arc.plane[1], (0.0, 1.0))]
+    i, j = (x_y_z.index(axis) for axis in arc.plane[:2])
+    turn = np.reshape(frame.turn or (), (3, 3)).tolist()
+    return [(axis, (line[i], line[j])) for axis, line in zip(x_y_z, turn, strict=True) if line[i] or line[j]]
 
 
 def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants: bool = False) -> Motions:
@@ -120,7 +136,7 @@ def _cuts_of(nominal: Motions, commanded: Motions, pieces: NDArrayBool) -> dict[
 
 
 def _quadrant(nominal: Motions, origin: int, commanded: Motions, row: int, behind: float) -> float | None:
-    """The share of a nominal arc, beyond one, where the quarter ends that is nearest to the start of a piece."""
+    """The share of a nominal arc, within a turn beyond one, at which an axis turns back nearest to a piece's start."""
     if origin not in nominal.arcs or row not in commanded.arcs:
         return None
     (x, y), _ = arc_ends(commanded, row)
@@ -130,8 +146,8 @@ def _quadrant(nominal: Motions, origin: int, commanded: Motions, row: int, behin
     angle, first = math.atan2(y - y0, x - x0), math.atan2(start[1] - centre[1], start[0] - centre[0])
     apart = [
         (abs(math.remainder(first + share * turned - angle, 2 * math.pi)), share)
-        for share, _ in quadrants(start, centre, turned)
-        if share > behind
+        for share, _, _ in turning_points(nominal, origin)
+        if behind < share < behind + NEARLY_A_TURN / abs(turned)
     ]
     return min(apart)[1] if apart else None
 

@@ -26,6 +26,7 @@ from postproc.dialects import Dialect
 from postproc.execution import Part, execution
 from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.line_length import refuse_lengthened
+from postproc.lines import ranges, shortened
 from postproc.mark import mark_in, mark_line, mark_place
 from postproc.motions import Motions
 from postproc.moves import Kind, Known
@@ -145,7 +146,12 @@ class Pipeline:
             f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
             for (name, unit), excess in sorted(self._outside.largest.items())
         ]
-        return unused + beyond + [straying.text(reason) for reason, straying in self.report.straying.items()]
+        left = [
+            f"{axes} not corrected: not named since a new frame, a move in machine coordinates or an M function that "
+            f"ncomp does not know (lines {shortened(ranges(lines))})"
+            for axes, lines in self.report.left.items()
+        ]
+        return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
     def _put(self, out: BinaryIO, blocks: list[Block], texts: list[str]) -> None:
         """Write blocks of the program as they have become, with the mark at its place."""
@@ -204,19 +210,20 @@ class Pipeline:
         job, report, own = self.job, self.report, ~motions.inner
         machine, judged, correctable = job.machine, motions.judged, motions.programmed & own
         moved = written.ends - motions.target
-        report.corrected += int((np.abs(moved[correctable]) > 0.0).any(axis=1).sum())
+        report.corrected += int(((moved != 0.0) & motions.correctable)[correctable].any(axis=1).sum())
         report.not_judged += int((~judged & own).sum())
         for i in machine.translators:
             report.correction.setdefault(machine.names[i], Statistic()).add(moved[correctable, i] * 1e3)
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
             report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[correctable, i]) * 1e6)
         self._note_assumed(motions, correctable)
+        self._note_left(motions)
         commanded = written.moves(motions)
         errors = np.full((len(motions), 2), np.nan)
         errors[judged] = self._judge_ends(motions, commanded, correction.nominal, judged)
         self.guard.check(motions, np.flatnonzero(judged), errors[judged, 0], errors[judged, 1], "at its end")
+        self._judge_between(motions, commanded)
         if judged.any():
-            self._judge_between(motions, commanded)
             self._note_turning(motions, correction, written)
         if self.trace is not None:
             self.trace.add(motions, correctable, moved, errors)
@@ -259,6 +266,13 @@ class Pipeline:
                 text = f"{axis.name} not said by the program yet, taken at its home {axis.home:g}"
                 self.notes.add(text, line, rows.size)
 
+    def _note_left(self, motions: Motions) -> None:
+        """Gather the lines whose moves are not corrected in all axes."""
+        left = motions.left
+        for row in np.flatnonzero(left.any(axis=1)).tolist():
+            names = " ".join(self.job.machine.names[i] for i in np.flatnonzero(left[row]))
+            self.report.left.setdefault(names, []).append(motions.blocks[motions.block[row]].line)
+
     def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Say where a feed move of rotary axes alone leaves an error that the next move takes out."""
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
@@ -270,14 +284,15 @@ class Pipeline:
 
     def _judge_between(self, motions: Motions, commanded: Motions) -> None:
         """Along feed moves, where nothing is corrected by itself."""
-        rows = motions.judged_ways
+        rows = motions.known_ways
         if not rows.any():
             return
+        judged = motions.judged_ways[rows]
         if self.trace is not None:
-            self.trace.between_before.add(self._strayed(motions, motions, self.before, rows))
+            self.trace.between_before.add(self._strayed(motions, motions, self.before, rows)[judged])
         strayed = self._strayed(motions, commanded, self.after, rows)
-        self.report.between_ends.add(strayed)
-        self._guard_between(motions, rows, strayed)
+        self.report.between_ends.add(strayed[judged])
+        self._guard_between(motions, motions.judged_ways, strayed[judged])
         beyond = strayed > self.job.tolerance_um
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
             block = int(motions.block[row])

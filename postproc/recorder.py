@@ -156,7 +156,7 @@ class Recorder:
         for axis, value in targets.items():
             q[axis] = value * self.machine.scale[axis]
             self.known[axis] = Known.MACHINE
-        self.doubt(self._coupled())
+        self.doubt(self._coupled(targets))
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
         self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), words, before)
         self._last = None
@@ -215,7 +215,7 @@ class Recorder:
         for axis in axes:
             q[axis] = self.machine.axes[axis].home * self.machine.scale[axis]
             self.known[axis] = Known.ASSUMED
-        for axis in self._coupled():
+        for axis in self._coupled(axes):
             self.known[axis] = Known.ASSUMED
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
 
@@ -293,9 +293,15 @@ class Recorder:
             moved.update(cartesian(self.machine))
         return sorted(moved)
 
-    def _coupled(self) -> tuple[int, ...]:
-        """Axes whose programmed coordinates change when any axis moves in machine coordinates."""
-        return cartesian(self.machine) if self.frame.tcp or self.frame.couples else ()
+    def _coupled(self, moved: Iterable[int]) -> list[int]:
+        """Axes whose programmed coordinates change when some axes move in machine coordinates."""
+        x_y_z = cartesian(self.machine)
+        if self.frame.tcp:
+            return list(x_y_z)
+        if not self.frame.couples:
+            return []
+        rows = [x_y_z.index(axis) for axis in moved if axis in x_y_z]
+        return [x_y_z[i] for i in np.flatnonzero(self.frame.shares[rows].any(axis=0)).tolist()]
 
     def _stand_at(self, positions: list[float]) -> list[float]:
         q = np.array([positions]) * self.machine.scale

@@ -80,6 +80,8 @@ class Report:
     """Written in more than one block, so that the path between stays within the tolerance."""
     straying: dict[str, Straying] = field(default_factory=dict)
     """By reason: moves that stay in one piece and exceed the tolerance."""
+    left: dict[str, list[int]] = field(default_factory=dict)
+    """By axes that are not corrected in feed moves: the lines."""
     conditions: Conditions = field(default_factory=Conditions)
     correction: dict[str, Statistic] = field(default_factory=dict)
     """By axis, um."""
@@ -173,6 +175,7 @@ class Report:
                 "not_judged": self.not_judged,
             },
             "not_split": [straying.json(reason) for reason, straying in self.straying.items()],
+            "not_corrected": [{"axes": axes.split(), "lines": ranges(lines)} for axes, lines in self.left.items()],
             "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
             "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
             "max_correction_um": None if self.max_correction_um is None else round(self.max_correction_um, 4),

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from kinematics.machine import Machine
 from postproc.contours import follow_contour
 from postproc.control_state import ControlState
 from postproc.expressions import Constant, NotKnown, whole
-from postproc.frames import Frame, cartesian
+from postproc.frames import Frame, cartesian, renamed
 from postproc.iso_codes import HARMLESS_M, TOOL_CHANGE
 from postproc.motions import Motions
 from postproc.moves import Arc, AxisWord, Kind, Known
@@ -249,7 +251,7 @@ class SiemensInterpreter:
         elif code in FEED_MODES:
             self.timed = code == INVERSE_TIME
         elif code == COMPENSATION_END:
-            self.compensated = False
+            self._end_compensation()
         else:
             return False
         return True
@@ -269,6 +271,12 @@ class SiemensInterpreter:
         self.compensated = True
         self.notes.add("tool radius compensation: the points of the contour are corrected", block.line)
 
+    def _end_compensation(self) -> None:
+        """G40: the tool stands beside the contour until both axes of the plane are named again."""
+        if self.compensated:
+            self.recorder.doubt(self.machine.index(axis) for axis in self.plane[:2])
+        self.compensated = False
+
     def _switch_tcp(self, block: Block, content: Content) -> None:
         on = "TRAORI" in content.names
         arguments = block.words[content.names["TRAORI" if on else "TRAFOOF"]].arguments
@@ -286,13 +294,14 @@ class SiemensInterpreter:
 
     def _change_frame(self, block: Block, content: Content) -> None:
         """A statement of the programmable frame."""
-        before = self.recorder.frame
-        named = self.places.change(block, content, self.unit, self.plane)
+        before, placed, x_y_z = self.recorder.frame, self.places.programmed, cartesian(self.machine)
+        shifted = self.places.change(block, content, self.unit, self.plane)
         after = self._frame()
-        changed = {self.machine.index(axis) for axis in named}
-        changed.update(i for i, (a, b) in enumerate(zip(before.offset, after.offset, strict=True)) if a != b)
-        everything = range(len(self.machine.axes))
-        self.recorder.set_frame(after, changed if before.turn == after.turn else everything)
+        changed = {self.machine.index(axis) for axis in shifted}
+        changed.update(x_y_z[i] for i in renamed(placed, self.places.programmed))
+        turning = np.flatnonzero(self.machine.rotary).tolist()
+        changed.update(i for i in turning if before.offset[i] != after.offset[i])
+        self.recorder.set_frame(after, changed)
 
     def _swivel(self, index: int, block: Block, content: Content) -> None:
         """CYCLE800: turns the rotary axes on a way of its own, and tilts the coordinates with them."""

@@ -38,7 +38,7 @@ class Places:
         self.swivelled, self.programmed, self.turning = plane, Placement(), {}
 
     def change(self, block: Block, content: Content, unit: float, plane: str) -> set[str]:
-        """Take over the one frame statement of a block: set anew, or with an A added to what is; the axes it names."""
+        """Take over the one frame statement of a block: set anew, or with an A added to what is; the axes it shifts."""
         (name,) = content.frames
         if name in SPATIAL_NAMES:
             raise block.refuse(f"{name} turns the coordinates by angles in space")
@@ -56,7 +56,7 @@ class Places:
         self.programmed = self.programmed.then(inner)
         for axis, value in turned.items():
             self.turning[axis] = self.turning.get(axis, 0.0) + value
-        return set(words)
+        return set(words) if kind == "TRANS" else set()
 
     def _inner(
         self, block: Block, content: Content, kind: str, words: Mapping[str, float], unit: float, plane: str

@@ -77,7 +77,7 @@ class Polar:
             self.radius = self._value(block, words.get("RP"), self.radius, turn.unit, absolute)
         if self.radius < 0.0:
             raise block.refuse("a negative polar radius")
-        unsaid = recorder.frame.couples or "RP" not in words or not absolute
+        unsaid = "RP" not in words or not absolute
         if unsaid and any(recorder.known[axis] != Known.PROGRAM for axis in turn.columns(recorder)):
             raise block.refuse("polar coordinates from a position that the program has not said in this frame")
         place = _around(self.pole, self.radius, self.angle)

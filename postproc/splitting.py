@@ -12,7 +12,7 @@ from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
-from postproc.added_blocks import END_M, LASTING, SINGLE_FEEDS, START_M
+from postproc.added_blocks import ALONE, END_M, LASTING, SINGLE_FEEDS, START_M
 from postproc.bending import CorrectedWays, bent, find_cuts
 from postproc.conditions import Conditions
 from postproc.motions import Motions
@@ -20,7 +20,6 @@ from postproc.moves import Known
 from postproc.numbers import decimals_for
 from postproc.pieces import arc_turned, split
 from postproc.program import Block
-from postproc.reversals import feeds
 
 QUARTER = math.pi / 2 + 1e-9
 HALF_TURN = math.pi - 1e-6
@@ -52,7 +51,7 @@ class Splitter:
     def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
         """The moves of a chunk, those in pieces that would stray; blocks `varied` run several times, not alike."""
         self.whole = {}
-        rows = np.flatnonzero(motions.judged_ways & feeds(motions) & ~motions.turning)
+        rows = np.flatnonzero(motions.known_ways & ~motions.turning)
         if not rows.size or not self.models[0].effects:
             return motions
         ways = CorrectedWays(motions, self.models, self.conditions)
@@ -74,14 +73,13 @@ def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset
     said = np.minimum(motions.known_start[row], motions.known[row])[moved]
     turned = ways.extents[row] * machine.rotary
     obstacles = {
-        "a jump or a call comes or goes there, or the control rounds or shifts its corners": block.alone,
+        ALONE: block.alone,
         "its block runs several times, in different ways": int(motions.block[row]) in varied,
         "its block makes several moves": np.count_nonzero(motions.block == motions.block[row]) > 1,
         "the control shifts it by the radius of the tool": row in motions.contours,
         "polar coordinates": row in motions.polars or (arc is None and any(w.word < 0 for w in motions.words[row])),
         "an axis that no word may name": row in motions.still,
         "the program has not said where all its axes are before it": (said != Known.PROGRAM).any(),
-        "a helix of several turns": arc is not None and arc.turns > 0,
         "rotary axes turn along an arc": arc is not None and turned.any(),
         "a rotary axis turns by half a turn or more, and which way round depends on the control": (
             (turned > HALF_TURN) & _endless(machine)
@@ -111,13 +109,17 @@ def _endless(machine: Machine) -> NDArrayBool:
 
 
 def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
-    """The cuts of a move, with more for an arc that is given by its radius: near half a circle a radius says little."""
+    """The cuts of a move, with more for an arc that is given by its radius: near half a circle a radius says little.
+
+    So for one of several turns: no piece says how often it turns.
+    """
     arc = motions.arcs.get(row)
-    if arc is None or not arc.form.startswith("radius"):
+    if arc is None or not (arc.turns or arc.form.startswith("radius")):
         return shares
     turned, found = abs(arc_turned(motions, row)), [0.0, *shares, 1.0]
+    longest = QUARTER if arc.form.startswith("radius") else HALF_TURN + 2e-6
     while True:
-        halves = [(a + b) / 2 for a, b in pairwise(found) if (b - a) * turned > QUARTER]
+        halves = [(a + b) / 2 for a, b in pairwise(found) if (b - a) * turned > longest]
         if not halves:
             return found[1:-1]
         found = sorted(found + halves)

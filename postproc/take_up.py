@@ -14,9 +14,10 @@ import numpy as np
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
-from postproc.added_blocks import START_M
+from postproc.added_blocks import ALONE, START_M
 from postproc.compensate import correct
 from postproc.conditions import Conditions
+from postproc.held import held_shifts
 from postproc.motions import Motions
 from postproc.moves import Known
 from postproc.notes import Notes
@@ -35,8 +36,6 @@ from postproc.reversals import (
     ways,
 )
 
-TURN_WORDS = frozenset(("P", "TURN"))
-"""ISO and Siemens: how many turns a helix has."""
 NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
 
 
@@ -72,12 +71,6 @@ class TakeUps:
         """The moves of a chunk with all that has to be added; none where no error depends on a direction."""
         if not self.axes:
             return Directed(motions, None)
-        turned = [i for i, frame in enumerate(motions.frames) if frame.couples]
-        rows = np.flatnonzero(np.isin(motions.frame, turned))
-        if rows.size:
-            raise motions.blocks[motions.block[rows[0]]].refuse(
-                "turned coordinates on a machine with play: not corrected"
-            )
         motions = split(motions, self._cuts(motions), at_quadrants=True)
         before = self._directions.last
         first, last = self._directions_of(motions)
@@ -105,11 +98,8 @@ class TakeUps:
         if not len(motions):
             return np.zeros_like(motions.target), np.zeros_like(motions.target)
         correction = correct(motions, self._plain, self._orientation, self.conditions)
-        ends = correction.corrected.copy()
-        linear = list(self.machine.translators)
-        tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
-        ends[np.ix_(motions.turning & ~tcp, linear)] = np.nan  # they leave the linear axes where they are
-        shifts = correction.corrected - correction.nominal
+        shifts = held_shifts(motions, correction, self._shift)
+        ends = correction.nominal + shifts
         certain = known_before(motions)
         winding = turns_inside(motions, self.axes, self.band)
         if winding.any():
@@ -118,6 +108,7 @@ class TakeUps:
             inner = ways(motions, INNER) + starts[:, None] + share * (shifts - starts)[:, None]
             inner[~winding] = np.nan
             found = follow_ways(self._directions, np.concatenate([inner, ends[:, None]], axis=1), certain)
+            found[~winding] = found[~winding, -1:]
             self._note_inside(motions, found, winding)
         else:
             found = self._directions.follow(ends, certain)[:, None]
@@ -130,22 +121,24 @@ class TakeUps:
         linear = np.zeros(len(self.machine.axes), bool)
         linear[list(self.machine.translators)] = True
         others = asked & ~linear
-        tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
-        # under TCP an axis of the machine lies across the programmed ones: all of them move, or none
-        together = tcp[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
+        coupled = motions.coupled
+        # here an axis of the machine lies across the programmed ones: all of them move, or none
+        together = coupled[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
         wanted = (asked & linear) | together
         said = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
-        ready = motions.settled & ~motions.turning
+        ready = motions.settled & ~motions.turning & ~np.array([b.alone for b in motions.blocks], bool)[motions.block]
         ready[[*motions.contours, *motions.polars, *motions.still]] = False
         for row in np.flatnonzero(motions.timed & wanted.any(axis=1)):
             ready[row] &= _has_feed(motions.blocks[motions.block[row]])
         possible = wanted & said & ready[:, None]
-        possible[tcp & (wanted & ~possible).any(axis=1)] = False
+        possible[coupled & (wanted & ~possible).any(axis=1)] = False
         for row, axis in np.argwhere((asked & linear & ~possible) | others):
             block = motions.blocks[motions.block[row]]
             why = (
                 "not an axis that is corrected"
                 if others[row, axis]
+                else ALONE
+                if block.alone
                 else NOT_READY
                 if not ready[row]
                 else "the program has not said where it is"
@@ -182,12 +175,11 @@ def _obstacle(motions: Motions, row: int, block: Block) -> str:
     """Why an arc can't be written in pieces, empty when it can."""
     named = [word.axis for word in motions.words[row]]
     codes = {word.value or 0.0 for word in block.words if word.address == "M"}
-    says_turns = any(word.address in TURN_WORDS for word in block.words)
     obstacles = {
+        ALONE: block.alone,
         "under TCP its axes are not those of the machine": motions.frames[motions.frame[row]].tcp,
         "radius compensation follows all its pieces": row in motions.contours,
         "other axes turn or move with it": any(axis not in motions.machine.translators for axis in named),
-        "its block says how often it turns": motions.arcs[row].turns and says_turns,
         "an increment from where the program has not said": (motions.known[row, named] != Known.PROGRAM).any(),
         "an M function in its block may run before or after it": not START_M.issuperset(codes),
         "no F under G93": motions.timed[row] and not _has_feed(block),

@@ -15,6 +15,7 @@ import numpy as np
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.added_blocks import (
+    TURN_WORDS,
     AddedBlock,
     Tag,
     end_words,
@@ -135,13 +136,11 @@ class Writer:
         return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
 
     def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
-        """A move in machine coordinates; under TCP the other coordinates of the tool point follow."""
-        moved = {word.axis for word in motions.words[row]}
-        frame = motions.frames[motions.frame[row]]
-        if frame.tcp or frame.couples:
-            moved.update(cartesian(self.machine))
-        for axis in moved:
-            held[axis] = float(motions.target[row, axis])
+        """A move in machine coordinates: the axes that it names go where it says, all others stay where they are."""
+        frame, moved = motions.frames[motions.frame[row]], [word.axis for word in motions.words[row]]
+        q = to_machine(self.machine, frame, np.array([held]))
+        q[0, moved] = motions.machine_target[row, moved]
+        held[:] = to_program(self.machine, frame, q)[0].tolist()
 
     def _call_here(self, motions: Motions, row: int, held: list[float]) -> None:
         """G92: the place that the control holds is called as much another as it is another."""
@@ -190,6 +189,9 @@ class Writer:
             raise motions.blocks[block].refuse("drills several holes, which want different corrections")
         if self._inner[row]:
             self._at_end[block] = [editor.cut(word) for word in end_words(editor.block)]
+            for word in editor.block.words if row in motions.arcs else ():
+                if word.address in TURN_WORDS:
+                    editor.cut(word)
             if motions.timed[row]:
                 share_time(motions, row, editor)
         self._begun.add(block)

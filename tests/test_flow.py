@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import correct, load, model_of, random_model, read, shifted
+from programs import correct, load, random_model, read, shifted
 
-from kinematics.effects import Backlash
 from kinematics.errors import UserError
 from postproc.verify import verify
 
@@ -229,9 +228,3 @@ def test_places_that_controls_read_differently(block, reason):
     with pytest.raises(UserError) as caught:
         read(HEAD + block + "\n", load("gantry"))
     assert reason in str(caught.value)
-
-
-def test_turned_coordinates_with_play_are_refused():
-    machine = load("gantry")
-    with pytest.raises(UserError, match="turned coordinates on a machine with play"):
-        correct(HEAD + "G68 X1. Y1. R5.\nG1 X5. Y5. F100\n", machine, model_of(machine, Backlash("X", 10.0)))
