@@ -54,12 +54,15 @@ def width(points: Array) -> float:
 
 
 def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
-    """What is to be observed `(n, d)`, mm and rad, as far as it counts, with these effects on it."""
+    """What is to be observed `(n, d)`, mm and rad, as far as it counts, with these effects on it.
+
+    NaN for runs of an interferometer whose zero the registration does not hold.
+    """
     if isinstance(measurement.instrument, Interferometer):
         machine, q = measurement.machine, measurement.state.positions
         position, turned = exact_deviation(machine, q, effects.errors, measurement.tool)
         along = np.concatenate([position, turned], axis=1)
-        zeros = np.array([registration.zeros[group] for group in measurement.groups.tolist()])
+        zeros = np.array([registration.zeros.get(group, np.nan) for group in measurement.groups.tolist()])
         return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros)[:, None])
     points = seen_points(measurement, effects.errors, registration.tool(measurement))
     return _counted(measurement, registration.seen(measurement, points) + effects.shift)

@@ -15,7 +15,7 @@ from postproc.evidence import evidence
 from postproc.flow import Variables, never
 from postproc.motions import Motions
 from postproc.notes import Notes
-from postproc.program import Block
+from postproc.program import Block, Refusal
 from postproc.recorder import Recorder
 from postproc.setup import Setup
 
@@ -79,13 +79,25 @@ class Dialect:
     """Why a program is read so, for messages; nothing where the user has said it."""
 
 
+def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Block]:
+    """The reader of a block, which refuses formulas that are nested more deeply than Python follows."""
+
+    def read(line: int, text: str) -> Block:
+        try:
+            return read_block(line, text)
+        except RecursionError:
+            raise Refusal(line, text, "a formula that is nested or goes on for so long is not understood") from None
+
+    return read
+
+
 def _iso() -> Dialect:
     from postproc import iso, iso_leader, iso_statements
 
     return Dialect(
         "iso",
         iso_leader.join_lines,
-        iso_leader.read_line,
+        _bounded(iso_leader.read_line),
         iso_statements.FLOW,
         iso_statements.labels,
         iso.IsoInterpreter,
@@ -101,7 +113,7 @@ def _heidenhain() -> Dialect:
     return Dialect(
         "heidenhain",
         heidenhain_blocks.join_lines,
-        heidenhain_blocks.read_block,
+        _bounded(heidenhain_blocks.read_block),
         heidenhain_statements.FLOW,
         heidenhain_statements.labels,
         heidenhain.HeidenhainInterpreter,
@@ -118,7 +130,7 @@ def _siemens() -> Dialect:
     return Dialect(
         "siemens",
         iter,
-        siemens_blocks.read_block,
+        _bounded(siemens_blocks.read_block),
         siemens_statements.FLOW,
         siemens_statements.labels,
         siemens.SiemensInterpreter,

@@ -82,11 +82,18 @@ class Scope(Protocol):
 
 def evaluate(expression: Expression, scope: Scope) -> Value:
     """The value of an expression; NotKnown, with the reason, where the program does not give it."""
+    try:
+        return _value(expression, scope)
+    except RecursionError:
+        raise NotKnown("a formula that is nested or goes on for so long is not understood") from None
+
+
+def _value(expression: Expression, scope: Scope) -> Value:
     if isinstance(expression, Constant):
-        return expression.value
+        return _finite(expression.value, "a number of so many digits")
     if isinstance(expression, Variable):
-        return scope.get(expression.name, tuple(evaluate(index, scope) for index in expression.indices))
-    values = [evaluate(operand, scope) for operand in expression.operands]
+        return scope.get(expression.name, tuple(_value(index, scope) for index in expression.indices))
+    values = [_value(operand, scope) for operand in expression.operands]
     operation = scope.operations.get(expression.name)
     if operation is None:
         raise NotKnown(f"{expression.name} is not known to ncomp")
@@ -95,8 +102,12 @@ def evaluate(expression: Expression, scope: Scope) -> Value:
     except (ArithmeticError, TypeError, ValueError):
         said = ", ".join(f"{value:g}" if isinstance(value, float) else repr(value) for value in values)
         raise NotKnown(f"{expression.name} has no value for {said}") from None
+    return _finite(value, expression.name)
+
+
+def _finite(value: Value, what: str) -> Value:
     if isinstance(value, float) and not math.isfinite(value):
-        raise NotKnown(f"{expression.name} has no finite value")
+        raise NotKnown(f"{what} has no finite value")
     return value
 
 

@@ -16,9 +16,7 @@ from postproc.statements import Assign, Begin, Else, End, Jump, Label, Rerun, Se
 
 Node = Tree[Token] | Token
 
-FLOW = re.compile(
-    r"\b(?:IF|GOTO[FBCS]?|CASE|FOR|WHILE|UNTIL|REPEATB?|LOOP|ELSE|END(?:IF|FOR|WHILE|LOOP))\b|N\d+REPEAT|^\s*%", re.I
-)
+FLOW = re.compile(r"(?<![A-Z_])(?:IF|GOTO|CASE|FOR|WHILE|UNTIL|REPEAT|LOOP|ELSE|END(?:IF|FOR|WHILE|LOOP))|^\s*%", re.I)
 """What a program may hold in which not always the next block runs."""
 LEVELS = {
     ":": 10,

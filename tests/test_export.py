@@ -234,3 +234,15 @@ def test_tables_are_not_corrected_by_a_class(command, calibration, tmp_path):
         for name in ("all.nc", "chosen.nc")
     ]
     assert moves[0] == moves[1]
+
+
+def test_a_table_of_a_rotary_axis_is_read_and_written(command, tmp_path):
+    """As a calibration file, which holds numbers of plain Python."""
+    table = "kopf.log_achs_name C\nkw.ssfk.unit 1\nkw.ssfk.kw_nr_max 2\n" + "".join(
+        f"kw.ssfk.table[{k}].setpoint {k * 900000}\nkw.ssfk.table[{k}].pos {k}\n" for k in range(2)
+    )
+    (tmp_path / "c.lis").write_text(table)
+    done = command("import", "c.lis", "--machine", "head_table", "--format", "isg", "-o", "made.json")
+    assert done.status == 0, done.err
+    (effect,) = read_model(tmp_path / "made.json", load("head_table")).effects
+    assert effect.axis == "C"

@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, cast
 
-import numpy as np
-
 from kinematics.basis import BSpline
 from kinematics.effects import Component, ControlTable, ErrorMotion
 from kinematics.errors import UserError
@@ -32,7 +30,7 @@ class Source:
         """What a table that adds corrections, mm or degrees, takes away."""
         for name in (axis, *of):
             self.machine.index(name)
-        size = np.radians(1.0) * 1e6 if axis[0] in "ABC" else 1e3
+        size = math.radians(1.0) * 1e6 if axis[0] in "ABC" else 1e3
         values = tuple(-float(c) * size for c in corrections)
         try:
             return ControlTable(axis, tuple(of), tuple(tuple(map(float, n)) for n in nodes), values, cast(Any, way))
