@@ -110,3 +110,12 @@ def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
     assert "src=" not in page.replace("xlink:href", "")  # nothing is loaded from elsewhere
     for part in ("Location errors", "E_C0Y", "Error motions", "U (k=2)", "What is left", "Left out", "chi2/dof"):
         assert part in page
+
+
+def test_runs_of_an_interferometer_that_others_do_not_predict(command, tmp_path):
+    """A run that stands at positions of its own is held out whole: its zero is then not known, and it is not counted."""
+    head = "# machine: dmu50\n# instrument: interferometer\n# u_um: 0.3\n# target.r: 0 0 -50\n"
+    rows = "".join(f"X,1,+,{x},{0.01 * x}\nX,1,-,{x},{0.01 * x}\n" for x in range(-100, 101, 20))
+    (tmp_path / "data.csv").write_text(f"{head}axis,run,direction,target_mm,deviation_um\n{rows}X,2,-,-100,1\n")
+    done = command("fit", "data.csv", "--machine", "dmu50", "--basis", "legendre:1", "-o", "cal.json")
+    assert done.status == 0, done.err

@@ -94,9 +94,7 @@ def _data() -> Iterable[File]:
         head = "".join(path.read_text().splitlines(keepends=True)[:ROWS])
         yield File("data", path.name, head, ("--machine", path.name.partition("-")[0]))
     yield File("map", "map.toml", readers.MAP)
-    yield File(
-        "plan", "plan.csv", _plan()
-    )
+    yield File("plan", "plan.csv", _plan())
     yield File("points", "points.csv", "# target.t1: 0 0 -120\nX,Y,Z,target,dir_X\n1,2,3,t1,1\n500,20,30,t1,-1\n")
     yield File("log", "log.csv", "time_s,temp_spindle,temp_air\n0,20,21\n60,30,22.5\n120,31,20\n")
 
