@@ -17,14 +17,30 @@ class Depth(NamedTuple):
     """The program has said where the axis stands: it is corrected."""
 
 
+class Scale(NamedTuple):
+    """How the words of a block are written."""
+
+    unit: float
+    """mm."""
+    decimals: int
+    corrected: bool
+    """Not as they stand."""
+    both: bool
+    """R and the depth are said, even where one of them says what holds already."""
+
+
 class HoleWriter:
-    """Says depth and R of holes; both hold from block to block where a block leaves them out."""
+    """Says depth and R of holes; both hold from block to block where a block leaves them out.
+
+    With increments R is never said without the depth: where R alone is another, some controls keep the bottom and
+    others its distance from R.
+    """
 
     def __init__(self) -> None:
         self._level = 0.0
         """Where the axis stood before the first cycle, mm."""
-        self._held = {"R": 0.0, "depth": 0.0}
-        """As last said, in units of the words."""
+        self._held: dict[str, float] = {}
+        """Positions that R and the depth have last said, mm."""
 
     def write(
         self, editor: WordEditor, cycle: Cycle, name: str, depth: Depth, held: float, unit: float, decimals: int
@@ -35,23 +51,38 @@ class HoleWriter:
         """
         if cycle.first:
             self._level = held
-        above = self._level if cycle.incremental else 0.0
-        clear = cycle.clear + depth.wanted - depth.nominal
-        words = (cycle.retract_word, cycle.word)
-        clear = above + unit * self._say(editor, words[0], "R", "R", (clear - above) / unit, decimals, depth.said)
-        base = clear if cycle.incremental else 0.0
-        number = (depth.wanted - base) / unit
-        bottom = base + unit * self._say(editor, words[1], name, "depth", number, decimals, depth.said)
+            self._held.clear()
+        wanted = {"R": cycle.clear + depth.wanted - depth.nominal, "depth": depth.wanted}
+        incremental = cycle.incremental != cycle.switched
+        above = self._level if incremental else 0.0
+        both = (incremental or cycle.switched) and self._differ(wanted, unit, decimals)
+        scale = Scale(unit, decimals, depth.said, both)
+        clear = self._say(editor, cycle.retract_word, ("R", "R"), wanted["R"], above, scale)
+        bottom = self._say(editor, cycle.word, (name, "depth"), wanted["depth"], clear if incremental else 0.0, scale)
         return bottom, clear if cycle.to_retract else self._level
 
+    def _differ(self, wanted: dict[str, float], unit: float, decimals: int) -> bool:
+        """Whether one of both has to say something else than what holds."""
+        return any(self._differs(what, value, unit, decimals) for what, value in wanted.items())
+
+    def _differs(self, what: str, wanted: float, unit: float, decimals: int) -> bool:
+        return what not in self._held or round((wanted - self._held[what]) / unit, decimals) != 0
+
     def _say(
-        self, editor: WordEditor, index: int | None, name: str, what: str, number: float, decimals: int, said: bool
+        self, editor: WordEditor, index: int | None, name: tuple[str, str], wanted: float, base: float, scale: Scale
     ) -> float:
-        """One word, in its unit; as it stands where the axis is not corrected."""
+        """Where one word now says, mm; as it stands where the axis is not corrected.
+
+        `name`: its address, and what it is; `base`: where it counts from, mm.
+        """
+        (address, what), number = name, (wanted - base) / scale.unit
         if index is not None:
             stands = editor.block.words[index].value or 0.0
-            self._held[what] = editor.set(index, number, decimals) if said else stands
-        elif said and round(number - self._held[what], decimals) != 0.0:
-            self._held[what] = round(number, decimals)
-            editor.insert(name, self._held[what], decimals)
+            said = editor.set(index, number, scale.decimals) if scale.corrected else stands
+        elif scale.corrected and (scale.both or self._differs(what, wanted, scale.unit, scale.decimals)):
+            said = round(number, scale.decimals)
+            editor.insert(address, said, scale.decimals)
+        else:
+            return self._held.get(what, wanted)
+        self._held[what] = base + scale.unit * said
         return self._held[what]

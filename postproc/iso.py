@@ -42,6 +42,7 @@ from postproc.iso_codes import (
     STANDING,
     TILT,
     TOOL_CHANGE,
+    TOOL_IS,
     TURNS,
 )
 from postproc.iso_content import Content, check_content, sort_words
@@ -92,6 +93,8 @@ class IsoInterpreter:
         self.modes.to_retract = False if control.family == "fanuc" else None
         self.motion: float | None = None
         self.cycle: CannedCycle | None = None
+        self._before_cycle: float | None = None
+        """The motion in force where it began."""
         self.polar: PolarPlaces | None = None
         self.compensated = False
         """The control shifts the path by the radius of the tool."""
@@ -182,6 +185,9 @@ class IsoInterpreter:
         if "T" in content.other:
             self.frames.lengths.selected_tool = self.values.whole(block, content.other["T"])
         for code in content.m:
+            if code == TOOL_IS and "Q" in content.own:
+                self.frames.hold_tool(self.values.whole(block, content.own["Q"]))
+                continue
             if code in REFUSED_M:
                 raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
             if code not in HARMLESS_M:
@@ -226,8 +232,7 @@ class IsoInterpreter:
         elif code in CYCLES or (code == FINE_BORING and self.machine.control.family == "fanuc"):
             self._begin_cycle(content, code)
         elif code == CYCLE_END:
-            # what coordinates do from here depends on the control
-            self.motion, self.cycle = (self.motion, None) if self.cycle is None else (None, None)
+            self._end_cycle()
         elif code in COMPENSATION:
             self._compensate(content)
         elif code == COMPENSATION_END:
@@ -307,6 +312,8 @@ class IsoInterpreter:
         if strange:
             raise content.refuse(f"{strange[0]} beside G{code:g}: what it does depends on the control")
         words = self.axis_words(content)
+        if code == 53.0 and not words:
+            return
         if code != 53.0:
             if self.cycle is not None:
                 # what coordinates do from here depends on the control
@@ -317,9 +324,8 @@ class IsoInterpreter:
             return
         if not self.modes.absolute or self.motion not in (0.0, 1.0):
             raise content.refuse("G53 needs G90 and G0 or G1")
-        if words:
-            targets = {word.axis: value for word, value in words}
-            self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
+        targets = {word.axis: value for word, value in words}
+        self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
 
     def _move(self, index: int, content: Content, settled: bool) -> None:
         if self.motion is None:
@@ -387,6 +393,8 @@ class IsoInterpreter:
             raise content.refuse("a canned cycle while radius compensation is on")
         axis = self.machine.index(self.modes.plane[2])
         begun = self.cycle
+        if begun is None:
+            self._before_cycle = self.motion
         if begun is not None and begun.axis != axis:
             raise content.refuse("another plane within a canned cycle")
         # the level before the first of several cycles is that of all
@@ -398,14 +406,20 @@ class IsoInterpreter:
             name = self.modes.plane[2]
             self.notes.add(f"a canned cycle outside of G17: taken to drill along {name}", content.block.line)
 
+    def _end_cycle(self) -> None:
+        """G80. The motion from before holds again, or the next one needs a code: LinuxCNC refuses it without."""
+        if self.cycle is not None:
+            holds = self._before_cycle in (0.0, 1.0) and self.machine.control.family != "linuxcnc"
+            self.motion, self.cycle = self._before_cycle if holds else None, None
+
     def _drill(self, index: int, content: Content, cycle: CannedCycle) -> None:
         block = content.block
         rotary = any(self.rotary[self.recorder.axis(block, block.words[i].address)] for i in content.axes)
         check_cycle_words(content, rotary)
         self._check_cycle_frame(content, cycle)
         times = [self.values.whole(block, content.other[letter]) for letter in "KL" if letter in content.other]
-        if len(times) > 1 or any(not 1 <= n <= MOST_HOLES for n in times):
-            raise content.refuse("a canned cycle that runs no or very many times, or K and L at once")
+        if len(times) > 1 or any(not 0 <= n <= MOST_HOLES for n in times):
+            raise content.refuse("a canned cycle that runs very many times, or K and L at once")
         words, polar = (
             (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
         )
@@ -413,22 +427,48 @@ class IsoInterpreter:
         retract = None if i is None else (i, self.values.number(block, i, self.modes.unit))
         if self.modes.unsaid:
             self.modes.note_unsaid(block.line, Kind.CYCLE)
+        if times == [0]:
+            self._check_stored(content, cycle, words)
+            cycle.store(words, retract)
+            return
+        switched = cycle.incremental == self.modes.absolute
         # of holes at one place all but the first change nothing
-        for _ in range(times[0] if times and cycle.incremental else 1):
-            hole = cycle.hole(block, self.recorder, words, retract, self.modes.to_retract)
+        for _ in range(times[0] if times and not self.modes.absolute else 1):
+            hole = cycle.hole(block, self.recorder, words, retract, self.modes.to_retract, switched=switched)
             if polar is not None:
                 self._go_polar(hole.target, polar)
             self.recorder.drill(index, hole.target, hole.level, self.modes.unit, hole.places, hole.cycle)
 
+    def _check_stored(self, content: Content, cycle: CannedCycle, words: AxisWords) -> None:
+        """K0 and L0 set the depth and R of the holes that come; LinuxCNC refuses them."""
+        elsewhere = any(word.axis != cycle.axis for word, _ in words)
+        if self.machine.control.family == "linuxcnc" or cycle.incremental or elsewhere:
+            raise content.refuse("a canned cycle that runs no times, with a position or increments: controls differ")
+
     def _check_cycle_frame(self, content: Content, cycle: CannedCycle) -> None:
         if cycle.incremental == self.modes.absolute:
-            raise content.refuse("G90 or G91 within a canned cycle: controls differ in how its depth is read then")
+            self._check_switched(content, cycle)
         if cycle.axis != self.machine.index(self.modes.plane[2]):
             raise content.refuse("another plane within a canned cycle")
         if self.recorder.frame.tcp and self.frames.placed_by != TILT:
             raise content.refuse("canned cycles under TCP are not corrected")
         if self.frames.scaled_along(cycle.axis):
             raise content.refuse("a canned cycle while its depth is scaled or mirrored: controls differ here")
+
+    def _check_switched(self, content: Content, cycle: CannedCycle) -> None:
+        """FANUC keeps the depth and R as they have been said; LinuxCNC reads their numbers anew."""
+        if self.machine.control.family != "fanuc":
+            raise content.refuse(
+                "G90 or G91 within a canned cycle: controls differ in how its depth is read then; "
+                'say family = "fanuc" in the machine file where the depth stays'
+            )
+        depth = any(content.block.words[i].address == self.modes.plane[2] for i in content.axes)
+        if depth and "R" in content.other:
+            cycle.incremental = not self.modes.absolute
+        elif depth or "R" in content.other:
+            raise content.refuse("depth without R, or R without depth, in G90 within a cycle of G91, or the reverse")
+        if self.polar is not None:
+            raise content.refuse("G90 or G91 within a canned cycle in polar coordinates")
 
     # ---- what coordinates mean
 

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from postproc.arcs import CENTRES
-from postproc.iso_codes import CYCLES, DATA, DWELL, MOTION
+from postproc.iso_codes import CYCLES, DATA, DWELL, MOTION, TOOL_IS
 from postproc.iso_content import Content
 from postproc.moves import Kind
 
 ORIENTED_STOP, WAIT = 19.0, 66.0
-OUTPUTS: dict[float, str] = {**dict.fromkeys((62.0, 63.0, 64.0, 65.0), "P"), WAIT: "ELPQ", 67.0: "EQ", 68.0: "EQ"}
-"""LinuxCNC's M functions for outputs and inputs, with their words."""
+OUTPUTS: dict[float, str] = {
+    TOOL_IS: "Q",
+    **dict.fromkeys((62.0, 63.0, 64.0, 65.0), "P"),
+    WAIT: "ELPQ",
+    **dict.fromkeys((67.0, 68.0), "EQ"),
+}
+"""M functions of LinuxCNC for the tool, outputs and inputs, with their words."""
 TAKEN_BY_M = {ORIENTED_STOP: "PQR", **OUTPUTS}
 TAKEN_BY_G = {DWELL: "P", 5.0: "P", 5.1: "Q", DATA: "LPQR", 30.0: "P", 51.0: "P", 64.0: "PQ", 54.1: "P", 154.0: "P"}
 ARC_WORDS, CYCLE_WORDS = CENTRES + "PR", CENTRES + "KLPQR"
@@ -39,8 +44,8 @@ def take_own_words(content: Content, motion: float | None, family: str) -> None:
             raise content.refuse(f"{address} in one block with {' and '.join(names)}, which may both take it")
     for code in content.m:
         if code == ORIENTED_STOP or (code in OUTPUTS and family == "linuxcnc"):
-            for address in TAKEN_BY_M[code]:
-                content.other.pop(address, None)
+            for address in content.other.keys() & set(TAKEN_BY_M[code]):
+                content.own[address] = content.other.pop(address)
 
 
 def dwells_alone(content: Content, family: str) -> bool:

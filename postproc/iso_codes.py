@@ -93,13 +93,14 @@ REFUSED_G = {
     **dict.fromkeys((53.6, 68.1, 68.3, 68.4), "turns the coordinates in a way that is not corrected"),
     **dict.fromkeys((87.0, 88.0), "a boring cycle that shifts the tool or waits for a hand is not corrected"),
 }
+TOOL_IS = 61.0
 REFUSED_M = {
     96.0: "jumps when an interrupt comes",
     97.0: "calls a subprogram",
     98.0: "calls a subprogram",
     99.0: "jumps back in the program",
     198.0: "calls a subprogram",
-    61.0: "says that another tool is in the spindle",
+    TOOL_IS: "says that another tool is in the spindle",
     **dict.fromkeys((70.0, 71.0, 72.0, 73.0), "brings back other modes on some controls, and mirrors on others"),
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }

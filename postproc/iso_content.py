@@ -32,6 +32,9 @@ class Content:
     other: dict[str, int] = field(default_factory=dict)
     """Indices of all other words by address."""
 
+    own: dict[str, int] = field(default_factory=dict)
+    """Of these, what M functions have taken for themselves."""
+
     @property
     def moves(self) -> bool:
         """True where a word may say a place."""

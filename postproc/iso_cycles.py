@@ -40,6 +40,11 @@ class CannedCycle:
     depth: float | None = None
     begun: bool = False
 
+    def store(self, words: list[tuple[AxisWord, float]], retract: tuple[int, float] | None) -> None:
+        """Take over the depth and R of a block, for the holes that come."""
+        self.retract = self.retract if retract is None else retract[1]
+        self.depth = next((value for word, value in words if word.axis == self.axis), self.depth)
+
     def hole(
         self,
         block: Block,
@@ -47,15 +52,17 @@ class CannedCycle:
         words: list[tuple[AxisWord, float]],
         retract: tuple[int, float] | None,
         to_retract: bool | None,
+        *,
+        switched: bool = False,
     ) -> Hole:
         """The next hole.
 
         words: the axis words of the block with their values; retract: its R, index and value. Values in mm.
+        switched: the block counts the other way than the one that began the cycle.
         """
         axis = self.axis
         said = {word.axis: (word.word, value) for word, value in words}
-        self.retract = self.retract if retract is None else retract[1]
-        self.depth = said[axis][1] if axis in said else self.depth
+        self.store(words, retract)
         if self.retract is None or self.depth is None:
             raise block.refuse(f"a canned cycle without {recorder.machine.names[axis]} or R")
         if self.incremental and (to_retract is not False or not self.known):
@@ -68,7 +75,7 @@ class CannedCycle:
         target = recorder.target(block, places)
         target[axis] = level + self.depth if self.incremental else self.depth
         index, retract_word = said[axis][0] if axis in said else None, None if retract is None else retract[0]
-        cycle = Cycle(axis, index, retract_word, level, self.incremental, to_retract, not self.begun)
+        cycle = Cycle(axis, index, retract_word, level, self.incremental, to_retract, not self.begun, switched)
         self.begun = True
         return Hole(target, level if to_retract else self.level, tuple(word for word, _ in places), cycle)
 

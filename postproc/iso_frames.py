@@ -58,11 +58,15 @@ class Frames:
 
     def change_tool(self, block: Block) -> None:
         """M6."""
-        self.lengths.spindle_tool = self.lengths.selected_tool
+        self.hold_tool(self.lengths.selected_tool)
         names = [name for name in self.machine.control.tool_change_moves if name in self.machine.names]
         text = f"a tool change taken to move {' '.join(names) or 'no axis'} (machine file: tool_change_moves)"
         self.notes.add(text, block.line)
         self.recorder.forget([self.machine.index(name) for name in names])
+
+    def hold_tool(self, number: int) -> None:
+        """Another tool is in the spindle; the axes stand where they are."""
+        self.lengths.spindle_tool = number
         by_spindle_tool = (self.lengths.tcp or self.tilted) and self.lengths.offset() is None
         self.recorder.set_frame(self.frame(), cartesian(self.machine) if by_spindle_tool else ())
 

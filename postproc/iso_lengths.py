@@ -71,7 +71,7 @@ class Lengths:
             return
         if number is not None:
             self.number = number
-        elif self.number is None:
+        elif self.number is None or self.control.family == "linuxcnc":
             self.number = self.spindle_tool or 0
             self.notes.add("G43 without H: taken for the length of the tool in the spindle", block.line)
         elif self.spindle_tool not in (None, self.number):

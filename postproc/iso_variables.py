@@ -23,6 +23,8 @@ SYSTEM = 1000
 """Numbers from here on belong to the control; LinuxCNC lets programs use them up to 5000."""
 SPLIT = 10_000
 """A P of M98 from here on holds a number of passes too, on FANUC: P51001 runs O1001 five times."""
+EMPTY = ""
+"""The value of a variable that has none (FANUC)."""
 LINUXCNC_EQUAL = 1e-4
 """LinuxCNC takes numbers that differ by less for one."""
 VALUE, RETURNED = "#<_value>", "#<_value_returned>"
@@ -31,11 +33,28 @@ EXISTS = "EXISTS"
 """Before the name of a variable: whether LinuxCNC has one."""
 
 
+SIGNS = {"LT": "<", "LE": "<=", "GT": ">", "GE": ">="}
+
+
 def _agreed(a: float, b: float) -> bool:
     """True when two numbers are one; NotKnown where that is so for some controls."""
     if not nearly(a, b) and abs(a - b) < LINUXCNC_EQUAL:
         raise NotKnown(f"whether {a:.9g} equals {b:.9g} depends on the control")
     return nearly(a, b)
+
+
+def _ordered(name: str, sign: str) -> Callable[..., Value]:
+    """A comparison; NotKnown where rounding decides it: LinuxCNC compares sums of tenths as they come out."""
+
+    def operation(a: float, b: float) -> Value:
+        if a != b and nearly(a, b):
+            raise NotKnown(
+                f"{a:.17g} {name} {b:.17g}: the result depends on how the control rounds; "
+                'say family = "fanuc" or "linuxcnc" in the machine file'
+            )
+        return COMPARISONS[sign](a, b)
+
+    return operation
 
 
 def _logic(name: str, result: Callable[[bool, bool], bool]) -> Callable[[float, float], float]:
@@ -83,10 +102,7 @@ OPERATIONS: Operations = {
     "MOD": _modulo,
     "EQ": lambda a, b: truth(_agreed(a, b)),
     "NE": lambda a, b: truth(not _agreed(a, b)),
-    "LT": COMPARISONS["<"],
-    "LE": COMPARISONS["<="],
-    "GT": COMPARISONS[">"],
-    "GE": COMPARISONS[">="],
+    **{name: _ordered(name, sign) for name, sign in SIGNS.items()},
     "AND": _logic("AND", lambda a, b: a and b),
     "OR": _logic("OR", lambda a, b: a or b),
     "XOR": _logic("XOR", lambda a, b: a != b),
@@ -109,12 +125,16 @@ class IsoVariables:
     """What `#1`, `#<name>` hold; nothing is known of a variable that the program has not set."""
 
     operations: Operations = field(default_factory=lambda: OPERATIONS)
+    empty: bool = False
+    """#0, and a variable of a macro that its call leaves out, are empty (FANUC)."""
     shared: dict[str, Value | NotKnown] = field(default_factory=lambda: {VALUE: 0.0, RETURNED: 0.0})
     own: list[dict[str, Value | NotKnown]] = field(default_factory=lambda: [{}])
     """Local variables of the main program, and of each subprogram that runs."""
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
         """The value of `#` with its number, or of `#<name>`."""
+        if self.empty and self._is_empty(name, indices):
+            return EMPTY
         asked = name.removeprefix(f"{EXISTS} ")
         key, store = self._place(asked, indices)
         value = store.get(key)
@@ -125,6 +145,14 @@ class IsoVariables:
         if isinstance(value, NotKnown):
             raise NotKnown(f"{key} is not known: {value}")
         return value
+
+    def _is_empty(self, name: str, indices: tuple[Value, ...]) -> bool:
+        """Whether a variable is #0, or one of a macro's own that nothing has set."""
+        if name != "#" or not indices or not isinstance(indices[0], float):
+            return False
+        number = round(indices[0])
+        inside = self.own[-1] is not self.own[0]
+        return number == 0 or (inside and number in LOCALS and f"#{number}" not in self.own[-1])
 
     def _exists(self, key: str, value: Value | NotKnown | None) -> Value:
         if value is None and key.startswith("#<_"):
@@ -161,11 +189,62 @@ class IsoVariables:
         return f"#{number}", self.own[-1] if number in LOCALS else self.shared
 
 
+def _linuxcnc_logic(result: Callable[[bool, bool], bool]) -> Callable[[float, float], float]:
+    return lambda a, b: truth(result(a != 0.0, b != 0.0))
+
+
+def _close(a: float, b: float) -> bool:
+    return abs(a - b) < LINUXCNC_EQUAL
+
+
+def _half_away(a: float) -> float:
+    """The nearest whole number, of two as near the one farther from zero."""
+    return math.copysign(math.floor(abs(a) + 0.5), a)
+
+
+def _fanuc_equal(a: Value, b: Value) -> bool:
+    """An empty variable equals another one alone, and not 0."""
+    if isinstance(a, str) or isinstance(b, str):
+        return a == b
+    return _agreed(a, b)
+
+
+LINUXCNC: Operations = {
+    "MOD": lambda a, b: a % abs(b),
+    "EQ": lambda a, b: truth(_close(a, b)),
+    "NE": lambda a, b: truth(not _close(a, b)),
+    "LT": lambda a, b: truth(a < b),
+    "LE": lambda a, b: truth(a <= b),
+    "GT": lambda a, b: truth(a > b),
+    "GE": lambda a, b: truth(a >= b),
+    "AND": _linuxcnc_logic(lambda a, b: a and b),
+    "OR": _linuxcnc_logic(lambda a, b: a or b),
+    "XOR": _linuxcnc_logic(lambda a, b: a != b),
+    "FIX": lambda a: float(math.floor(a)),
+    "FUP": lambda a: float(math.ceil(a)),
+    "ROUND": _half_away,
+    "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)),
+}
+"""As its interpreter works them out."""
+FANUC: Operations = {
+    "EQ": lambda a, b: truth(_fanuc_equal(a, b)),
+    "NE": lambda a, b: truth(not _fanuc_equal(a, b)),
+    **{name: COMPARISONS[sign] for name, sign in SIGNS.items()},
+    "FIX": lambda a: float(math.trunc(a)),
+    "FUP": lambda a: math.copysign(math.ceil(abs(a)), a),
+    "ROUND": _half_away,
+}
+"""As its manual says: fractions are dropped or filled up by their amount."""
+
+
 def variables_of(family: str) -> IsoVariables:
     """The variables of a program, for controls of a family."""
     if family == "any":
         return IsoVariables()
     plain = {**OPERATIONS, "program": _program, "passes": lambda _: 1.0, "of passes": _program}
+    if family == "linuxcnc":
+        return IsoVariables({**plain, **LINUXCNC})
     if family == "fanuc":
+        plain |= FANUC
         plain |= {"passes": lambda number: float(number // SPLIT) or 1.0, "of passes": lambda n: _program(n % SPLIT)}
-    return IsoVariables(plain)
+    return IsoVariables(plain, empty=True)

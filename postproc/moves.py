@@ -103,6 +103,8 @@ class Cycle(NamedTuple):
     """The cycle ends at R (G99) and not at the level before it (G98); None where the program says neither."""
     first: bool
     """Where the axis stands before it is the level before the cycle."""
+    switched: bool = False
+    """Its block counts the other way than the one that began the cycle: G90 where that was G91, or the reverse."""
 
 
 class Polar(NamedTuple):

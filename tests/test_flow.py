@@ -30,7 +30,7 @@ RUNS = {
     "jumps": ("#1=0\nN10 X#1\n#1=#1+1\nIF[#1 LT 3]GOTO 10\nGOTO20\nX99.\nN20 X9.\n", [0, 1, 2, 9]),
     "computed jump": ("#1=20\nGOTO#1\nX1.\nN20 X2.\n", [2]),
     "loops": ("#1=0\nWHILE[#1 LT 2]DO1\n#2=0\nWHILE[#2 LT 2]DO2\nX[#1*10+#2]\n#2=#2+1\nEND2\n#1=#1+1\nEND1\n", [0, 1, 10, 11]),
-    "sums of tenths": ("#1=0\nWHILE[#1 LT 1]DO1\n#1=#1+.1\nX#1\nEND1\n", [0.1 * n for n in range(1, 11)]),
+    "sums of eighths": ("#1=0\nWHILE[#1 LT 1]DO1\n#1=#1+.125\nX#1\nEND1\n", [0.125 * n for n in range(1, 9)]),
     "subprograms": ("#1=5\nM98 P7 L2\nX0.\nM30\nO7\nX#1\n#1=#1+1\nM99\n", [5, 6, 0]),
     "macros": ("#1=5\nG65 P7 A1. X2.\nX#1\nM30\nO7\nX[#1+#24]\n#1=9\nM99\n", [3, 5]),
     "a call in a move": ("X1. M98 P7\nX3.\nM30\nO7\nX2.\nM99\n", [1, 2, 3]),

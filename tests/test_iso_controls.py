@@ -1,12 +1,15 @@
 """ISO blocks that controls read in different ways: refused, unless `family` in the machine file decides; by LinuxCNC."""
 
 import dataclasses
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
-from programs import load, read
+from programs import correct, load, random_model, read, shifted
 
 import machines
+from postproc.compensate import missed
 
 HEAD = "G21 G90 G17 G54 G94\nG0 X1000. Y1000. Z-500.\nG1 X1100. F500\n"
 MACHINES = Path(machines.__file__).parent
@@ -52,7 +55,23 @@ BLOCKS = {
     "G80 G1 X1200.": "",
     "G80 X1200.": "",
     "G81 X1200. Y1000. Z-510. R-505.\nG80 G0 X1100.": "",
-    "G81 X1200. Y1000. Z-510. R-505.\nG80\nX1100.": "any fanuc linuxcnc",
+    "G81 X1200. Y1000. Z-510. R-505.\nG80\nX1100.": "linuxcnc",
+    "G2\nG81 X1200. Y1000. Z-510. R-505.\nG80\nX1100.": "any fanuc linuxcnc",
+    "G53": "",
+    "G81 Z-510. R-505. K0\nX1200.": "linuxcnc",
+    "G81 X1150. Z-510. R-505. L0\nX1200.": "any fanuc linuxcnc",
+    "G91 G81 Z-5. R-5. K0\nX1200.": "any fanuc linuxcnc",
+    "G98 G81 X1150. Y1000. Z-510. R-505.\nG91 X10. L3\nG90 G80": "any linuxcnc",
+    "G98 G81 X1150. Y1000. Z-510. R-505.\nG91 X10. Z-5.\nG90 G80": "any fanuc linuxcnc",
+    "M61 Q3": "any fanuc",
+    "#1 = 1000\nWHILE [#1 LT 1001] DO1\n#1 = #1 + 0.1\nG1 X#1\nEND1": "any",
+    "#1 = 1000\no1 while [#1 LT 1001]\n#1 = [#1 + 0.1]\nG1 X#1\no1 endwhile": "any",
+    "G1 X[1100 + ROUND[-2.5]]": "any",
+    "G1 X[1100 + FIX[-2.5] + FUP[-2.5]]": "any",
+    "G1 X[1100 + ATAN[1]/[-1]]": "any fanuc",
+    "G1 X[1100 + [-7 MOD 3]]": "any fanuc",
+    "G1 X[1100 + [2 AND 4]]": "any fanuc",
+    "IF [#0 EQ #0] GOTO 10\nG1 X1300.\nN10 G1 X1200.": "any linuxcnc",
     "G81 G80 X1200. Z-510. R-505.": "any fanuc linuxcnc",
     "G0 G81 X1200. Z-510. R-505.": "any fanuc linuxcnc",
     "G68 X0. Y0. R10. G69": "any fanuc linuxcnc",
@@ -167,3 +186,40 @@ def test_a_corrected_line_that_linuxcnc_could_not_read(check, command, tmp_path,
     assert done.status == status, done.err
     assert ("LinuxCNC reads 253: make it shorter" in " ".join(done.err.split())) == (status == 2)
     assert (tmp_path / "out.nc").exists() == (status == 0)
+
+
+def macro(call):
+    return (
+        HEAD + f"G65 P100 {call}\nM30\nO100\nIF [#1 EQ #0] GOTO 10\nIF [0 EQ #2] GOTO 20\nG1 X[1200+#1]\nM99\n"
+        "N10 G1 X1300.\nM99\nN20 G1 X1350.\nM99\n"
+    )
+
+
+@pytest.mark.parametrize(("call", "x"), [("A7. B2.", 1207), ("B2.", 1300), ("A7. B0.", 1350), ("A7.", 1207)])
+def test_an_argument_that_a_call_leaves_out_is_empty_on_fanuc(call, x):
+    """It equals #0 and nothing else, not even 0."""
+    motions = read(macro(call), with_family("gantry", "fanuc"))
+    assert motions.machine_target[-1, 0] == x
+
+
+def test_increments_between_holes_keep_their_depth_on_fanuc():
+    """The bottom stays where it was said, whatever G90 and G91; words that are put in count as the block does."""
+    text = "G21 G90 G54 G17 G98\nG0 X10. Y5. Z100.\nG81 Z-20. R2. F100\nG91 X10. Y5.\nX10.\nG90 X50.\nG80\nG0 Z90.\n"
+    machine = with_family("gantry", "fanuc")
+    nominal = read(text, machine)
+    model = random_model(machine, 4)
+    result = correct(text, machine, model, travel_check=False, tolerance_um=1e3)
+    commanded = read(result.text, machine)
+    assert len(re.findall(r"R-?[0-9]", result.text)) == 4
+    np.testing.assert_allclose(nominal.machine_target[1:5, 2], -20.0)
+    errors = missed(machine, model, commanded.machine_target, nominal.machine_target, nominal.tool).point_um
+    assert errors[1:5].max() < 0.5
+    assert (np.diff(commanded.machine_target[1:5, 2]) != 0.0).any()
+
+
+def test_a_cycle_that_is_only_set_is_corrected_at_its_first_hole():
+    """K0 drills nothing; what holds for the first hole is said there."""
+    machine = with_family("gantry", "fanuc")
+    text = "G21 G90 G54 G17 G98\nG0 X10. Y5. Z100.\nG81 Z-20. R2. F100 K0\nX20.\nX30.\nG80\nG0 Z90.\n"
+    written = correct(text, machine, shifted(machine, X=3.0, Z=5.5), travel_check=False).text.splitlines()
+    assert written[3:6] == ["G81 Z-20. R2. F100 K0", "X19.9970 R1.9945 Z-20.0055", "X29.9970"]
