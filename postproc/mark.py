@@ -1,35 +1,70 @@
-"""The mark that a corrected program carries, so that no correction is ever made twice."""
+"""The mark that a corrected program carries: it is never corrected twice, and never taken for another set-up's."""
 
 from __future__ import annotations
 
 import re
+import shutil
+from collections.abc import Iterable
 from importlib.metadata import version
+from typing import IO, NamedTuple
 
+from kinematics.files import fingerprint
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
+from postproc.control_state import ControlState
 from postproc.dialects import Dialect
 from postproc.program import Block
-from postproc.source import Source
+from postproc.source import ENCODING, Source
 
-_MARK = re.compile(r"NCOMP \d\S* MACHINE \S+ CALIBRATION ([0-9A-F]+)")
+_MARK = re.compile(
+    r"NCOMP \d\S* MACHINE \S+ CALIBRATION ([0-9A-F]+)(?: PROGRAM [0-9A-F]+)?(?: SETUP ([0-9A-F]+))?(?: DATUM ([0-9A-F]+))?"
+)
 _PLAIN = re.compile(r"[^A-Z0-9_.-]")
+NAME_LENGTH = 20
+"""Characters of a machine's name in a mark, which has to fit on the lines of old controls."""
+DIGITS = 8
+"""Of the fingerprints of set-up and datum."""
+DECIMALS = 6
+"""Of mm and degrees in what a fingerprint is made of."""
 
 
-def mark_line(dialect: Dialect, machine: Machine, model: ErrorModel, source: Source) -> str:
+class Mark(NamedTuple):
+    """With what a program was corrected: fingerprints, upper case; None in the marks of older versions."""
+
+    calibration: str
+    setup: str | None = None
+    """Geometry of the machine, and the work offsets and tools that the program uses."""
+    datum: str | None = None
+    """How each of these work offsets was obtained."""
+
+    def differs(self, here: Mark) -> dict[str, tuple[str, str]]:
+        """What is known to differ: calibration, set-up, datum; as it is in this mark, and as it is here."""
+        pairs = zip(("calibration", "set-up", "datum"), self, here, strict=True)
+        return {name: (own, other) for name, own, other in pairs if own and other and own != other}
+
+
+def mark_of(model: ErrorModel, state: ControlState) -> Mark:
+    """The mark for a calibration and the set-up that a program, which has run, has used."""
+    return Mark(model.id.upper(), _short(_setup_lines(state)), _short(_datum_lines(state)))
+
+
+def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, accepted: Iterable[str] = ()) -> str:
     """The comment line put into a corrected program; upper case and plain, as the oldest control reads it."""
-    name = _PLAIN.sub("_", machine.name.upper())
-    text = f"NCOMP {version('ncomp')} MACHINE {name} CALIBRATION {model.id.upper()} PROGRAM {source.hash.upper()}"
-    return dialect.comment.format(text) + source.line_end
+    name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
+    text = f"NCOMP {version('ncomp')} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
+    named = "".join(f" {what} {value}" for what, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
+    said = ",".join(sorted(accepted)).upper()
+    return dialect.comment.format(text + named + (f" ACCEPTED {said}" if said else "")) + source.line_end
 
 
-def mark_in(text: str) -> str | None:
-    """The calibration id of a mark in the text of a block, None where there is none."""
+def mark_in(text: str) -> Mark | None:
+    """The mark in the text of a block, None where there is none."""
     match = _MARK.search(text) if "NCOMP" in text else None
-    return match[1] if match else None
+    return Mark(*match.groups()) if match else None
 
 
-def calibration_of(source: Source) -> str | None:
-    """The calibration id in the mark of a corrected program, None when it bears none."""
+def mark_in_program(source: Source) -> Mark | None:
+    """The mark of a corrected program, None when it bears none."""
     return next((found for _, text in source.lines() if (found := mark_in(text))), None)
 
 
@@ -39,3 +74,55 @@ def mark_place(dialect: Dialect, blocks: list[Block]) -> int | None:
     That is behind tape mark, program number, BEGIN PGM and the comments around them. None when there is none yet.
     """
     return next((i for i, b in enumerate(blocks) if b.kind != "blank" and not dialect.is_head(b)), None)
+
+
+class MarkedOutput:
+    """Writes a program with room for its mark, which is known only when the whole program has run."""
+
+    def __init__(self, out: IO[bytes], rest: IO[bytes]) -> None:
+        self._out, self._rest = out, rest
+        self.has_room = False
+
+    def write(self, texts: Iterable[str]) -> None:
+        """Write lines, behind the room for the mark if there is one."""
+        (self._rest if self.has_room else self._out).writelines(text.encode(ENCODING) for text in texts)
+
+    def leave_room(self) -> None:
+        """The mark comes here."""
+        self.has_room = True
+
+    def finish(self, mark: str) -> None:
+        """Write the mark, if there is room for it, and all that comes behind it."""
+        if self.has_room:
+            self._out.write(mark.encode(ENCODING))
+            self._rest.seek(0)
+            shutil.copyfileobj(self._rest, self._out)
+
+
+def _short(lines: Iterable[str]) -> str:
+    return fingerprint("\n".join(lines).encode())[:DIGITS].upper()
+
+
+def _setup_lines(state: ControlState) -> Iterable[str]:
+    """What a program has used of the set-up, one entry a line, in an order of its own."""
+    setup = state.setup
+    yield setup.machine.chain_hash
+    for name in sorted(state.used_offsets):
+        yield f"{name} {_numbers(state.work_offset(name))} {_numbers(setup.turned.get(name, ()))}"
+    for tool in sorted(state.used_tools):
+        yield f"T{tool} {_numbers((state.tool_length(tool), state.tool_radius(tool) or 0.0))}"
+    for line, values in sorted(setup.datums.items()):
+        yield f"#{line} {' '.join(f'{axis}{_numbers((value,))}' for axis, value in sorted(values.items()))}"
+
+
+def _datum_lines(state: ControlState) -> Iterable[str]:
+    """How the work offsets that a program has used were obtained, one a line."""
+    for name in sorted(state.used_offsets):
+        datum = state.setup.datum(name)
+        at = " ".join(f"{axis}{_numbers((value,))}" for axis, value in sorted(datum.at.items()))
+        probe = "" if datum.probe is None else _numbers((datum.probe,))
+        yield f"{name} probed @ {at} probe {probe}" if datum.probed else f"{name} true"
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}" for value in values)

@@ -9,6 +9,7 @@ grow with the program.
 from __future__ import annotations
 
 import datetime
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import BinaryIO
@@ -27,7 +28,7 @@ from postproc.execution import Part, execution
 from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.line_length import refuse_lengthened
 from postproc.lines import ranges, shortened
-from postproc.mark import mark_in, mark_line, mark_place
+from postproc.mark import MarkedOutput, mark_in, mark_line, mark_of, mark_place
 from postproc.motions import Motions
 from postproc.moves import Kind, Known
 from postproc.notes import Notes
@@ -46,6 +47,8 @@ from postproc.writer import Writer, Written
 
 UNCERTAINTY_ROWS = 500
 """Moves of a chunk that the uncertainty of the prediction is worked out for."""
+SPOOLED = 1 << 24
+"""Bytes of a program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
 """Shares of the way of a written block at which the error between its ends is predicted."""
 
@@ -105,7 +108,6 @@ class Pipeline:
         )
         self.guard = Guard(job.machine, job.tolerance_um, self.plausibility)
         self._outside = Outside()
-        self._marked = False
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
         """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
@@ -115,7 +117,22 @@ class Pipeline:
         job, report = self.job, self.report
         if self.model.effects:
             self.plausibility.check_calibration(job.model, job.conditions, datetime.datetime.now(datetime.UTC))
-        out.write(job.source.mark.encode(ENCODING))
+        with tempfile.SpooledTemporaryFile(SPOOLED) as rest:
+            marked = MarkedOutput(out, rest)
+            self._run(marked, progress)
+            accepted = self.plausibility.met
+            mark = mark_of(job.model, self.interpreter.control_state)
+            marked.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted))
+        state = self.interpreter.control_state
+        report.work_offsets, report.tools = state.used_offsets, state.used_tools
+        report.datums.predict(job.machine, self.model, job.conditions)
+        report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
+        return report
+
+    def _run(self, out: MarkedOutput, progress: Callable[[int], None]) -> None:
+        """Write the corrected program with room for its mark."""
+        job = self.job
+        out.write([job.source.mark])
         rehearsal = job.dialect.interpreter(job.machine, job.setup, Notes()) if self.model.effects else None
         program = execution(job.source, job.dialect, self.interpreter, rehearsal)
         try:
@@ -126,11 +143,6 @@ class Pipeline:
         except Refusal as refusal:
             raise refusal.located(job.source.name, job.dialect.evidence) from None
         self._check_whole()
-        state = self.interpreter.control_state
-        report.work_offsets, report.tools = state.used_offsets, state.used_tools
-        report.datums.predict(job.machine, self.model, job.conditions)
-        report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
-        return report
 
     def _check_whole(self) -> None:
         """What is known of plausibility only when all moves are: UserError for what is not accepted."""
@@ -153,18 +165,18 @@ class Pipeline:
         ]
         return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
-    def _put(self, out: BinaryIO, blocks: list[Block], texts: list[str]) -> None:
-        """Write blocks of the program as they have become, with the mark at its place."""
+    def _put(self, out: MarkedOutput, blocks: list[Block], texts: list[str]) -> None:
+        """Write blocks of the program as they have become, with room for the mark at its place."""
         job, report = self.job, self.report
         report.blocks += len(blocks)
         report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
         if job.dialect.name == "iso":
             refuse_lengthened(job.machine.control, blocks, texts)
-        place = mark_place(job.dialect, blocks) if self.model.effects and not self._marked else None
+        place = mark_place(job.dialect, blocks) if self.model.effects and not out.has_room else None
         if place is not None:
-            texts = [*texts[:place], mark_line(job.dialect, job.machine, job.model, job.source), *texts[place:]]
-            self._marked = True
-        out.writelines(text.encode(ENCODING) for text in texts)
+            out.write(texts[:place])
+            out.leave_room()
+        out.write(texts[place or 0 :])
 
     def _correct(self, part: Part) -> list[str]:
         """Texts of a chunk of blocks, corrected."""
@@ -198,9 +210,10 @@ class Pipeline:
             used = own.search(block.text) if own is not None and not self.job.force else None
             if used is not None:
                 raise block.refuse(f"{used[0].upper()} is one of the variables that corrections are put into")
-            calibration = mark_in(block.text)
-            if calibration is None:
+            mark = mark_in(block.text)
+            if mark is None:
                 continue
+            calibration = mark.calibration
             if not self.job.force:
                 raise block.refuse(f"already corrected by ncomp (calibration {calibration}); --force corrects it again")
             self.notes.add(f"already corrected (calibration {calibration}), corrected again", block.line)
