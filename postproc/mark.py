@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from importlib.metadata import version
 from typing import IO, NamedTuple
 
+from kinematics.errors import UserError
 from kinematics.files import fingerprint
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
@@ -17,7 +18,8 @@ from postproc.program import Block
 from postproc.source import ENCODING, Source
 
 _MARK = re.compile(
-    r"NCOMP \d\S* MACHINE \S+ CALIBRATION ([0-9A-F]+)(?: PROGRAM [0-9A-F]+)?(?: SETUP ([0-9A-F]+))?(?: DATUM ([0-9A-F]+))?"
+    r"NCOMP \d\S* MACHINE \S+ CALIBRATION ([0-9A-F]+)"
+    r"(?: PROGRAM [0-9A-F]+)?(?: SETUP ([0-9A-F]+))?(?: DATUM ([0-9A-F]+))?"
 )
 _PLAIN = re.compile(r"[^A-Z0-9_.-]")
 NAME_LENGTH = 20
@@ -26,6 +28,8 @@ DIGITS = 8
 """Of the fingerprints of set-up and datum."""
 DECIMALS = 6
 """Of mm and degrees in what a fingerprint is made of."""
+PARTS = ("calibration", "set-up", "datum")
+"""What a mark holds, by the names that `ncomp verify --accept` takes."""
 
 
 class Mark(NamedTuple):
@@ -38,8 +42,8 @@ class Mark(NamedTuple):
     """How each of these work offsets was obtained."""
 
     def differs(self, here: Mark) -> dict[str, tuple[str, str]]:
-        """What is known to differ: calibration, set-up, datum; as it is in this mark, and as it is here."""
-        pairs = zip(("calibration", "set-up", "datum"), self, here, strict=True)
+        """What is known to differ, by the names PARTS: as it is in this mark, and as it is here."""
+        pairs = zip(PARTS, self, here, strict=True)
         return {name: (own, other) for name, own, other in pairs if own and other and own != other}
 
 
@@ -66,6 +70,21 @@ def mark_in(text: str) -> Mark | None:
 def mark_in_program(source: Source) -> Mark | None:
     """The mark of a corrected program, None when it bears none."""
     return next((found for _, text in source.lines() if (found := mark_in(text))), None)
+
+
+def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> list[str]:
+    """Notes on what a program `name` was corrected with, where that is not what is here; UserError if not accepted."""
+    found = [
+        f"{name} was corrected with another {part}: its mark has {own}, here it is {other}"
+        for part, (own, other) in mark.differs(here).items()
+    ]
+    refused = [part for part in mark.differs(here) if part not in accepted]
+    if refused:
+        raise UserError(
+            f"{'; '.join(found)}: give the calibration, machine, offsets, tool lengths and datums of the correction; "
+            f"--accept {','.join(refused)} goes on nevertheless"
+        )
+    return found
 
 
 def mark_place(dialect: Dialect, blocks: list[Block]) -> int | None:

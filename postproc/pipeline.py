@@ -37,7 +37,7 @@ from postproc.program import Block, Refusal
 from postproc.report import Report, Statistic, Straying
 from postproc.setup import Setup
 from postproc.significance import Significance, uncertainties_um
-from postproc.source import ENCODING, Source
+from postproc.source import Source
 from postproc.splitting import Splitter
 from postproc.take_up import TakeUps
 from postproc.trace import Trace

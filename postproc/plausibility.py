@@ -53,12 +53,12 @@ SAMPLES = 4096
 """Positions over the travel of the machine at which the largest error is looked for."""
 
 
-def parse_accepted(text: str | None) -> frozenset[str]:
+def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozenset[str]:
     """Names of `--accept`, separated by commas; UserError, with the list of names, for any other."""
     names = [name.strip().lower() for name in (text or "").split(",")] if text is not None else []
     for name in names:
-        if name not in REASONS:
-            raise UserError(f"--accept {text}: no name {name!r}; the names are {', '.join(REASONS)}")
+        if name not in allowed:
+            raise UserError(f"--accept {text}: no name {name!r}; the names are {', '.join(allowed)}")
     return frozenset(names)
 
 

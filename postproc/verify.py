@@ -21,7 +21,7 @@ from postproc.added_blocks import Tag, begin_of, tag_of
 from postproc.compensate import COLD, missed
 from postproc.conditions import Conditions
 from postproc.datum import datum_shifts, poses, touched
-from postproc.dialects import Dialect
+from postproc.dialects import Dialect, Interpreter
 from postproc.execution import execution
 from postproc.judge import Judge, in_a_program, where
 from postproc.motions import BY_ROW, COLUMNS, Motions
@@ -82,7 +82,11 @@ class Verdict:
 
 def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> list[Motions]:
     """All moves of a program, chunk by chunk; UserError, located, at the first block that isn't understood."""
-    interpreter = dialect.interpreter(machine, setup, Notes())
+    return run_motions(source, dialect, dialect.interpreter(machine, setup, Notes()))
+
+
+def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> list[Motions]:
+    """As `read_motions`, by an interpreter that then holds the set-up as the program has used it."""
     motions = []
     for part in execution(source, dialect, interpreter).parts():
         chunk = _with_tags(part.motions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -29,9 +29,15 @@ from postproc.commands.shared import (
     write_json,
 )
 
+if TYPE_CHECKING:
+    from kinematics.model import ErrorModel
+    from postproc.mark import Mark
+
 EPILOG = (
     "Examples:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`\n\n"
-    "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --old old.json`"
+    "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --old old.json`\n\n"
+    "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --accept calibration`  corrected with "
+    "another one"
 )
 
 
@@ -66,6 +72,14 @@ def verify(
     temperature: Temperatures = None,
     elapsed: Elapsed = None,
     log: ConditionsLog = None,
+    accept: Annotated[
+        str | None,
+        typer.Option(
+            "--accept",
+            metavar="NAME,...",
+            help="Go on although the program was corrected with another one: calibration, set-up, datum.",
+        ),
+    ] = None,
     json: JsonFile = None,
 ) -> None:
     """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
@@ -73,13 +87,16 @@ def verify(
     from postproc.conditions import make_conditions
     from postproc.dialects import find_dialect
     from postproc.judge import in_a_program, standing_notes
-    from postproc.mark import calibration_of
+    from postproc.mark import PARTS, mark_in_program, mark_of
+    from postproc.notes import Notes
+    from postproc.plausibility import parse_accepted
     from postproc.source import open_source
     from postproc.terminal import console, output, say, show_classes, show_facts, show_verdict
     from postproc.used_datums import UsedDatums
-    from postproc.verify import merged, read_motions
+    from postproc.verify import merged, run_motions
     from postproc.verify import verify as judged
 
+    accepted = parse_accepted(accept, PARTS)
     check_places((program, corrected, calibration, old, align, *(tool_table or ()), log), (json,))
     found = machine_of(machine)
     model = model_of(calibration, found)
@@ -88,11 +105,14 @@ def verify(
     earlier = model_of(old, found) if old else None
     truth = model_of(align, found) if align else model
     notes = standing_notes(truth, conditions)
-    motions = []
+    motions, states = [], []
     for name in (program, corrected):
         source = open_source(name)
         language = find_dialect(dialect, source.name, source.text_head)
-        motions.append(merged(read_motions(source, language, found, setup)))
+        interpreter = language.interpreter(found, setup, Notes())
+        motions.append(merged(run_motions(source, language, interpreter)))
+        states.append(interpreter.control_state)
+    notes += _mark_notes(corrected, mark_in_program(source), mark_of(model, states[0]), earlier, accepted)
     judges = {"": (truth, "--align" if align else "")}
     judges |= {"by_calibration": (model, "--calibration")} if align else {}
     judges |= {"by_old_model": (earlier, "--old")} if earlier else {}
@@ -102,9 +122,6 @@ def verify(
     datums.predict(found, truth.part(in_a_program), conditions)
     for note in notes:
         say("note", note)
-    marked = calibration_of(source)
-    if marked != model.id.upper():
-        say("note", f"{corrected} bears the mark of calibration {marked or 'none'}; it is judged with {model.id}")
     table = class_table(motions[0], truth, conditions) if classes else []
     with result(json) as results:
         others = {key: verdict.json() for key, verdict in verdicts.items() if key}
@@ -117,3 +134,16 @@ def verify(
         show_verdict(verdicts[key], to, title)
     if table:
         show_classes(table, to)
+
+
+def _mark_notes(
+    name: str, mark: Mark | None, here: Mark, earlier: ErrorModel | None, accepted: frozenset[str]
+) -> list[str]:
+    """Notes on the mark of a corrected program; UserError where it says another set-up than `here`, by name."""
+    from postproc.mark import check_mark
+
+    if mark is None:
+        return [f"{name} bears no mark of ncomp: nothing shows with what it was corrected"]
+    if earlier is not None and mark.calibration == earlier.id.upper():
+        here = here._replace(calibration=mark.calibration)
+    return check_mark(name, mark, here, accepted)
