@@ -102,6 +102,11 @@ class Control:
     """Programs in other files that a program calls leave tool, frames and modes as they find them (Klartext)."""
     family: Literal["any", "fanuc", "linuxcnc"] = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
+    klartext_arcs: Literal["helix", "plane", "axes"] = "helix"
+    """How a corrected Klartext arc moves an axis across its plane: as a helix (`CP IPA Z`, which every control takes),
+    not at all, or by a word beside those of the arc (`C X Y Z`)."""
+    scaled_axes: Literal["", "XYZ", "XY"] = ""
+    """Axes that Klartext cycle 11 scales (machine parameter 7410); without it such programs are refused."""
 
 
 @dataclass(frozen=True)

@@ -152,13 +152,13 @@ class AddedBlock:
     def end_by_angle(self, axes: list[str], angle: float, decimals: int) -> None:
         """Klartext: say the end of an arc by an angle about its pole in the place of axes, as a helix has to."""
         self._words = [word for word in self._words if word[0] not in axes]
-        self.insert("PA", angle, decimals)
+        self.insert("IPA", angle, decimals)
 
     def lines(self, comment: str) -> list[str]:
         """The block, and the one before it, without ends of line; `comment` with a place for the tag."""
         ordered = [address + number for address, number in sorted(self._words, key=lambda w: place(w[0]))]
         if self.klartext:
-            heads = {"R": "CR", "PA": "CP"}
+            heads = {"R": "CR", "IPA": "CP"}
             head = next((heads[address] for address, _ in self._words if address in heads), "C" if self.sense else "L")
             ordered += ["DR+" if self.sense > 0 else "DR-"] if self.sense else []
         else:

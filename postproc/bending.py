@@ -95,7 +95,7 @@ class CorrectedWays:
         machine = self.motions.machine
         weights = np.where(machine.rotary, 0.0, 1.0)
         if frame.turn is not None:
-            weights[list(cartesian(machine))] = abs(np.linalg.det(np.reshape(frame.turn, (3, 3)))) ** (1 / 3)
+            weights[list(cartesian(machine))] = np.linalg.norm(np.reshape(frame.turn, (3, 3)), 2)
         if self.models[1] is not None and not frame.tcp:
             reach = np.linalg.norm(np.abs(machine.travel).max(axis=0)[~machine.rotary]) + frame.tool_length
             reach += max(float(np.linalg.norm(axis.point)) for axis in machine.axes)

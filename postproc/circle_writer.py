@@ -11,6 +11,7 @@ from postproc.circles import (
     OUT_OF_ROUND,
     SAME,
     Point,
+    between,
     centre_from_radius,
     height_over_chord,
     moved_centre,
@@ -50,11 +51,12 @@ class CircleWriter:
         middle_shift: Array,
         editor: WordEditor | AddedBlock,
         pole_editor: WordEditor | None,
+        dropped: list[int] | None = None,
     ) -> Arc:
         """Make start, end and centre as written one circle again, moved as the path along the arc is moved.
 
-        Returns it round the centre that the control finds. `pole_editor`: as of `PoleWriter.write_arc`, which `ends`
-        are for too. Refusal where what is written would be another arc.
+        Returns it round the centre that the control finds. `pole_editor`, `dropped`: as of `PoleWriter.write_arc`,
+        which `ends` are for too. Refusal where what is written would be another arc.
         """
         arc, block = motions.arcs[row], motions.blocks[motions.block[row]]
         i, j = arc.plane[:2]
@@ -66,8 +68,9 @@ class CircleWriter:
         turned = arc_turned(motions, row)
         centre = _new_centre(motions, row, start, end, middle_shift)
         unit = float(motions.unit[row])
-        if arc.form in ABOUT_POLES:
-            centre = self._poles.write_arc(motions, row, arc._replace(centre=centre), ends, pole_editor, editor)
+        if arc.form in ABOUT_POLES or dropped or self._helix_beside(arc, editor):
+            about = arc._replace(centre=between(start, end, centre) if dropped else centre)
+            centre = self._poles.write_arc(motions, row, about, ends, pole_editor, editor, dropped)
             end = (ends[1][i], ends[1][j])
         elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
             centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
@@ -85,6 +88,10 @@ class CircleWriter:
         if math.dist(start, centre) < SAME or math.dist(end, centre) < SAME:
             raise block.refuse("an arc so small that rounding leaves it no radius")
         return arc._replace(centre=centre)
+
+    def _helix_beside(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
+        """True for a Klartext piece of ncomp's own that moves across the plane of its arc, which CR can't."""
+        return isinstance(editor, AddedBlock) and editor.klartext and editor.names(self.machine.names[arc.plane[2]])
 
     def _centre_letter(self, axis: int) -> str:
         return "IJK"["XYZ".index(self.machine.names[axis][0])]

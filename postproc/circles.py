@@ -81,6 +81,16 @@ def middle_share(turned: float) -> float:
     return (2 * math.floor(abs(turned) / (4 * math.pi)) + 1) * math.pi / abs(turned)
 
 
+def between(start: Point, end: Point, centre: Point) -> Point:
+    """The centre as far from the start as from the end, where these are a radius apart, so that it hardly moves."""
+    chord = math.dist(start, end)
+    if chord < math.dist(start, centre):
+        return centre
+    u = ((end[0] - start[0]) / chord, (end[1] - start[1]) / chord)
+    along = ((start[0] + end[0]) / 2 - centre[0]) * u[0] + ((start[1] + end[1]) / 2 - centre[1]) * u[1]
+    return centre[0] + along * u[0], centre[1] + along * u[1]
+
+
 def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool, turns: int = 0) -> float:
     """Angle turned through, rad, positive counter-clockwise; 2 pi for a full circle; with whole turns besides."""
     besides = sense * turns * 2 * math.pi

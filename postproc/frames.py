@@ -12,6 +12,9 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.touch_off import TouchOff
 from kinematics.transforms import Array
 
+ALIKE = 1e-9
+"""Scales that differ by no more, of themselves, differ by rounding."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -27,7 +30,7 @@ class Frame:
     """Of the tool in the spindle, mm: the tip is at (0, 0, -length) from the tool reference point."""
     tcp: bool = False
     turn: tuple[float, ...] | None = None
-    """Of X Y Z: a matrix of three rows that turns, mirrors and scales alike in all directions; None for none."""
+    """Of X Y Z: a matrix of three rows that turns, mirrors and scales; None for none."""
     touch_off: TouchOff | None = None
     """Of the work offset that the frame is built on; None where that is true, or where there is none."""
 
@@ -45,6 +48,14 @@ class Frame:
         if not self.couples:
             return np.eye(3, dtype=bool)
         return np.ones((3, 3), bool) if self.tcp else np.asarray(_matrix(self.turn or ()) != 0.0)
+
+    def keeps_circles(self, letters: str) -> bool:
+        """True where a circle in the plane of two axes, of `XYZ`, stays one: both are scaled alike."""
+        if self.turn is None:
+            return True
+        first, second = (_matrix(self.turn)[:, "XYZ".index(letter)] for letter in letters)
+        size = float(first @ first)
+        return bool(abs(second @ second - size) < ALIKE * size and abs(first @ second) < ALIKE * size)
 
     def turned(self, vector: Array) -> Array:
         """A direction `(3,)` in programmed coordinates as one in those that the offset leads to."""
@@ -135,9 +146,9 @@ def mirrored(axes: str) -> Placement:
     return Placement(turn=_diagonal(*(-1.0 if axis in axes else 1.0 for axis in "XYZ")))
 
 
-def scaled(factor: float) -> Placement:
-    """Larger by a factor."""
-    return Placement(turn=_diagonal(factor, factor, factor))
+def scaled(x: float, y: float, z: float) -> Placement:
+    """Larger by a factor along each axis."""
+    return Placement(turn=_diagonal(x, y, z))
 
 
 def rotated(degrees: float, plane: str = "XYZ") -> Placement:

@@ -149,6 +149,8 @@ class Arcs:
         recorder = self.control.recorder
         if not (recorder.known[first] and recorder.known[second]):
             raise block.refuse("an arc from a position that the program has not said")
+        if not recorder.frame.keeps_circles("".join(self.control.machine.names[axis] for axis in plane[:2])):
+            raise block.refuse("an arc where the axes of its plane are scaled by different factors")
         position = recorder.position
         return (position[first], position[second]), (target[first], target[second])
 
@@ -165,7 +167,7 @@ class Arcs:
                 found = centre_from_radius(*ends, value_of(block, word) * self.control.unit, sense)
                 if found is None:
                     raise block.refuse("no circle of this radius joins start and end")
-                return Arc(plane, sense, found, False, "radius", (i, None))
+                return Arc(plane, sense, found, False, "radius", (i, None), pole=self._number)
         raise block.refuse("CR without a radius")
 
     def _tangent(self, block: Block, plane: Plane, start: Point, end: Point) -> Arc:
@@ -182,8 +184,12 @@ class Arcs:
             raise block.refuse("an arc by its tangent that is a straight line")
         radius = chord * chord / (2.0 * across)
         centre = (start[0] - radius * heading[1], start[1] + radius * heading[0])
-        number = self.pole.number if self.pole is not None else 0
-        return Arc(plane, 1 if across > 0.0 else -1, centre, False, "tangent", (None, None), pole=number)
+        return Arc(plane, 1 if across > 0.0 else -1, centre, False, "tangent", (None, None), pole=self._number)
+
+    @property
+    def _number(self) -> int:
+        """Of the pole that the control holds, which a helix in the place of an arc puts elsewhere."""
+        return self.pole.number if self.pole is not None else 0
 
     # ---- polar coordinates
 

@@ -55,7 +55,7 @@ FRAME_CYCLES = {
 """The words that a cycle may have, the value of each that changes nothing, and what any other does."""
 PRESET_CYCLE = 247
 CALL_M = 99.0
-PLACING = frozenset((7, 8, 10, 11))
+PLACING = frozenset((7, 8, 10, 11, 26))
 DATA_CYCLES = frozenset((9, 13, 14, 20, 32))
 """Run where they stand or hold data: a call does not mean them."""
 

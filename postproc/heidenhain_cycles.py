@@ -23,7 +23,7 @@ from postproc.heidenhain_codes import (
 )
 from postproc.heidenhain_control import Content, Control, value_of
 from postproc.heidenhain_patterns import places
-from postproc.heidenhain_places import SHIFT
+from postproc.heidenhain_places import SCALING, SHIFT
 from postproc.heidenhain_planes import Planes
 from postproc.moves import AxisWord, Kind, Known
 from postproc.program import Block
@@ -186,11 +186,14 @@ class Cycles:
         self.shift(block, number, words)
 
     def shift(self, block: Block, number: int, words: dict[str, float]) -> None:
-        """A part of cycle 7, 8, 10 or 11, or what does the same."""
+        """A part of cycle 7, 8, 10, 11 or 26, or what does the same."""
         control = self.control
         places = control.places if control.tilt is None else control.tilted_places
         before, x_y_z = places.placement, cartesian(control.machine)
-        if places.set(block, number, words, control.unit):
+        scaled_axes = control.machine.control.scaled_axes
+        if number == SCALING and scaled_axes:
+            control.notes.add(f"cycle 11 taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
+        if places.set(block, number, words, control.unit, scaled_axes):
             control.change_frame([x_y_z[i] for i in renamed(before, places.placement)])
 
     def _datum(self, block: Block, line: str) -> dict[str, float]:

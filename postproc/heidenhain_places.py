@@ -1,15 +1,15 @@
-"""Datum shift, mirror, rotation and scaling of Klartext: cycles 7, 8, 10 and 11."""
+"""Datum shift, mirror, rotation and scaling of Klartext: cycles 7, 8, 10, 11 and 26."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from postproc.frames import Placement, mirrored, rotated, scaled, shifted
 from postproc.iso_codes import AXES
 from postproc.program import Block
 
-SHIFT, ROTATION = 7, 10
+SHIFT, ROTATION, SCALING, AXIS_SCALING = 7, 10, 11, 26
 _ORDER = "cycle {} beside another that changes the coordinates: their order is not followed"
 
 
@@ -21,6 +21,8 @@ class Places:
     """By the number of its cycle."""
     angle: float = 0.0
     """Of cycle 10, degrees."""
+    factors: dict[str, float] = field(default_factory=lambda: dict.fromkeys("XYZ", 1.0))
+    """Of cycle 26, by axis."""
     unfinished: bool = False
     """A datum shift has been taken back under another cycle, but not along all axes."""
 
@@ -32,13 +34,14 @@ class Places:
             result = result.then(self.active[number])
         return result
 
-    def set(self, block: Block, number: int, words: Mapping[str, float], unit: float) -> bool:
+    def set(self, block: Block, number: int, words: Mapping[str, float], unit: float, scaled_axes: str = "") -> bool:
         """Take over a block of a cycle with its words; False when that changes nothing.
 
+        `scaled_axes`: those that cycle 11 scales on this control; empty where that is not known.
         Refusal for what it does to other axes, and for an order of cycles that is not followed.
         """
         before = self.active.get(number, Placement())
-        made = _shift(block, before, words, unit) if number == SHIFT else self._made(block, number, words)
+        made = _shift(block, before, words, unit) if number == SHIFT else self._made(block, number, words, scaled_axes)
         if made == before:
             return False
         self.active = {n: p for n, p in {**self.active, number: made}.items() if p != Placement()}
@@ -48,9 +51,14 @@ class Places:
         self.unfinished = number == SHIFT and bool(others) and SHIFT in self.active
         return True
 
-    def _made(self, block: Block, number: int, words: Mapping[str, float]) -> Placement:
+    def _made(self, block: Block, number: int, words: Mapping[str, float], scaled_axes: str) -> Placement:
+        if number == SCALING:
+            return _scale(block, words, scaled_axes)
+        if number == AXIS_SCALING:
+            self.factors |= _factors(block, words)
+            return scaled(*(self.factors[axis] for axis in "XYZ"))
         if number != ROTATION:
-            return _MAKERS[number](block, words)
+            return _mirror(block, words)
         if words.keys() not in ({"ROT"}, {"IROT"}):
             raise block.refuse("cycle 10 without an angle")
         self.angle = words["ROT"] if "ROT" in words else self.angle + words["IROT"]
@@ -79,10 +87,19 @@ def _mirror(block: Block, words: Mapping[str, float]) -> Placement:
     return mirrored("".join(words))
 
 
-def _scale(block: Block, words: Mapping[str, float]) -> Placement:
+def _scale(block: Block, words: Mapping[str, float], scaled_axes: str) -> Placement:
     if words.keys() != {"SCL"} or words["SCL"] <= 0.0:
         raise block.refuse("cycle 11 without a scale")
-    return scaled(words["SCL"])
+    factor = words["SCL"]
+    if factor != 1.0 and not scaled_axes:
+        raise block.refuse(
+            "cycle 11: whether Z is scaled too is a machine parameter of older controls (7410); "
+            'scaled_axes = "XYZ" or "XY" under [control] in the machine file says it'
+        )
+    return scaled(*(factor if axis in scaled_axes else 1.0 for axis in "XYZ"))
 
 
-_MAKERS: dict[int, Callable[[Block, Mapping[str, float]], Placement]] = {8: _mirror, 11: _scale}
+def _factors(block: Block, words: Mapping[str, float]) -> Mapping[str, float]:
+    if not words.keys() <= set("XYZ") or any(factor <= 0.0 for factor in words.values()):
+        raise block.refuse("cycle 26 with other words than a factor along X, Y or Z, as of a centre")
+    return words

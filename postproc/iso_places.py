@@ -59,7 +59,7 @@ def _scale(said: Said) -> Placement:
         raise said.block.refuse("a scale without decimal point: its unit depends on the control")
     if said.others["P"] <= 0.0:
         raise said.block.refuse("a scale that is not positive")
-    return _about(said.centre(MIDDLE), scaled(said.others["P"]))
+    return _about(said.centre(MIDDLE), scaled(*[said.others["P"]] * 3))
 
 
 def _mirror(said: Said) -> Placement:

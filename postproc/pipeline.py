@@ -25,6 +25,7 @@ from postproc.conditions import Conditions
 from postproc.datum import datum_prediction
 from postproc.dialects import Dialect
 from postproc.execution import Part, execution
+from postproc.helices import FlatArcs
 from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.line_length import refuse_lengthened
 from postproc.lines import ranges, shortened
@@ -108,6 +109,7 @@ class Pipeline:
         )
         self.guard = Guard(job.machine, job.tolerance_um, self.plausibility)
         self._outside = Outside()
+        self._flat_arcs = FlatArcs()
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
         """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
@@ -163,6 +165,7 @@ class Pipeline:
             f"ncomp does not know (lines {shortened(ranges(lines))})"
             for axes, lines in self.report.left.items()
         ]
+        left += self._flat_arcs.notes()
         return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
     def _put(self, out: MarkedOutput, blocks: list[Block], texts: list[str]) -> None:
@@ -238,6 +241,7 @@ class Pipeline:
         self._judge_between(motions, commanded)
         if judged.any():
             self._note_turning(motions, correction, written)
+            self._flat_arcs.take(motions, correction, written.ends)
         if self.trace is not None:
             self.trace.add(motions, correctable, moved, errors)
             self.trace.add_ways(motions, self.before)

@@ -12,6 +12,7 @@ from postproc.numbers import decimals_for
 from postproc.words import WordEditor
 
 _TANGENT = re.compile(r"CTP?", re.IGNORECASE)
+_CIRCLE = re.compile(r"CTP|C[RTP]?", re.IGNORECASE)
 FINEST = 9
 """Decimals of an angle."""
 
@@ -43,10 +44,33 @@ def write_arc_end(
 
 def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, way: tuple[Point, Point], resolution: float) -> Point:
     """A piece of a helix, about the pole that stands before it: its end by an angle in the place of two axes."""
-    (radius, _), (_, ended) = (_seen_from(arc.centre, point) for point in way)
+    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in way)
     decimals = angle_decimals(resolution, radius)
-    added.end_by_angle(axes, round(ended, decimals), decimals)
-    return at_polar(arc.centre, radius, round(ended, decimals))
+    turned = round(arc.sense * ((arc.sense * (ended - begun)) % 360.0), decimals)
+    added.end_by_angle(axes, turned, decimals)
+    return at_polar(arc.centre, radius, begun + turned)
+
+
+def write_circle_as_helix(
+    editor: WordEditor, dropped: list[int], arc: Arc, way: tuple[Point, Point], turned: float, resolution: float
+) -> Point:
+    """Turn C, CR, CT, CTP or CP PA into CP IPA about the pole before it, in the place of the words `dropped`.
+
+    `turned`: what the arc turns through nominally, degrees. Returns where it then ends.
+    """
+    block = editor.block
+    match = _CIRCLE.search(block.text, 0, block.words[0].at)
+    assert match is not None
+    editor.put(match.start(), match.end(), "cp" if match[0][0].islower() else "CP")
+    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in way)
+    decimals = angle_decimals(resolution, radius)
+    angle = round(turned + math.remainder(ended - begun - turned, 360.0), decimals)
+    editor.replace(dropped[0], [("IPA", angle)], decimals)
+    for index in dropped[1:]:
+        editor.remove(index)
+    if block.kind in ("tangent", "polar_tangent"):
+        _say_sense(editor, arc.sense)
+    return at_polar(arc.centre, radius, begun + angle)
 
 
 def write_tangent_as_circle(
@@ -67,6 +91,12 @@ def write_tangent_as_circle(
         editor.replace(indices[0], end, decimals)
         for i in indices[1:]:
             editor.remove(i)
+    _say_sense(editor, sense)
+
+
+def _say_sense(editor: WordEditor, sense: int) -> None:
+    """DR behind the last coordinate."""
+    block = editor.block
     last = max(word.end for word in block.words if word.start < word.end and word.address[-1] in "XYZABCUVWR")
     editor.put(last, last, f" DR{'+' if sense > 0 else '-'}")
 

@@ -11,7 +11,13 @@ from postproc.motions import Motions
 from postproc.moves import Arc
 from postproc.numbers import decimals_for
 from postproc.pieces import arc_turned
-from postproc.polar_words import add_helix_end, write_arc_end, write_line_end, write_tangent_as_circle
+from postproc.polar_words import (
+    add_helix_end,
+    write_arc_end,
+    write_circle_as_helix,
+    write_line_end,
+    write_tangent_as_circle,
+)
 from postproc.words import WordEditor
 
 Ends = tuple[list[float], list[float]]
@@ -52,12 +58,14 @@ class PoleWriter:
         ends: Ends,
         pole_editor: WordEditor | None,
         editor: WordEditor | AddedBlock,
+        dropped: list[int] | None = None,
     ) -> Point:
         """An arc with its corrected centre; `ends` takes what its end then is; returns the centre as it is written.
 
-        `pole_editor`: of a CC right before it, None where it takes one of ncomp's own.
+        `pole_editor`: of a CC right before it, None where it takes one of ncomp's own. `dropped`: indices of the words
+        that an angle takes the place of, where the arc becomes a helix.
         """
-        if arc.form == "tangent" and isinstance(editor, WordEditor) and _still(motions, row, ends):
+        if arc.form == "tangent" and not dropped and isinstance(editor, WordEditor) and _still(motions, row, ends):
             return motions.arcs[row].centre
         unit = float(motions.unit[row])
         if pole_editor is not None:
@@ -65,7 +73,7 @@ class PoleWriter:
         else:
             centre = self._put(arc.plane, arc.centre, unit, editor)
         self._held = arc.pole, centre
-        self._write_end(motions, row, arc._replace(centre=centre), ends, editor)
+        self._write_end(motions, row, arc._replace(centre=centre), ends, editor, dropped)
         return centre
 
     def _say(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
@@ -84,7 +92,15 @@ class PoleWriter:
         editor.centre_before(list(zip(names, values, strict=True)), decimals)
         return values[0] * unit, values[1] * unit
 
-    def _write_end(self, motions: Motions, row: int, arc: Arc, ends: Ends, editor: WordEditor | AddedBlock) -> None:
+    def _write_end(
+        self,
+        motions: Motions,
+        row: int,
+        arc: Arc,
+        ends: Ends,
+        editor: WordEditor | AddedBlock,
+        dropped: list[int] | None,
+    ) -> None:
         """The end of an arc, where it is not said by its axes; `ends` takes what it then is."""
         (start, held), (i, j, normal) = ends, arc.plane
         way, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
@@ -93,6 +109,9 @@ class PoleWriter:
         if isinstance(editor, AddedBlock):
             if editor.names(self.machine.names[normal]):
                 held[i], held[j] = add_helix_end(editor, names, arc, way, resolution)
+        elif dropped:
+            turned = math.degrees(arc_turned(motions, row))
+            held[i], held[j] = write_circle_as_helix(editor, dropped, arc, way, turned, resolution)
         elif arc.form == "tangent":
             decimals = self._decimals(i, unit)
             end = [(name, round(held[axis] / unit, decimals)) for name, axis in zip(names, (i, j), strict=True)]

@@ -66,9 +66,9 @@ class Places:
         if kind == "MIRROR":
             return mirrored("".join(words))
         if kind == "SCALE":
-            if words and (len(words) < 3 or len(set(words.values())) > 1 or min(words.values()) <= 0.0):
-                raise block.refuse("a scale that is not the same along X, Y and Z")
-            return scaled(words["X"]) if words else Placement()
+            if any(factor <= 0.0 for factor in words.values()):
+                raise block.refuse("a scale that is not above 0")
+            return scaled(*(words.get(axis, 1.0) for axis in "XYZ"))
         angle = content.other.get("RPL")
         if angle is not None:
             if words:

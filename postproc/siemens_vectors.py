@@ -20,6 +20,8 @@ def turn_to_vector(block: Block, content: Content, recorder: Recorder, target: l
     """
     if not recorder.machine.rotary.any():
         raise block.refuse(f"a tool vector on machine {recorder.machine.name}, which has no axis that turns")
+    if not all(recorder.frame.keeps_circles(plane) for plane in ("XY", "YZ")):
+        raise block.refuse("a tool vector where the axes are scaled by different factors")
     words = {address: content.other.pop(address) for address in VECTOR if address in content.other}
     vector = np.array([plain_of(block, block.words[words[a]]) if a in words else 0.0 for a in VECTOR])
     for axis, angle in turned_to(block, recorder, target, recorder.frame.turned(vector).tolist()).items():

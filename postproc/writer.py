@@ -28,6 +28,7 @@ from postproc.circle_writer import ABOUT_POLES, CircleWriter, round_off
 from postproc.compensate import Correction
 from postproc.contours import check_turned
 from postproc.frames import Frame, cartesian, to_machine, to_program
+from postproc.helices import axes_across, replaced_by_angle
 from postproc.holes import Depth, HoleWriter
 from postproc.inverse_time import say_time, share_time
 from postproc.motions import Motions
@@ -207,27 +208,23 @@ class Writer:
         editor: WordEditor | AddedBlock,
     ) -> None:
         start = list(held)
-        wanted = correction.target[row].tolist()
         arc = motions.arcs.get(row)
         kept = self._kept(motions, row, turning)
-        for axis in kept:
-            # exactly: a full circle that closes but for a hair is, for the control, just that hair
-            wanted[axis] = start[axis]
-        if arc is not None and not arc.full:
-            round_off(motions, row, start, wanted, correction.middle_shift[row])
+        wanted = _wanted(motions, correction, row, start, kept)
         linear_unit = float(motions.unit[row])
         said = self._said[row]
         named = set()
         # pieces of a move end where the program says no word: all axes that move are written
         written = self._all_by_letter if self._inner[row] or self._ours[row] else self._by_letter
         exact = {*written} - {*self._by_letter} | {*kept}
+        dropped = self._keep_in_plane(motions, row, editor, wanted, start)
         for axis, index, incremental in motions.words[row]:
             named.add(axis)
             if not said[axis]:
                 held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
             elif index < 0:
                 held[axis] = wanted[axis]
-            elif axis in written:
+            elif axis in written and index not in dropped:
                 unit = 1.0 if self.machine.rotary[axis] else linear_unit
                 base = start[axis] if incremental else 0.0
                 number = (wanted[axis] - base) / unit
@@ -236,6 +233,9 @@ class Writer:
                 held[axis] = base + editor.set(index, number, decimals) * unit
             else:
                 held[axis] = float(motions.target[row, axis])
+        for axis in motions.arcs[row].plane[:2] if dropped else ():
+            named.add(axis)
+            held[axis] = wanted[axis]
         if row in motions.polars:
             named.update(self._write_polar(motions, row, wanted, held, editor))
         elif arc is None and isinstance(editor, WordEditor) and int(motions.block[row]) in motions.polar_ends:
@@ -248,13 +248,40 @@ class Writer:
             held[axis] = self._insert(editor, axis, held[axis], base, number, unit, decimals)
         if arc is not None:
             self._arcs[row] = self._circles.write(
-                motions, row, (start, held), correction.middle_shift[row], editor, self._pole_editor(motions, row)
+                motions,
+                row,
+                (start, held),
+                correction.middle_shift[row],
+                editor,
+                self._pole_editor(motions, row),
+                dropped,
             )
         if row in motions.contours:
             i, j = motions.contours[row]
             nominal = motions.start[row].tolist(), motions.target[row].tolist()
             before, after = (((a[i], a[j]), (b[i], b[j])) for a, b in (nominal, (start, held)))
             check_turned(motions.blocks[motions.block[row]], before, after)
+
+    def _keep_in_plane(
+        self, motions: Motions, row: int, editor: WordEditor | AddedBlock, wanted: list[float], start: list[float]
+    ) -> list[int]:
+        """Klartext arcs: leave axes across the plane where they are if the block can't name them.
+
+        Otherwise indices of the words that an angle takes the place of, so that it can.
+        """
+        if row not in motions.arcs:
+            return []
+        said, inner = self._said[row], self._inner[row] or self._ours[row]
+        moved = [
+            axis
+            for axis in (self._all_by_letter if inner else self._by_letter)
+            if said[axis] and abs(wanted[axis] - start[axis]) >= 0.5 * 10.0 ** -self._decimals(axis, 1.0)
+        ]
+        across = axes_across(motions, row, moved)
+        dropped = replaced_by_angle(motions, row, across, editor) if across else []
+        for axis in across if dropped is None else ():
+            wanted[axis] = start[axis]
+        return dropped or []
 
     def _kept(self, motions: Motions, row: int, turning: bool) -> tuple[int, ...]:
         """Axes that have to end where they start, to the last digit."""
@@ -340,3 +367,16 @@ class Writer:
         (editor.lines_after if begun else editor.lines_before)(lines)
         self._added += len(lines)
         self._straight = added.tag is Tag.TAKE_UP
+
+
+def _wanted(
+    motions: Motions, correction: Correction, row: int, start: list[float], kept: tuple[int, ...]
+) -> list[float]:
+    """Corrected position, mm and degrees, with `kept` axes where the move starts, and its arc round enough."""
+    wanted: list[float] = correction.target[row].tolist()
+    for axis in kept:
+        # exactly: a full circle that closes but for a hair is, for the control, just that hair
+        wanted[axis] = start[axis]
+    if row in motions.arcs and not motions.arcs[row].full:
+        round_off(motions, row, start, wanted, correction.middle_shift[row])
+    return wanted

@@ -32,9 +32,9 @@ FIVE_AXES = ("dmu50", "trunnion_ac", "trunnion_bc", "head_head", "head_table")
 
 @functools.cache
 def load(name: str) -> Machine:
-    """A shipped machine whose tool changer moves Z only, so that programs may go on from X and Y."""
+    """A shipped machine whose tool changer moves Z only, and whose Klartext cycle 11 scales X, Y and Z."""
     machine = machines.load(name)
-    control = dataclasses.replace(machine.control, tool_change_moves=("Z",))
+    control = dataclasses.replace(machine.control, tool_change_moves=("Z",), scaled_axes="XYZ")
     return dataclasses.replace(machine, control=control)
 
 

@@ -125,6 +125,45 @@ def test_a_shift_left_over_under_a_rotation_is_refused(shift):
     assert "order" in refusal(klartext, program + "\nL X+2 Y+1 Z+50 R0 FMAX\n")
 
 
+# ---- scaling
+
+SCALED = "CYCL DEF 11.0 SCALING\nCYCL DEF 11.1 SCL 0.5\nL X+10 Y+4 Z+6 R0 FMAX\n"
+
+
+@pytest.mark.parametrize(("axes", "z"), [("XYZ", 103.0), ("XY", 106.0)])
+def test_cycle_11_scales_the_axes_of_the_machine_file(axes, z):
+    notes = Notes()
+    assert klartext(SCALED, control={"scaled_axes": axes}, notes=notes) == [(5.0, 2.0, z)]
+    assert any(f"scale {' '.join(axes)}" in note for note in notes.texts())
+
+
+def test_cycle_11_is_refused_where_the_machine_file_says_nothing():
+    assert "scaled_axes" in refusal(klartext, SCALED, control={"scaled_axes": ""})
+    neutral = SCALED.replace("0.5", "1")
+    assert klartext(neutral, control={"scaled_axes": ""}) == [(10.0, 4.0, 106.0)]
+
+
+def test_an_arc_across_the_scaled_plane_is_refused():
+    arc = "L Z+0 Y+10\nCC Y+10 Z+10\nC Y+20 Z+10 DR+\n"
+    assert "different factors" in refusal(klartext, SCALED + arc, control={"scaled_axes": "XY"})
+    assert klartext(SCALED + arc, control={"scaled_axes": "XYZ"})[-1] == (5.0, 10.0, 105.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("26.0\n26.1 X0.5 Y2\n", (1.0, 2.0, 106.0)),
+        # each axis has a factor of its own, until it is given another
+        ("26.0\n26.1 X0.5 Y2\n26.0\n26.1 X1\n", (2.0, 2.0, 106.0)),
+        # about the shifted datum
+        ("7.0\n7.1 X+10\n26.0\n26.1 X2 Z3\n", (14.0, 1.0, 118.0)),
+    ],
+)
+def test_cycle_26(text, expected):
+    program = re.sub(r"^(?=\d)", "CYCL DEF ", text, flags=re.MULTILINE) + "L X+2 Y+1 Z+6 R0 FMAX\n"
+    assert klartext(program) == [expected]
+
+
 # ---- Siemens
 
 

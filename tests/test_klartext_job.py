@@ -72,9 +72,9 @@ def test_an_arc_takes_its_pole_along():
     verdict, text = judged(program("3 L X+20 Y+0\r\n4 CC X+0 Y+0\r\n5 C X+0 Y+20 DR+ R0 F100\r\n6 C X-20 Y+0 DR+\r\n"))
     lines = text.splitlines()
     assert re.fullmatch(r"4 CC X-0\.0\d{3} Y\+0\.0\d{3}", lines[4]), lines[4]
-    assert lines[5].startswith("5 C X-0.0")
+    assert re.match(r"5 CP IPA\+\d+\.\d+ Z\+\d+\.\d+ DR\+ R0 F100", lines[5])
     assert lines[6].startswith("CC X")  # the second arc has no CC of its own
-    assert lines[7].startswith("6 C X-20.0")
+    assert lines[7].startswith("6 CP IPA+")
     assert verdict.after.largest < 0.09
     assert verdict.path_after.largest < 2
 

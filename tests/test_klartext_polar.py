@@ -136,7 +136,7 @@ def test_corrected(name):
     assert verdict.before.largest > 30.0
     assert left.max() < ON_ITS_CIRCLE, written
     assert [line.split()[0] for line in body(written) if not line.startswith("CC")] == [
-        line.split()[0].replace("CTP", "C").replace("CT", "C")
+        line.split()[0].replace("CTP", "CP").replace("CT", "CP")
         for line in text.splitlines()
         if not line.startswith("CC")
     ]
@@ -183,7 +183,7 @@ def test_pieces_of_a_helix_are_said_by_angles():
     written = correct(HEAD + text + TAIL, model=model)
     pieces = [line for line in written.splitlines() if "NCOMP ARC" in line]
     assert pieces
-    assert all(line.startswith("CP PA") and "Z" in line for line in pieces), pieces
+    assert all(line.startswith("CP IPA") and "Z" in line for line in pieces), pieces
     nominal, commanded = read(HEAD + text + TAIL), read(written)
     row = next(iter(nominal.arcs))
     turned = sum(arc_turned(commanded, i) for i in commanded.arcs)
