@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from typer.testing import CliRunner
 
@@ -17,11 +18,12 @@ ENCODING = "latin-1"
 
 
 class Run(NamedTuple):
-    """How a run ended: exit status, text written (None: no file), and what was shown."""
+    """How a run ended: exit status, text written (None: no file), what was shown, and its machine-readable report."""
 
     status: int
     text: str | None
     shown: str
+    report: dict[str, Any]
 
     @property
     def refusal(self) -> str:
@@ -39,23 +41,24 @@ def reason_of(message: str) -> str:
 
 def correct(case: Case, *more: str) -> Run:
     """`ncomp correct` on a case; a fault inside ncomp is raised."""
-    return command("correct", case, "-o", "out.nc", *more)
+    return command("correct", case, "-o", "out.nc", "--json", "report.json", *more)
 
 
 def command(name: str, case: Case, *options: str) -> Run:
-    """A subcommand on the program of a case in a folder of its own; `-o out.nc` is what it writes."""
+    """A subcommand on the program of a case in a folder of its own; it may write `out.nc` and `report.json`."""
     with tempfile.TemporaryDirectory(prefix="ncomp-fuzz-") as folder:
         place = Path(folder)
         arguments = arguments_of(case, place)
-        output = place / "out.nc"
-        given = [str(output) if option == "out.nc" else option for option in options]
+        output, report = place / "out.nc", place / "report.json"
+        given = [str(place / option) if option in {"out.nc", "report.json"} else option for option in options]
         done = CliRunner().invoke(app, [name, *arguments, *given])
         text = output.read_bytes().decode(ENCODING) if output.exists() else None
+        content = json.loads(report.read_text(encoding="utf-8")) if report.exists() else {}
         if isinstance(done.exception, UserError):
-            return Run(2, text, str(done.exception).replace(folder + "/", ""))
+            return Run(2, text, str(done.exception).replace(folder + "/", ""), content)
         if done.exception is not None and not isinstance(done.exception, SystemExit):
             raise done.exception
-        return Run(done.exit_code, text, done.output.replace(folder + "/", ""))
+        return Run(done.exit_code, text, done.output.replace(folder + "/", ""), content)
 
 
 def arguments_of(case: Case, place: Path) -> list[str]:

@@ -19,7 +19,7 @@ from tests.fuzz.shrink import shrink
 
 SECONDS = 60
 """Time for one examination."""
-SHRUNK = 3
+SHRUNK = 2
 """Differences of one class that are shrunk and written; all are counted."""
 SEEDS = 1_000_000
 """Programs that a seed has before it meets those of the next."""

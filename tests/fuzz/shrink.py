@@ -6,25 +6,29 @@ import re
 import time
 from collections.abc import Callable
 
-SECONDS = 120.0
+SECONDS = 40.0
 """Time for one program."""
 
 
 def shrink(text: str, differs: Callable[[str], bool], seconds: float = SECONDS) -> str:
     """Leave out lines, then words, as long as the program differs."""
     end = time.monotonic() + seconds
-    for parts in (_lines, _words, _lines):
-        text = "".join(_fewest(parts(text), lambda kept: differs("".join(kept)), end))
-    return text
+    lines = _fewest(text.splitlines(keepends=True), lambda kept: differs("".join(kept)), end)
+    for i, line in enumerate(lines):
+
+        def differs_in_line(words: list[str], i: int = i) -> bool:
+            return differs("".join([*lines[:i], *words, *lines[i + 1 :]]))
+
+        *words, line_end = _words(line)
+        lines[i] = "".join(_fewest(words, lambda words: differs_in_line([*words, line_end]), end)) + line_end  # noqa: B023
+    return "".join(_fewest(lines, lambda kept: differs("".join(kept)), end))
 
 
-def _lines(text: str) -> list[str]:
-    return text.splitlines(keepends=True)
-
-
-def _words(text: str) -> list[str]:
-    """Words of NC text: a letter with what follows up to the next letter, blank or line end; brackets stay whole."""
-    return re.findall(r"\s+|[A-Za-z_]?[^\sA-Za-z\[<(]*(?:\[[^\n]*\]|<[^>\n]*>|\([^)\n]*\))?|.", text)
+def _words(line: str) -> list[str]:
+    """Words of a line: a letter with what follows up to the next letter or blank, brackets whole; last the line end."""
+    body = line.rstrip("\r\n")
+    words = re.findall(r"\s+|[A-Za-z_]?[^\sA-Za-z\[<(]*(?:\[[^\n]*\]|<[^>\n]*>|\([^)\n]*\))?", body)
+    return [*filter(None, words), line[len(body) :]]
 
 
 def _fewest(parts: list[str], differs: Callable[[list[str]], bool], end: float) -> list[str]:

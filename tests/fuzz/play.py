@@ -1,0 +1,197 @@
+"""Examiner: axes with play, as mechanics: the carriage lies somewhere in the play, and moves when it is pushed."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterable
+
+import numpy as np
+
+from tests.fuzz.canon import OFFSETS, ClientError, RefusedError, calls
+from tests.fuzz.case import Case, Outcome, Verdict
+from tests.fuzz.gantry import Array, Errors, flat, gentle, machine_text, read_errors
+from tests.fuzz.groups import DisorderError, Group, Placed, grouped, tip
+from tests.fuzz.linuxcnc import CONTROL, DIAMETERS, environment_of
+from tests.fuzz.ncomp import correct
+from tests.fuzz.path import Move, moves
+from tests.fuzz.rs274_programs import program
+
+ALONG = 1.3e-3
+"""Distance from the programmed path, mm, where every axis is known: the tolerance, and rounding."""
+DENSE, NEAR = 97, 49
+"""Points along a move; points near one of them."""
+
+
+def draw(seed: int) -> Case:
+    """A random program for a machine with play in some axes, and gentle or no other errors."""
+    rng = random.Random(seed)
+    play = tuple(rng.choice([0.0, 6.0, 15.0, 40.0]) for _ in range(3))
+    errors = (gentle if rng.random() < 0.5 else flat)(rng, play if any(play) else (15.0, 15.0, 15.0))
+    options = ["--no-travel-check", *(["--unroll"] if rng.random() < 0.25 else [])]
+    for name in OFFSETS:
+        options += ["--work-offset", f"{name}={','.join(str(round(rng.uniform(-50, 50), 2)) for _ in range(3))}"]
+    for number in DIAMETERS:
+        options += ["--tool-length", f"T{number}={round(rng.uniform(0, 120), 2)}"]
+    return Case(
+        program(seed, plain=True), machine=machine_text(CONTROL), calibration=errors.text(), options=tuple(options)
+    )
+
+
+def judge(case: Case) -> Outcome:
+    """Both programs by LinuxCNC, and by the machine with play."""
+    environment = environment_of(case)
+    try:
+        before = calls(case.program, environment)
+    except (RefusedError, ClientError) as refusal:
+        return Outcome(Verdict.REFUSED, f"rs274: {str(refusal)[:30]}")
+    run = correct(case)
+    if run.status == 2:
+        left = "" if run.text is None else "refused and written: "
+        return Outcome(Verdict.DIFFERS if left else Verdict.REFUSED, left + run.refusal)
+    if run.status or run.text is None:
+        return Outcome(Verdict.DIFFERS, f"exit status {run.status}: {run.shown}")
+    try:
+        after = calls(run.text, environment)
+        tools = environment.tools
+        groups = grouped(moves(before, tools, DENSE), moves(after, tools, DENSE), run.text)
+    except (RefusedError, ClientError) as refusal:
+        return Outcome(Verdict.DIFFERS, f"LinuxCNC refuses the correction: {refusal}\n{run.text}")
+    except DisorderError as fault:
+        return Outcome(Verdict.DIFFERS, f"{fault}\n{run.text}")
+    return Mechanics(case, groups, run.report, run.text).outcome()
+
+
+class Play:
+    """Carriages with play, at all positions at which they may lie: between `low` and `high`."""
+
+    def __init__(self, play: Iterable[float]) -> None:
+        self.half = 0.5e-3 * np.array(list(play))
+        self.low, self.high = -self.half.copy(), self.half.copy()
+        """Of the carriage, mm, behind the command; where both agree it is known."""
+        self.at = np.zeros(3)
+
+    def follow(self, q: Array) -> tuple[Array, Array]:
+        """Sides of the play (n, 3) in -1..1, lowest and highest, along commanded positions (n, 3)."""
+        sides = np.empty((2, *q.shape))
+        for n, position in enumerate(q):
+            step = position - self.at
+            self.low = np.clip(self.low - step, -self.half, self.half)
+            self.high = np.clip(self.high - step, -self.half, self.half)
+            self.at = position
+            # a carriage that lies below the command has come from below: side +1
+            sides[:, n] = -self.high, -self.low
+        with np.errstate(invalid="ignore"):
+            sides = np.nan_to_num(sides / self.half)
+        return sides[0], sides[1]
+
+    @property
+    def known(self) -> Array:
+        """True (3,) where it is known on which side the carriage lies."""
+        return np.asarray(self.high - self.low < 1e-9)
+
+
+class Mechanics:
+    """The machine with play on both programs."""
+
+    def __init__(self, case: Case, groups: list[Group], report: dict[str, object], text: str) -> None:
+        self.groups, self.errors, self.text = groups, read_errors(case.calibration), text
+        self.placed = Placed(case.program, groups)
+        self.before, self.after = Play(self.errors.play), Play(self.errors.play)
+        self.sure = np.zeros(3, bool)
+        """Axes whose direction the program lets a reader know: placed, and moved by more than the play since."""
+        self.placed_before: set[str] = set()
+        """Axes that were placed behind the block before."""
+        self.placed_last: set[str] = set()
+        self.excused = _excused(report)
+        bare = Errors(self.errors.parameters)
+        strays = [
+            np.abs(bare.tool_point(g.programmed.points, g.programmed.tool) - tip(g.programmed)).max() for g in groups
+        ]
+        self.loose = 3.0 * max(strays, default=0.0) + 2e-3 * float(np.linalg.norm(self.errors.play)) + ALONG
+
+    def outcome(self) -> Outcome:
+        """The first move that is cut wrongly."""
+        for i, group in enumerate(self.groups):
+            fault = self._fault(i, group)
+            if fault:
+                return Outcome(Verdict.DIFFERS, f"{fault}\nline {group.programmed.line} of\n{self.text}")
+        return Outcome(Verdict.COMPARED) if self.groups else Outcome(Verdict.REFUSED, "no move")
+
+    def _fault(self, i: int, group: Group) -> str:
+        programmed = group.programmed
+        placed = self.placed.follow(i)
+        if i and programmed.line != self.groups[i - 1].programmed.line:
+            self.placed_before = self.placed_last
+        self.placed_last = placed
+        strict = {axis for axis in placed if axis in self.placed_before}
+        old = self._cut([programmed], self.before)
+        taken = self._cut(group.taken, self.after) if group.taken else None
+        new = self._cut(group.written, self.after)
+        limit = self._limit(i, placed, strict)
+        self._learn(i, strict)
+        wanted = tip(programmed)
+        if taken is not None and _from(taken, wanted[0]) > limit:
+            return f"take-up moves the tool: by {_from(taken, wanted[0]) * 1e3:.2f} um, tolerance {limit * 1e3:.2f}"
+        error, was = _from(new[:, -1:], wanted[-1]), _from(old[:, -1:], wanted[-1])
+        if programmed.kind != "rapid":
+            error, was = max(error, _distance(new, programmed).max()), max(was, _distance(old, programmed).max())
+        if error <= limit or error <= was + 0.3e-3:
+            return ""
+        if self.excused and error <= limit + 1e-3 * max(self.errors.play):
+            self.excused -= 1
+            return ""
+        return f"{programmed.kind}: off by {error * 1e3:.2f} um, before {was * 1e3:.2f}, tolerance {limit * 1e3:.2f}"
+
+    def _cut(self, written: list[Move], play: Play) -> Array:
+        """Tool points (2, n, 3) along moves, for both extremes of what is not known."""
+        cut = []
+        for move in written:
+            sides = play.follow(move.points)
+            cut.append([self.errors.tool_point(move.points, move.tool, side) for side in sides])
+        return np.concatenate(cut, axis=1)
+
+    def _limit(self, i: int, placed: set[str], strict: set[str]) -> float:
+        if self.placed.in_cycle(i):
+            return self.loose
+        unknown = ~(self.sure & self.after.known)
+        free = np.array([axis not in placed or axis not in strict for axis in "XYZ"])
+        half = 0.5e-3 * np.array(self.errors.play) * unknown
+        return float(ALONG + np.linalg.norm(np.where(free, self.loose, half)))
+
+    def _learn(self, i: int, strict: set[str]) -> None:
+        """Directions that a reader of the program knows behind a move."""
+        if self.placed.in_cycle(i):
+            self.sure[:] = False
+            return
+        programmed = self.groups[i].programmed
+        moved = np.abs(np.diff(programmed.points, axis=0)).sum(axis=0)
+        enough = 2e-3 * np.array(self.errors.play) + 0.01
+        for k, axis in enumerate("XYZ"):
+            self.sure[k] = axis in strict and (self.sure[k] or bool(moved[k] > enough[k]))
+
+
+def _distance(points: Array, move: Move) -> Array:
+    """Distance (2, n) of points (2, n, 3) from the programmed way of the tool, to about 0.05 um."""
+    flat_points = points.reshape(-1, 3)
+    shares = np.linspace(0.0, 1.0, len(move.points))
+    nearest = shares[np.linalg.norm(flat_points[:, None] - tip(move), axis=2).argmin(axis=1)]
+    near = np.clip(nearest[:, None] + shares[1] * np.linspace(-1.0, 1.0, NEAR), 0.0, 1.0)
+    way = move.at(near.reshape(-1)).reshape(len(flat_points), NEAR, 3) - [0.0, 0.0, move.tool]
+    first, step = way[:, :-1], np.diff(way, axis=1)
+    to = flat_points[:, None] - first
+    share = np.clip((to * step).sum(axis=2) / np.maximum((step**2).sum(axis=2), 1e-18), 0.0, 1.0)
+    distance = np.linalg.norm(to - share[..., None] * step, axis=2).min(axis=1)
+    return np.asarray(distance.reshape(points.shape[:2]))
+
+
+def _from(points: Array, place: Array) -> float:
+    """Largest distance of points (2, n, 3) from one."""
+    return float(np.linalg.norm(points - place, axis=2).max())
+
+
+def _excused(report: dict[str, object]) -> int:
+    """How many moves a note says may be off by a play."""
+    notes = [str(note) for note in report.get("notes", ())]  # type: ignore[attr-defined]
+    said = [note for note in notes if "take" in note or "turns back" in note or "play" in note]
+    counts = [note.rpartition(", ")[2].partition(" times")[0] for note in said]
+    return sum(int(count) if count.isdigit() else 1 for count in counts)
