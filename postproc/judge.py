@@ -17,7 +17,6 @@ from postproc.reversals import (
     Directions,
     axes_with_play,
     dead_band,
-    follow_ways,
     known_before,
     turns_inside,
     ways,
@@ -66,7 +65,12 @@ class Judge:
         """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without play."""
         if not self.axes:
             return None
-        along = follow_ways(self._directions, ways(motions, (*INNER, 1.0)), known_before(motions))
+        return self._follow(motions, ways(motions, (*INNER, 1.0)))
+
+    def _follow(self, motions: Motions, positions: Array) -> Array:
+        """Directions at positions `(n, shares, axes)` of a chunk, of which the last are its ends."""
+        starts = motions.in_machine(motions.start)
+        along = self._directions.follow_moves(motions, positions, starts, known_before(motions))
         self.approach = along[:, -1]
         return along
 
@@ -76,7 +80,7 @@ class Judge:
             if turns_inside(motions, self.axes, self.band).any():
                 self.along(motions)
             else:
-                self.approach = self._directions.follow(motions.machine_target, known_before(motions))
+                self._follow(motions, motions.machine_target[:, None])
         return self.last_states(rows)
 
     def last_states(self, rows: np.ndarray) -> States:

@@ -51,6 +51,19 @@ class Directions:
         self.last = np.zeros(len(band))
         """After the last row `(axes,)`: -1, 0, 1."""
         self._farthest: dict[int, float | None] = dict.fromkeys(axes)
+        self._behind_cycle = False
+
+    def follow_moves(self, motions: Motions, positions: Array, starts: Array, certain: NDArrayBool) -> Array:
+        """Directions `(n, shares, axes)` at positions `(n, shares, axes)` along moves that start at `(n, axes)`.
+
+        A canned cycle ends at the bottom of its hole and returns: the axis then comes from where the next move starts.
+        """
+        behind = np.append(self._behind_cycle, motions.kind == Kind.CYCLE)
+        self._behind_cycle = bool(behind[-1])
+        if not behind[:-1].any():
+            return follow_ways(self, positions, certain)
+        returned = np.where(behind[:-1, None], starts, np.nan)
+        return follow_ways(self, np.concatenate([returned[:, None], positions], axis=1), certain)[:, 1:]
 
     def follow(self, q: Array, certain: NDArrayBool) -> Array:
         """Directions `(n, axes)`, -1, 0, 1, in which the axes come to positions q `(n, axes)`, mm and rad.

@@ -29,7 +29,6 @@ from postproc.reversals import (
     axes_with_play,
     dead_band,
     feeds,
-    follow_ways,
     known_before,
     needs_direction,
     turns_inside,
@@ -102,16 +101,17 @@ class TakeUps:
         ends = correction.nominal + shifts
         certain = known_before(motions)
         winding = turns_inside(motions, self.axes, self.band)
+        before, positions = np.vstack([self._shift, shifts[:-1]]), ends[:, None]
         if winding.any():
-            starts = np.vstack([self._shift, shifts[:-1]])
             share = np.array(INNER)[None, :, None]
-            inner = ways(motions, INNER) + starts[:, None] + share * (shifts - starts)[:, None]
+            inner = ways(motions, INNER) + before[:, None] + share * (shifts - before)[:, None]
             inner[~winding] = np.nan
-            found = follow_ways(self._directions, np.concatenate([inner, ends[:, None]], axis=1), certain)
+            positions = np.concatenate([inner, positions], axis=1)
+        starts = motions.in_machine(motions.start) + before
+        found = self._directions.follow_moves(motions, positions, starts, certain)
+        if winding.any():
             found[~winding] = found[~winding, -1:]
             self._note_inside(motions, found, winding)
-        else:
-            found = self._directions.follow(ends, certain)[:, None]
         self._shift = shifts[-1]
         return found[:, 0], found[:, -1]
 

@@ -392,3 +392,16 @@ def test_the_orientation_too():
     result = correct(text, DMU50, model, classes=frozenset(("L-POS", "R-POS", "FOR")), travel_check=False)
     assert result.report.tilt_after.rms < result.report.tilt_before.rms
     assert any("B is taken up along a feed move" in note for note in result.report.notes)
+
+
+@pytest.mark.parametrize(
+    ("cycle", "to", "expected"),
+    [
+        ("G99 G81 X120. Z90. R109.", "G0 Z100.", "Z100.0060"),  # down from R
+        ("G98 G81 X120. Z90. R105.", "G0 Z107.", "Z107.0060"),  # down from the level before
+        ("G99 G81 X120. Z90. R105.", "G0 Z107.", "Z106.9940"),  # up from R
+    ],
+)
+def test_a_drill_returns_before_the_next_move(cycle, to, expected):
+    """Its axis comes from where the cycle has left it, not from the bottom of the hole."""
+    assert written(f"{cycle}\nG80\n{to}\n")[-1].split()[1] == expected

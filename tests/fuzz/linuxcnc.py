@@ -28,17 +28,25 @@ def draw(seed: int) -> Case:
     rng = random.Random(seed)
     contours = seed % 5 == 0
     errors = constant(rng) if contours or rng.random() < 0.3 else smooth(rng)
-    options = ["--no-travel-check", *(["--unroll"] if rng.random() < 0.25 else [])]
-    for name in OFFSETS:
-        options += ["--work-offset", f"{name}={','.join(str(round(rng.uniform(-50, 50), 2)) for _ in range(3))}"]
-    for number in DIAMETERS:
-        options += ["--tool-length", f"T{number}={round(rng.uniform(0, 120), 2)}"]
+    options = options_of(rng)
     return Case(
         program(seed, contours=contours),
         machine=machine_text(CONTROL),
         calibration=errors.text(),
-        options=tuple(options),
+        options=options,
     )
+
+
+def options_of(rng: random.Random) -> tuple[str, ...]:
+    """Offsets, tools, and what a machine with so large errors asks for."""
+    options = ["--no-travel-check", "--max-correction-um", "5000", "--accept", "outside,insignificant"]
+    options += ["--unroll"] if rng.random() < 0.25 else []
+    for name in OFFSETS:
+        options += ["--work-offset", f"{name}={','.join(str(round(rng.uniform(-50, 50), 2)) for _ in range(3))}"]
+        options += ["--datum", f"{name}=true"]
+    for number in DIAMETERS:
+        options += ["--tool-length", f"T{number}={round(rng.uniform(0, 120), 2)}"]
+    return tuple(options)
 
 
 def judge(case: Case) -> Outcome:

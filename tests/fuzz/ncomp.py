@@ -34,7 +34,8 @@ class Run(NamedTuple):
 
 def reason_of(message: str) -> str:
     """A message without place, text of the block, numbers and names: what many refusals have in common."""
-    message = re.sub(r"^.*?part\.\w+:\d+: ", "", message)
+    message = re.sub(r"^.*?part\.\w+( \(unrolled\))?:\d+: ", "", message)
+    message = re.sub(r" \(read as .*$", "", message)
     message = re.sub(r'"[^"]*"|\'[^\']*\'|`[^`]*`', "...", message)
     return re.sub(r"[-+]?\d+(\.\d+)?", "0", message)[:100]
 

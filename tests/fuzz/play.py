@@ -7,11 +7,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from tests.fuzz.canon import OFFSETS, ClientError, RefusedError, calls
+from tests.fuzz.canon import ClientError, RefusedError, calls
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.gantry import Array, Errors, flat, gentle, machine_text, read_errors
 from tests.fuzz.groups import DisorderError, Group, Placed, grouped, tip
-from tests.fuzz.linuxcnc import CONTROL, DIAMETERS, environment_of
+from tests.fuzz.linuxcnc import CONTROL, environment_of, options_of
 from tests.fuzz.ncomp import correct
 from tests.fuzz.path import Move, moves
 from tests.fuzz.rs274_programs import program
@@ -27,13 +27,8 @@ def draw(seed: int) -> Case:
     rng = random.Random(seed)
     play = tuple(rng.choice([0.0, 6.0, 15.0, 40.0]) for _ in range(3))
     errors = (gentle if rng.random() < 0.5 else flat)(rng, play if any(play) else (15.0, 15.0, 15.0))
-    options = ["--no-travel-check", *(["--unroll"] if rng.random() < 0.25 else [])]
-    for name in OFFSETS:
-        options += ["--work-offset", f"{name}={','.join(str(round(rng.uniform(-50, 50), 2)) for _ in range(3))}"]
-    for number in DIAMETERS:
-        options += ["--tool-length", f"T{number}={round(rng.uniform(0, 120), 2)}"]
     return Case(
-        program(seed, plain=True), machine=machine_text(CONTROL), calibration=errors.text(), options=tuple(options)
+        program(seed, plain=True), machine=machine_text(CONTROL), calibration=errors.text(), options=options_of(rng)
     )
 
 
@@ -175,7 +170,7 @@ def _distance(points: Array, move: Move) -> Array:
     flat_points = points.reshape(-1, 3)
     shares = np.linspace(0.0, 1.0, len(move.points))
     nearest = shares[np.linalg.norm(flat_points[:, None] - tip(move), axis=2).argmin(axis=1)]
-    near = np.clip(nearest[:, None] + shares[1] * np.linspace(-1.0, 1.0, NEAR), 0.0, 1.0)
+    near = nearest[:, None] + shares[1] * np.linspace(-1.0, 1.0, NEAR)
     way = move.at(near.reshape(-1)).reshape(len(flat_points), NEAR, 3) - [0.0, 0.0, move.tool]
     first, step = way[:, :-1], np.diff(way, axis=1)
     to = flat_points[:, None] - first
