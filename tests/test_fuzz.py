@@ -49,8 +49,8 @@ def test_a_case_is_read_as_it_was_written(tmp_path, monkeypatch):
 
 def test_the_smallest_program_that_differs():
     text = "N1 G0 X1\nN2 G1 Y2 F[3 + 4] (a comment)\nM2\n"
-    assert shrink(text, lambda text: "Y2" in text) == "Y2"
-    assert shrink(text, lambda text: "F[3 + 4]" in text) == "F[3 + 4]"
+    assert shrink(text, lambda text: "Y2" in text).split() == ["Y2"]
+    assert shrink(text, lambda text: "F[3 + 4]" in text).strip() == "F[3 + 4]"
 
 
 def test_classes_are_counted():
