@@ -43,6 +43,7 @@ from postproc.splitting import Splitter
 from postproc.take_up import TakeUps
 from postproc.trace import Trace
 from postproc.travel import note_outside, refuse_outside
+from postproc.turning import leave_before_turning
 from postproc.used_datums import UsedDatums
 from postproc.writer import Writer, Written
 
@@ -197,6 +198,9 @@ class Pipeline:
         motions, approach = self.take_ups.prepare(motions)
         orientation = self.model if self.orientation else None
         correction = correct(motions, self.corrected_part, orientation, job.conditions, approach)
+        correction = leave_before_turning(
+            motions, correction, self.model, job.conditions, approach, job.tolerance_um, self.notes
+        )
         report.max_correction_um = self.limit.check(motions, correction.nominal, correction.corrected)
         if job.travel_check:
             refuse_outside(motions, correction.corrected, "after correction")

@@ -40,8 +40,8 @@ OUTSIDE_SHARE = 0.01
 MOST = 0.5
 """Share of the moves worth correcting beyond which their improvement must be significant."""
 TURNING_HINT = (
-    ": rotary axes turn at feed, and the linear axes keep the correction from before; name X Y Z in this block, or "
-    "turn at rapid"
+    ": rotary axes turn at feed, and the linear axes keep the correction from before; turn at rapid (G0), or move X, Y "
+    "or Z in this block"
 )
 HIGHEST_UM = 500.0
 """No correction is larger than this unless the user sets the limit."""

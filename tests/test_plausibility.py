@@ -11,6 +11,7 @@ from programs import load, model_of
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError
 from kinematics.model import ErrorModel, write_model
+from postproc.writer import Writer
 
 NOW = datetime.datetime.now(datetime.UTC)
 PROGRAM = "G21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nY300.0\nM30\n"
@@ -172,31 +173,63 @@ def test_the_limit_knows_play_and_tools():
 # ---- never worse than in the input
 
 TABLE = ErrorMotion("Y", "C", Fourier((0.0, 360.0), (2.0,)), (0.0, 0.0, 20.0, 0.0), u=(0.1,) * 4)
-TURNED = "G21 G17 G90\nG0 X10.0 Y10.0 Z200.0 B0 C90\nG1 {} F500\nG1 X20.0\nM30\n"
+TURNED = "G21 G17 G90\nG0 X10.0 Y10.0 Z200.0 B0 C90\n{}\nG1 {} F500\nG1 X20.0\nM30\n"
 
 
 @pytest.fixture
 def turned(command):
     """Corrects a program with C on a DMU 50 whose table moves with twice the angle of C."""
 
-    def run(block: str, *options: object):
-        Path("in.nc").write_text(TURNED.format(block))
+    def run(before: str, block: str, *options: object):
+        Path("in.nc").write_text(TURNED.format(before, block))
         write_model(model_of(load("dmu50"), TABLE), Path("cal.json"))
         return command("in.nc", "-m", "dmu50", "-c", "cal.json", "-o", "out.nc", "--no-travel-check", *options)
 
     return run
 
 
-def test_a_move_that_would_be_worse_than_in_the_input_is_refused(turned):
-    refused = turned("C270")
+def test_a_position_is_left_where_turning_from_it_would_be_worse(turned):
+    done = turned("G1 X12.0 F500", "C270", "--json", "-")
+    assert done.status == 0, done.err
+    result = json.loads(done.out)
+    assert "accepted" not in done.err
+    assert any(note.startswith("left as in the input") and "(line 3)" in note for note in result["notes"])
+    lines = Path("out.nc").read_text().splitlines()
+    assert lines[-5:-2] == ["G0 X10.0 Y9.9800 Z200.0 B0 C90", "G1 X12.0 Y10.0000 F500", "G1 C270 F500"]
+    assert lines[-2] == "G1 X20.0 Y10.0200"
+    assert result["predicted_error_um"]["after"]["max"] <= result["predicted_error_um"]["before"]["max"]
+
+
+def test_a_small_turn_keeps_its_correction(turned):
+    done = turned("G1 X12.0 F500", "C100")
+    assert done.status == 0, done.err
+    assert "left as in the input" not in done.err
+
+
+PLAY = model_of(load("gantry"), Backlash(axis="X", width=15.0, u=(0.1,)))
+WORSE = "predicted to be worse than in the input"
+
+
+def test_a_move_that_would_be_worse_than_in_the_input_is_refused(ncomp, monkeypatch):
+    """A writer that goes astray by 40 um in one block."""
+    write = Writer.write
+
+    def astray(self, motions, correction):
+        written = write(self, motions, correction)
+        written.ends[-1, 0] += 0.04
+        return written
+
+    monkeypatch.setattr(Writer, "write", astray)
+    refused = ncomp(of_x(10.0))
     assert refused.status == 2
-    assert "in.nc:3: 'G1 C270 F500': predicted to be worse than in the input at its end: 40 um instead of 20 um" in (
-        refused.err
-    )
-    assert "name X Y Z in this block" in refused.err
-    assert not Path("out.nc").exists()
-    accepted = turned("C270", "--accept", "worse", "--json", "-")
+    assert f"in.nc:4: 'Y300.0': {WORSE} at its end: 40 um instead of 10 um" in refused.err
+    accepted = ncomp(of_x(10.0), "--accept", "worse", "--json", "-")
     assert accepted.status == 0, accepted.err
-    assert "at most 40 um instead of 20 um (lines 3-4)" in json.loads(accepted.out)["accepted"]["worse"]
-    for block in ("X10.0 Y10.0 Z200.0 C270", "C100"):
-        assert turned(block).status == 0
+    assert "at most 40 um instead of 10 um (lines 4)" in json.loads(accepted.out)["accepted"]["worse"]
+
+
+def test_an_arc_of_two_turns_is_not_worse_than_in_the_input(ncomp):
+    """Its circle has to close: with play a correction of its end alone made its radius wrong by 0.16 mm."""
+    arc = "G21 G17 G90\nG0 X100.0 Y100.0 Z20.0\nG1 X140.0 Y135.0 F500\nG3 X140.0 Y135.0 Z5.0 I-20.0 J0 P2\nM30\n"
+    done = ncomp(PLAY, "--json", "-", program=arc)
+    assert WORSE in done.err if done.status else json.loads(done.out)["accepted"] == {}

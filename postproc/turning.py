@@ -1,0 +1,79 @@
+"""Feed moves of rotary axes alone: they keep the linear axes, and with them the correction of the position before.
+
+On the way that correction may become wrong, up to twice the error. Where such a move would be worse than in the input,
+the position before it is left as in the input too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.model import ErrorModel
+from kinematics.transforms import Array
+from postproc.compensate import Correction, missed
+from postproc.conditions import Conditions
+from postproc.datum import datum_shifts
+from postproc.motions import Motions
+from postproc.notes import Notes
+
+SHARES = (0.25, 0.5, 0.75, 1.0)
+"""Shares of the way at which errors are compared."""
+NOTE = "left as in the input: the feed move of rotary axes alone behind it would be worse with this correction"
+
+
+def leave_before_turning(
+    motions: Motions,
+    correction: Correction,
+    model: ErrorModel,
+    conditions: Conditions,
+    approach: Array | None,
+    tolerance_um: float,
+    notes: Notes,
+) -> Correction:
+    """The correction without that of positions from which rotary axes turn at feed, where it would do harm.
+
+    approach `(n, axes)`: the direction in which each move comes to its end.
+    """
+    turning = motions.turning
+    before = np.maximum.accumulate(np.where(turning, -1, np.arange(len(motions))))
+    rows = np.flatnonzero(turning & (before >= 0) & motions.judged)
+    rows = rows[(motions.frame[before[rows]] == motions.frame[rows]) & motions.programmed[before[rows]]]
+    if not rows.size:
+        return correction
+    kept = np.zeros_like(motions.target)
+    kept[rows] = (correction.target - motions.target)[before[rows]]
+    kept[:, motions.machine.rotary] = 0.0
+    harmed = _worse(motions, rows, kept, model, conditions, approach, tolerance_um)
+    left = np.unique(before[rows[harmed]])
+    for row in left.tolist():
+        notes.add(NOTE, motions.blocks[motions.block[row]].line)
+    nominal = np.isin(before, left)[:, None]
+    return replace(
+        correction,
+        corrected=np.where(nominal, correction.nominal, correction.corrected),
+        target=np.where(nominal, motions.target, correction.target),
+    )
+
+
+def _worse(
+    motions: Motions,
+    rows: np.ndarray,
+    kept: Array,
+    model: ErrorModel,
+    conditions: Conditions,
+    approach: Array | None,
+    tolerance_um: float,
+) -> np.ndarray:
+    """True `(rows,)` for moves that with `kept` `(n, axes)`, mm, added all along err more than without it."""
+    shift, tool = datum_shifts(motions, model, conditions)[rows], motions.tool[rows]
+    states = conditions.states(None if approach is None else approach[rows])
+    largest = np.zeros((2, len(rows)))
+    for share in SHARES:
+        program = motions.along(share)
+        nominal = motions.in_machine(program)[rows]
+        for i, q in enumerate((nominal, motions.in_machine(program + kept)[rows])):
+            here = missed(motions.machine, model, q, nominal, tool, states, shift).point_um
+            largest[i] = np.maximum(largest[i], here)
+    return np.asarray(largest[1] > np.maximum(largest[0], tolerance_um))
