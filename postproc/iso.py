@@ -400,11 +400,19 @@ class IsoInterpreter:
         # the level before the first of several cycles is that of all
         level = self.recorder.position[axis] if begun is None else begun.level
         known = self.recorder.known[axis] if begun is None else begun.known
-        self.cycle = CannedCycle(axis, not self.modes.absolute, level, known, begun=begun is not None and begun.begun)
+        counted = not self.modes.absolute
+        self.cycle = CannedCycle(axis, counted, level, known, begun=begun is not None and begun.begun)
+        if begun is not None and begun.incremental == counted and (code == self.motion or self._keeps_depth):
+            self.cycle.retract, self.cycle.depth = begun.retract, begun.depth
         self.motion = code
         if axis != cartesian(self.machine)[2]:
             name = self.modes.plane[2]
             self.notes.add(f"a canned cycle outside of G17: taken to drill along {name}", content.block.line)
+
+    @property
+    def _keeps_depth(self) -> bool:
+        """Another cycle without depth or R takes those of the one before; LinuxCNC refuses it."""
+        return self.machine.control.family != "linuxcnc"
 
     def _end_cycle(self) -> None:
         """G80. The motion from before holds again, or the next one needs a code: LinuxCNC refuses it without."""

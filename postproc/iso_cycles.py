@@ -69,7 +69,7 @@ class CannedCycle:
             raise block.refuse("a canned cycle with increments, and no G98 before it or no known level")
         above = self.level if self.incremental else 0.0
         level = above + self.retract
-        if self.known and level > self.level:
+        if self.known and level > self.level and not to_retract:
             raise block.refuse("R lies above the level before the cycle: controls differ in how they return")
         places = [(word, value) for word, value in words if word.axis != axis]
         target = recorder.target(block, places)

@@ -105,6 +105,23 @@ def _condition(children: list[Node]) -> Expression:
     return _chain(children, lambda operator: str(operator).upper())
 
 
+def _linuxcnc_value(bracket: Tree[Token]) -> Expression:
+    """What stands behind an O-word, which LinuxCNC alone has: comparisons come before AND, OR and XOR."""
+    children: list[Node] = [*_condition_of(bracket)]
+    groups: list[list[Node]] = [[]]
+    logic: list[str] = []
+    for child in children:
+        if isinstance(child, Token) and child.type == "LOGIC":
+            logic.append(str(child).upper())
+            groups.append([])
+        else:
+            groups[-1].append(child)
+    result = _condition(groups[0])
+    for name, group in zip(logic, groups[1:], strict=True):
+        result = Operation(name, (result, _condition(group)))
+    return result
+
+
 def _is_operand(node: Node) -> bool:
     """True for a sum of one operand alone."""
     while isinstance(node, Tree) and node.data in ("sum", "product") and len(node.children) == 1:
@@ -175,7 +192,7 @@ def returned(node: Tree[Token]) -> list[Assign]:
     return [Assign(Variable(VALUE), value), Assign(Variable(RETURNED), Constant(float(bool(values))))]
 
 
-_SUBROUTINE = re.compile(r"O[ \t]*(\d+|<[^<>]*>)[ \t]*([A-Z]+)", re.IGNORECASE)
+_SUBROUTINE = re.compile(r"O[ \t]*(\d+|<[^<>]*>)[ \t]*([A-Z \t]+)", re.IGNORECASE)
 _TESTED = frozenset(("IF", "ELSEIF", "WHILE", "REPEAT"))
 
 
@@ -183,8 +200,8 @@ def _subroutine(parts: list[Any]) -> Step:
     match = _SUBROUTINE.fullmatch(str(parts[0]))
     assert match is not None
     name = re.sub(r"[ \t]", "", match[1]).lower()
-    key, word = "O" + (name if name.startswith("<") else f"{int(name)}"), match[2].upper()
-    values = [expression(part) for part in parts[1:]]
+    key, word = "O" + (name if name.startswith("<") else f"{int(name)}"), re.sub(r"[ \t]", "", match[2]).upper()
+    values = [_linuxcnc_value(part) for part in parts[1:]]
     if len(values) != (word in _TESTED) and word not in ("CALL", "ENDSUB", "RETURN"):
         raise Ambiguous(f"{word} with {len(values)} values")
     test = values[0] if values else None

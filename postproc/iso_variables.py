@@ -20,7 +20,10 @@ LOCALS = range(1, 34)
 """Numbers of the variables that a macro has of its own."""
 LINUXCNC_LOCALS = 30
 SYSTEM = 1000
-"""Numbers from here on belong to the control; LinuxCNC lets programs use them up to 5000."""
+"""Numbers from here on belong to the control, for FANUC; for LinuxCNC those behind 5000."""
+LINUXCNC_SYSTEM = 5001
+DEBUG = 5599
+"""LinuxCNC: whether it shows what (DEBUG, ...) says."""
 SPLIT = 10_000
 """A P of M98 from here on holds a number of passes too, on FANUC: P51001 runs O1001 five times."""
 EMPTY = ""
@@ -127,6 +130,8 @@ class IsoVariables:
     operations: Operations = field(default_factory=lambda: OPERATIONS)
     empty: bool = False
     """#0, and a variable of a macro that its call leaves out, are empty (FANUC)."""
+    system: int = SYSTEM
+    """Number of the first variable that belongs to the control."""
     shared: dict[str, Value | NotKnown] = field(default_factory=lambda: {VALUE: 0.0, RETURNED: 0.0})
     own: list[dict[str, Value | NotKnown]] = field(default_factory=lambda: [{}])
     """Local variables of the main program, and of each subprogram that runs."""
@@ -162,7 +167,7 @@ class IsoVariables:
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it; NotKnown for a system variable."""
         key, store = self._place(name, indices)
-        if key.startswith("#") and key[1:].isdigit() and int(key[1:]) >= SYSTEM:
+        if key.startswith("#") and key[1:].isdigit() and int(key[1:]) >= self.system and int(key[1:]) != DEBUG:
             raise NotKnown(f"{key}: sets a system variable of the control")
         store[key] = value
 
@@ -243,7 +248,7 @@ def variables_of(family: str) -> IsoVariables:
         return IsoVariables()
     plain = {**OPERATIONS, "program": _program, "passes": lambda _: 1.0, "of passes": _program}
     if family == "linuxcnc":
-        return IsoVariables({**plain, **LINUXCNC})
+        return IsoVariables({**plain, **LINUXCNC}, system=LINUXCNC_SYSTEM)
     if family == "fanuc":
         plain |= FANUC
         plain |= {"passes": lambda number: float(number // SPLIT) or 1.0, "of passes": lambda n: _program(n % SPLIT)}
