@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from postproc.expressions import NotKnown, Scope, may_be_one, number, variables
+from postproc.expressions import Constant, Expression, NotKnown, Scope, evaluate, may_be_one, number, variables
 from postproc.program import Block, Word
 from postproc.statements import TURNS, Assign, Code, Step, When
 
@@ -25,12 +25,14 @@ def straight(blocks: Iterable[Block], scope: Scope) -> Iterator[Block]:
 
 def with_values(block: Block, scope: Scope) -> Block:
     """The block with values in the place of formulas; Refusal where a value that moves something is not known."""
-    if all(word.formula is None for word in block.words):
+    if all(word.formula is None and not word.arguments for word in block.words):
         return block
     return block._replace(words=tuple(_with_value(block, word, scope) for word in block.words))
 
 
 def _with_value(block: Block, word: Word, scope: Scope) -> Word:
+    if word.arguments:
+        return word._replace(arguments=tuple(_argument(argument, scope) for argument in word.arguments))
     if word.formula is None:
         return word
     try:
@@ -39,6 +41,16 @@ def _with_value(block: Block, word: Word, scope: Scope) -> Word:
         if word.address in FREE:
             return word
         raise block.refuse(f"{block.text[word.at : word.end]}: {reason}") from None
+
+
+def _argument(expression: Expression, scope: Scope) -> Expression:
+    """An argument of a call as it is now: its value where it reads variables that are known."""
+    if not any(True for _ in variables(expression)):
+        return expression
+    try:
+        return Constant(evaluate(expression, scope))
+    except NotKnown:
+        return expression
 
 
 def _assign(block: Block, steps: Iterable[Step], scope: Scope) -> None:

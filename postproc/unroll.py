@@ -14,10 +14,11 @@ import numpy as np
 from kinematics.errors import UserError
 from postproc.dialects import Dialect, Interpreter
 from postproc.execution import Walk, turns
-from postproc.expressions import variables
+from postproc.expressions import Constant
 from postproc.iso_codes import AXES, PROGRAM_ENDS
 from postproc.motions import Motions
 from postproc.program import Block, Edit, Word, edited
+from postproc.siemens_variables import EMPTY
 from postproc.source import ENCODING, HEAD_SIZE, Source
 from postproc.statements import Return
 from postproc.verify import merged
@@ -62,7 +63,7 @@ def _lines(walk: Walk, ran: list[tuple[int, Block]]) -> Iterator[str]:
     for i, (place, block) in enumerate(ran):
         passes[place] += 1
         try:
-            line = _straight(block, last=i == len(ran) - 1)
+            line = _straight(block, walk.blocks[place], last=i == len(ran) - 1)
         except UserError as refusal:
             located = getattr(refusal, "located", None)
             raise located(walk.source.name, walk.dialect.evidence) if located else refusal from None
@@ -77,28 +78,46 @@ def _lines(walk: Walk, ran: list[tuple[int, Block]]) -> Iterator[str]:
             yield walk.blocks[place].text
 
 
-def _straight(block: Block, *, last: bool) -> str | None:
-    """The text of a block as it runs, without what turns the run; None where nothing is left of it."""
+def _straight(block: Block, written: Block, *, last: bool) -> str | None:
+    """The text of a block as it runs, without what turns the run; None where nothing is left of it.
+
+    `written`: the block with the arguments of its calls as they stand in the program.
+    """
+    calls = [edit for pair in zip(block.words, written.words, strict=False) for edit in _call(block, *pair)]
     if block.code is None:
-        return block.text
-    for word in block.words:
-        if any(True for argument in word.arguments or () for _ in variables(argument)):
-            raise block.refuse("unrolled, the arguments of a call would not be known")
+        return edited(block.text, calls)
     if block.kind in ("control", "blank"):
         return None
     steps = [step for step in block.code.before + block.code.after if not isinstance(step, Return)]
     returns = any(isinstance(step, Return) for step in block.code.after) and not last
     if block.kind != "words" or not (steps or returns):
-        return edited(block.text, [edit for word in block.words for edit in _literal(block, word)])
+        return edited(block.text, [*calls, *(edit for word in block.words for edit in _literal(block, word))])
     kept = [word for word in block.words if not (returns and _ends(word))]
     if all(word.address == "N" for word in kept):
         return None
     texts = []
     for word in kept:
         at, stop = word.at, word.end + word.tail
-        moved = [Edit(e.start - at, e.end - at, e.text) for e in _literal(block, word)]
+        edits = [*_literal(block, word), *(edit for edit in calls if edit.start == at)]
+        moved = [Edit(e.start - at, e.end - at, e.text) for e in edits]
         texts.append(edited(block.text[at:stop], moved))
     return " ".join(texts)
+
+
+def _call(block: Block, word: Word, written: Word) -> list[Edit]:
+    """The values in the place of variables in the arguments of a call."""
+    given = word.arguments or ()
+    if given == (written.arguments or ()):
+        return []
+    texts = []
+    for argument in given:
+        if argument == EMPTY:
+            texts.append("")
+        elif isinstance(argument, Constant):
+            texts.append(f'"{argument.value}"' if isinstance(argument.value, str) else f"{argument.value:.10g}")
+        else:
+            raise block.refuse(f"an argument of {word.address} is not known, and it can't be unrolled")
+    return [Edit(word.at, word.end, f"{block.text[word.at : word.end].partition('(')[0]}({','.join(texts)})")]
 
 
 def _ends(word: Word) -> bool:

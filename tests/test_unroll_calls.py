@@ -1,0 +1,55 @@
+"""Calls with variables in their arguments, written out with the values that these have when the call runs."""
+
+import io
+
+import pytest
+from hand_programs import positions
+from programs import load, random_model, setup_of, source_of
+
+from kinematics.errors import UserError
+from postproc.dialects import find_dialect
+from postproc.notes import Notes
+from postproc.pipeline import Job, Pipeline
+from postproc.source import ENCODING
+from postproc.unroll import unrolled
+
+DRILLED = """\
+G17 G90 G71 G94
+DEF REAL RTP = 50, DEPTH
+G0 X10 Y10 Z60
+FOR R1 = 1 TO 2
+DEPTH = -5 * R1
+MCALL CYCLE81(RTP, R1 - 1, 2, DEPTH,)
+X=10*R1 Y20
+X=10*R1 Y30
+MCALL
+ENDFOR
+G0 Z60
+M30
+"""
+
+
+def written_out(text):
+    machine, dialect = load("gantry"), find_dialect("siemens", "", "")
+    source = source_of(text, "test.mpf")
+    return unrolled(source, dialect, lambda: dialect.interpreter(machine, setup_of(machine), Notes()))
+
+
+def test_a_modal_cycle_with_variables_is_written_out():
+    text = written_out(DRILLED).data.decode(ENCODING)
+    assert "MCALL CYCLE81(50,0,2,-5,)" in text
+    assert "MCALL CYCLE81(50,1,2,-10,)" in text
+    assert positions(text, "siemens") == positions(DRILLED, "siemens")
+
+
+def test_it_is_corrected():
+    machine, out = load("gantry"), io.BytesIO()
+    source, dialect = written_out(DRILLED), find_dialect("siemens", "", "")
+    job = Job(source, dialect, machine, random_model(machine, 8), setup_of(machine), travel_check=False)
+    Pipeline(job).run(out, lambda _: None)
+    assert b"MCALL CYCLE81(50,1,2,-10,)" in out.getvalue()
+
+
+def test_an_argument_that_is_not_known_is_refused_with_its_line():
+    with pytest.raises(UserError, match=r"test\.mpf:6: .*an argument of CYCLE81 is not known"):
+        written_out(DRILLED.replace("2, DEPTH", "2, $AA_IM[Z]"))
