@@ -12,6 +12,8 @@ from postproc.program import Block, Word
 from postproc.words import Layout, place
 
 ARCS = frozenset((2.0, 3.0))
+WORKED_OUT = frozenset(("CIP", "CT"))
+"""Siemens arcs that a correction writes as G2 or G3."""
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
 ALONE = "a jump or a call comes or goes there, or the control rounds or shifts its corners"
 """Why a block has none of ncomp's own beside it."""
@@ -86,7 +88,8 @@ def feed_index(block: Block) -> int | None:
 
 def lacks_motion(block: Block) -> bool:
     """True for an ISO arc that has G2 or G3 from a block before."""
-    return block.kind == "words" and not any(w.address == "G" and w.value in ARCS for w in block.words)
+    said = (w.address in WORKED_OUT or (w.address == "G" and w.value in ARCS) for w in block.words)
+    return block.kind == "words" and not any(said)
 
 
 @dataclass

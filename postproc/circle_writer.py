@@ -6,7 +6,7 @@ import math
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.added_blocks import AddedBlock
+from postproc.added_blocks import WORKED_OUT, AddedBlock
 from postproc.circles import (
     OUT_OF_ROUND,
     SAME,
@@ -80,6 +80,8 @@ class CircleWriter:
                 isinstance(editor, AddedBlock) and editor.beside_says("AC")
             )
             centre = self._write_centre(editor, arc, (0.0, 0.0) if absolute else start, centre, unit)
+            if arc.form == "worked-out" and isinstance(editor, WordEditor):
+                say_circle(editor, arc.sense)
         if (
             abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0
             and math.dist(start, centre) > DOT
@@ -181,3 +183,12 @@ def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -
     """Distance of the middles of two arcs with the same ends."""
     middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
     return math.dist(*middles)
+
+
+def say_circle(editor: WordEditor, sense: int) -> None:
+    """Siemens: G2 or G3 in the place of CIP or CT, without the point between."""
+    for index, word in enumerate(editor.block.words):
+        if word.address in WORKED_OUT:
+            editor.put(word.at, word.end, "G3" if sense > 0 else "G2")
+        elif word.address in ("I1", "J1", "K1"):
+            editor.remove(index)

@@ -81,6 +81,27 @@ def middle_share(turned: float) -> float:
     return (2 * math.floor(abs(turned) / (4 * math.pi)) + 1) * math.pi / abs(turned)
 
 
+def tangent_circle(start: Point, end: Point, heading: Point) -> tuple[Point, int] | None:
+    """Centre and sense of the arc that leaves its start along the unit vector `heading`; None where it is a line."""
+    way = (end[0] - start[0], end[1] - start[1])
+    across, chord = heading[0] * way[1] - heading[1] * way[0], math.hypot(*way)
+    if chord < SAME or abs(across) < SAME * chord:
+        return None
+    radius = chord * chord / (2.0 * across)
+    return (start[0] - radius * heading[1], start[1] + radius * heading[0]), 1 if across > 0.0 else -1
+
+
+def circle_through(start: Point, middle: Point, end: Point) -> tuple[Point, int] | None:
+    """Centre and sense of the arc from start to end through a third point; None where they lie on a line."""
+    (x1, y1), (x2, y2) = ((p[0] - start[0], p[1] - start[1]) for p in (middle, end))
+    twice = 2.0 * (x1 * y2 - y1 * x2)
+    if abs(twice) < SAME * max(math.hypot(x1, y1), math.hypot(x2, y2), SAME):
+        return None
+    a, b = x1 * x1 + y1 * y1, x2 * x2 + y2 * y2
+    centre = (start[0] + (y2 * a - y1 * b) / twice, start[1] + (x1 * b - x2 * a) / twice)
+    return centre, 1 if twice > 0.0 else -1
+
+
 def between(start: Point, end: Point, centre: Point) -> Point:
     """The centre as far from the start as from the end, where these are a radius apart, so that it hardly moves."""
     chord = math.dist(start, end)

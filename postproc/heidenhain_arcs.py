@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from postproc.circles import SAME, Point, centre_from_radius, radius_fault, same, sweep
+from postproc.circles import SAME, Point, centre_from_radius, radius_fault, same, sweep, tangent_circle
 from postproc.frames import cartesian
 from postproc.heidenhain_codes import DIRECTIONS
 from postproc.heidenhain_control import Content, Control, value_of
@@ -177,14 +177,11 @@ class Arcs:
         heading = self.control.recorder.heading(plane)
         if heading is None:
             raise block.refuse("an arc by its tangent, and no move in its plane right before it")
-        way = (end[0] - start[0], end[1] - start[1])
-        across = heading[0] * way[1] - heading[1] * way[0]
-        chord = math.hypot(*way)
-        if chord < SAME or abs(across) < SAME * chord:
+        found = tangent_circle(start, end, heading)
+        if found is None:
             raise block.refuse("an arc by its tangent that is a straight line")
-        radius = chord * chord / (2.0 * across)
-        centre = (start[0] - radius * heading[1], start[1] + radius * heading[0])
-        return Arc(plane, 1 if across > 0.0 else -1, centre, False, "tangent", (None, None), pole=self._number)
+        centre, sense = found
+        return Arc(plane, sense, centre, False, "tangent", (None, None), pole=self._number)
 
     @property
     def _number(self) -> int:

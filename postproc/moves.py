@@ -59,7 +59,8 @@ class Arc(NamedTuple):
     """True when start and end coincide and the move goes once round."""
     form: str
     """How the program gives the circle: `incremental` or `absolute` (I J K), `radius`, or `radius-absolute` where I J K
-    in its place would be positions; in Klartext `pole` (CC), `polar` (CC, and the end by an angle), or `tangent`."""
+    in its place would be positions; in Klartext `pole` (CC), `polar` (CC, and the end by an angle), or `tangent`; by
+    Siemens CIP and CT `worked-out`, which a correction writes as `incremental`."""
     words: tuple[int | None, int | None]
     """Indices of the centre words in the block; of the radius word, and None, for both kinds of `radius`."""
     pole_block: int = -1

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.machine import Machine
+from postproc.added_blocks import WORKED_OUT
 from postproc.contours import follow_contour
 from postproc.control_state import ControlState
 from postproc.expressions import Constant, NotKnown, whole
@@ -19,7 +20,7 @@ from postproc.notes import Notes
 from postproc.program import Block, Word
 from postproc.recorder import Recorder
 from postproc.setup import Setup
-from postproc.siemens_arcs import ARC_WORDS, Said, Turn, arc_of, with_angle
+from postproc.siemens_arcs import ARC_WORDS, Said, Turn, arc_of, with_angle, worked_out
 from postproc.siemens_calls import ends
 from postproc.siemens_codes import (
     COMPENSATION,
@@ -52,6 +53,8 @@ from postproc.siemens_swivel import read_swivel, rotary_positions
 from postproc.siemens_variables import EMPTY, SiemensVariables
 from postproc.siemens_vectors import turn_to_vector
 
+BY_CONTROL = -1.0
+"""In the place of a G code: a circle that the control works out is in force."""
 OLDER_TOLERANCE_MODE = 100
 """Second arguments of CYCLE832 from here on say more than a kind of machining, digit by digit."""
 STANDING = LIMITS | {DWELL}
@@ -220,6 +223,8 @@ class SiemensInterpreter:
             raise block.refuse(f"{', '.join(FRAME_ENDS & content.names.keys())} in a plane of CYCLE800")
         if "CYCLE832" in content.names:
             self._check_tolerance_cycle(block, block.words[content.names["CYCLE832"]])
+        if not WORKED_OUT.isdisjoint(content.names):
+            self._work_out(block, content)
         if "TRAORI" in content.names or "TRAFOOF" in content.names:
             self._switch_tcp(block, content)
         if "ORIWKS" in content.names or "ORIMKS" in content.names:
@@ -227,6 +232,16 @@ class SiemensInterpreter:
         if "RET" in content.names and block.words[content.names["RET"]].arguments is not None:
             raise block.refuse("RET with arguments: a return to somewhere else")
         return claimed
+
+    def _work_out(self, block: Block, content: Content) -> None:
+        """CIP and CT, in the place of G2 and G3."""
+        if len(WORKED_OUT & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
+            raise block.refuse("CIP or CT beside another kind of move")
+        if not POLAR.isdisjoint(content.other) or self.tcp:
+            raise block.refuse("CIP or CT with polar coordinates, or while TRAORI is on")
+        if self.cornered or self.rounded:
+            raise block.refuse("CIP or CT behind a corner that the control breaks")
+        self.motion = BY_CONTROL
 
     def _check_tolerance_cycle(self, block: Block, word: Word) -> None:
         """CYCLE832 in the older form, whose second digit switches the five-axis transformation."""
@@ -382,7 +397,11 @@ class SiemensInterpreter:
         if self.motion is None:
             self.notes.add("no G0 or G1 before it: coordinates taken for straight lines", block.line)
             self.motion = 1.0
-        kind, turn = MOTION[self.motion], self._turn
+        if self.motion == BY_CONTROL and WORKED_OUT.isdisjoint(content.names):
+            raise block.refuse(
+                "CIP or CT from a block before: ncomp writes G2 or G3 in its place, so say it in every block"
+            )
+        kind, turn = MOTION.get(self.motion, Kind.ARC), self._turn
         said = Said(block, self._axis_words(block, content), {})
         if any(word.incremental for word, _ in said.words):
             self._check_increments(block, said)
@@ -409,6 +428,8 @@ class SiemensInterpreter:
     def _arc(self, block: Block, content: Content, turn: Turn, target: list[float], polar: bool) -> Arc:
         if polar:
             return self.polar.arc(block, content, self.recorder, turn, target)
+        if not WORKED_OUT.isdisjoint(content.names):
+            return worked_out(block, content, self.recorder, turn, target, absolute=self.absolute)
         return arc_of(block, content, self.recorder, turn, target)
 
     def _point(self, block: Block, content: Content, target: list[float]) -> None:

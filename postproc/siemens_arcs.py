@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from postproc.added_blocks import WORKED_OUT
 from postproc.arcs import (
     CENTRES,
     Ends,
@@ -15,13 +16,14 @@ from postproc.arcs import (
     centre_words,
     radius_alone,
 )
-from postproc.circles import Point, point_at
+from postproc.circles import Point, circle_through, point_at, tangent_circle
 from postproc.moves import Arc, AxisWord, Known
 from postproc.program import Block
 from postproc.recorder import Recorder
+from postproc.siemens_codes import MIDDLES
 from postproc.siemens_content import Content, given_as, plain_of, value_in, value_of, with_word
 
-ARC_WORDS = frozenset((*CENTRES, "CR", "AR", "TURN"))
+ARC_WORDS = frozenset((*CENTRES, *MIDDLES, "CR", "AR", "TURN"))
 
 
 class Turn(NamedTuple):
@@ -133,3 +135,44 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
     content.other["CR"] = index
     by_radius = given_as(block.words[index], "CR", math.copysign(radius, 180.0 - angle) / turn.unit)
     return said._replace(block=with_word(block, index, by_radius))
+
+
+# ---- CIP and CT: circles that the control works out; a corrected block says G2 or G3, and the centre
+
+
+def _middle(block: Block, content: Content, turn: Turn, start: Point, *, absolute: bool) -> Point:
+    """The point between start and end that CIP says, mm."""
+    names = [MIDDLES["XYZ".index(axis)] for axis in turn.plane]
+    if not all(name in content.other for name in names[:2]) or names[2] in content.other:
+        raise block.refuse(f"CIP takes {names[0]} and {names[1]}: a circle in its plane")
+    x, y = (block.words[content.other[name]] for name in names[:2])
+    if {x.mode, y.mode} - {"", "AC", "IC"}:
+        raise block.refuse("CIP with a point between that is neither absolute nor an increment")
+    said = [value_of(block, word) * turn.unit for word in (x, y)]
+    counts = [word.mode == "IC" or (not word.mode and not absolute) for word in (x, y)]
+    first, second = (value + base * more for value, base, more in zip(said, start, counts, strict=True))
+    return first, second
+
+
+def worked_out(
+    block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float], *, absolute: bool
+) -> Arc:
+    """The arc of CIP or CT to `target`, with G90 (`absolute`) or G91; Refusal for one that leaves its plane."""
+    _, _, start, end = turn.ends(block, recorder, target)
+    columns = turn.columns(recorder)
+    if target[columns[2]] != recorder.position[columns[2]]:
+        raise block.refuse("CIP or CT out of its plane: a circle in space, or a helix by its tangent")
+    if content.other.keys() & (ARC_WORDS - {*MIDDLES}):
+        raise block.refuse("CIP or CT with a centre, a radius or turns")
+    name = next(name for name in WORKED_OUT if name in content.names)
+    if name == "CIP":
+        found = circle_through(start, _middle(block, content, turn, start, absolute=absolute), end)
+    else:
+        heading = recorder.heading(columns)
+        if heading is None or content.other.keys() & {*MIDDLES}:
+            raise block.refuse("CT without a move in its plane right before it, or with a point between")
+        found = tangent_circle(start, end, heading)
+    if found is None:
+        raise block.refuse(f"{name} that is a straight line")
+    centre, sense = found
+    return Arc(columns, sense, centre, False, "worked-out", (None, None))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from postproc.added_blocks import WORKED_OUT
 from postproc.arcs import CENTRES
 from postproc.iso_codes import INCH
 from postproc.moves import Kind
@@ -12,6 +13,8 @@ def _all(text: str) -> frozenset[str]:
 
 
 MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
+MIDDLES = ("I1", "J1", "K1")
+"""The point between of CIP, along X, Y and Z."""
 PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
 DISTANCES = frozenset((90.0, 91.0))
@@ -64,7 +67,7 @@ HARMLESS_CALLS = _all(
     "MSG SETAL CYCLE832 CYCLE62 GROUP_BEGIN GROUP_END WORKPIECE FGROUP STOPRE SPCON SPCOF WAITM FFWON DELAYFSTON "
     "SOFTA BRISKA DRIVEA SPOS WAITS WAITP"
 )
-MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800")
+MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800") | WORKED_OUT
 """Words that the interpreter follows, alone or with parentheses."""
 FRAME_NAMES = _all("TRANS ATRANS ROT AROT ROTS AROTS CROTS SCALE ASCALE MIRROR AMIRROR")
 SPATIAL_NAMES = _all("ROTS AROTS CROTS")
@@ -80,7 +83,7 @@ CYCLES = CYCLES_AT_PLACE | CYCLES_ELSEWHERE
 
 REFUSED_NAMES = {
     **dict.fromkeys(("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "splines are not corrected"),
-    **dict.fromkeys(("CIP", "CT", "INVCW", "INVCCW"), "an arc whose circle the control works out is not corrected"),
+    **dict.fromkeys(("INVCW", "INVCCW"), "an arc whose circle the control works out is not corrected"),
     **dict.fromkeys(("DIAMON", "DIAM90", "DIAMONA"), "diameter programming is not corrected"),
     **dict.fromkeys(("TRANSMIT", "TRACYL", "TRAANG"), "transforms the coordinates"),
     **dict.fromkeys(("CALL", "PCALL", "EXTCALL", "ISOCALL"), "calls what stands elsewhere"),
@@ -97,4 +100,4 @@ VECTOR = ("A3", "B3", "C3")
 VECTOR_WORDS = frozenset(VECTOR)
 CORNERS = frozenset(("RND", "RNDM", "CHF", "CHR"))
 """Of corners that the control breaks between this block and the next."""
-MOVE_ADDRESSES = frozenset((*CENTRES, "CR", "AR", "TURN", "AP", "RP")) | VECTOR_WORDS
+MOVE_ADDRESSES = frozenset((*CENTRES, *MIDDLES, "CR", "AR", "TURN", "AP", "RP")) | VECTOR_WORDS

@@ -122,8 +122,6 @@ def _strange(address: str) -> str:
         return "RPL: a rotation without ROT or AROT"
     if re.fullmatch(r"[ABC][24-7]|LEAD|TILT|THETA|PHI|PSI", address):
         return f"{address}: orientations by these words are not corrected"
-    if re.fullmatch(r"[IJK]1", address):
-        return f"{address}: an arc whose circle the control works out is not corrected"
     return f"{address} in a block: what it does is not known"
 
 

@@ -332,7 +332,7 @@ REFUSED = {
     "PART_TWO": "PART_TWO is not known: a cycle, a subprogram",
     "TRAORI(2)": "another transformation than the first",
     "BSPLINE X5": "splines are not corrected",
-    "CIP X5 Y5 I1=2 J1=3": "an arc whose circle the control works out",
+    "G1 X5 I1=2": "a centre, a radius or turns without an arc",
     "G2 X5 Y1 I2 TURN=1.5": "TURN=1.5 is no number of turns",
     "G2 AR=400 I5": "an arc of 400 degrees",
     "G2 AR=90": "an arc without I or J or CR",
