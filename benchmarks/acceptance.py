@@ -63,11 +63,11 @@ def variants(names: list[str]) -> list[Machine]:
 def correct(path: Path, machine: Machine, model: ErrorModel, *, unroll: bool = False) -> bytes:
     """The program as it comes out; UserError when it is refused."""
     try:
-        return run(path, machine, model, make_setup(machine), unroll)
+        return run(path, machine, model, make_setup(machine, zero=True), unroll)
     except UserError as fault:
         if "--tool-table" not in str(fault):
             raise
-        return run(path, machine, model, make_setup(machine, table=TOOLS), unroll)
+        return run(path, machine, model, make_setup(machine, table=TOOLS, zero=True), unroll)
 
 
 def run(path: Path, machine: Machine, model: ErrorModel, setup: Setup, unroll: bool) -> bytes:

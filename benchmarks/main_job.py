@@ -68,16 +68,16 @@ def main(blocks: int) -> None:
         played = msgspec.structs.replace(model, effects=(*model.effects, *backlash), covariance=None)
 
         def run(used: ErrorModel) -> None:
-            job = Job(source, dialect, machine, used, make_setup(machine))
+            job = Job(source, dialect, machine, used, make_setup(machine, zero=True))
             Pipeline(job).run(io.BytesIO(), lambda _: None)
 
         lines = list(source.lines())[:20_000]
         read = [dialect.read_block(*line) for line in lines]
-        interpreted = dialect.interpreter(machine, make_setup(machine), Notes()).read(read)
+        interpreted = dialect.interpreter(machine, make_setup(machine, zero=True), Notes()).read(read)
         corrected = correct(interpreted, model)
         stages = {
             "read": lambda: [dialect.read_block(*line) for line in lines],
-            "interpret": lambda: dialect.interpreter(machine, make_setup(machine), Notes()).read(read),
+            "interpret": lambda: dialect.interpreter(machine, make_setup(machine, zero=True), Notes()).read(read),
             "correct": lambda: correct(interpreted, model),
             "write": lambda: Writer(machine).write(interpreted, corrected),
         }

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 
+EVERY_OTHER = "default"
+"""Name of the entry that stands for all work offsets, or tools, that are not named."""
 ISO_DIRECTION: Mapping[str, Vector] = {
     "X": (1, 0, 0), "U": (1, 0, 0), "A": (1, 0, 0),
     "Y": (0, 1, 0), "V": (0, 1, 0), "B": (0, 1, 0),
@@ -118,9 +120,13 @@ class Machine:
     axes: tuple[Axis, ...]
     control: Control = field(default_factory=Control)
     work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Offsets by name (G54, or a preset number) and axis, mm or degrees."""
+    """Offsets by name (G54, or a preset number; EVERY_OTHER) and axis, mm or degrees."""
     tools: Mapping[str, float] = field(default_factory=dict)
     """Tool lengths, mm, by number as text."""
+    offsets_assumed: bool = False
+    """The work offsets are assumptions, for programs whose work offsets nobody gives."""
+    tools_assumed: bool = False
+    """The tool lengths are assumptions likewise."""
     datums: Mapping[str, Datum] = field(default_factory=dict)
     """How work offsets are obtained, by their name; `default` for all that are not named."""
 

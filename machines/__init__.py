@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from kinematics.errors import UserError
-from kinematics.machine import Control, Machine, make_axis, split_chain
+from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
 from kinematics.touch_off import read_datum
 
 FOLDER = Path(__file__).parent
@@ -21,7 +21,7 @@ T = TypeVar("T")
 class _AxisEntry(msgspec.Struct, forbid_unknown_fields=True):
     travel: tuple[float, float]
     direction: tuple[float, float, float] | None = None
-    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    point: tuple[float, float, float] | None = None
     resolution: float = 1e-4
     home: float | None = None
 
@@ -32,7 +32,7 @@ class _MachineFile(msgspec.Struct, forbid_unknown_fields=True):
     axes: dict[str, Any]
     description: str = ""
     control: dict[str, Any] = {}
-    work_offsets: dict[str, dict[str, Any]] = {}
+    work_offsets: dict[str, Any] = {}
     tools: dict[str, Any] = {}
     datum: dict[str, str] = {}
 
@@ -86,21 +86,47 @@ def _build(entries: _MachineFile) -> Machine:
         if name not in entries.axes:
             raise UserError(f"axis {name} of the chain {entries.chain!r} has no [axes.{name}] with its travel")
         entry = _entry(entries.axes[name], _AxisEntry, f"axes.{name}")
-        axes.append(make_axis(name, side, **msgspec.structs.asdict(entry)))
+        if name[0] in "ABC" and entry.point is None:
+            raise UserError(
+                f"axes.{name}: a rotary axis needs its point = [x, y, z]: a point on its axis of rotation, mm, in the "
+                "machine frame, where the tool reference point is at X0 Y0 Z0 when all axes are at 0"
+            )
+        point = entry.point or (0.0, 0.0, 0.0)
+        axes.append(make_axis(name, side, **(msgspec.structs.asdict(entry) | {"point": point})))
     control = _control(entries.control, chained)
-    for offset, values in entries.work_offsets.items():
-        unknown = set(values) - chained
-        if unknown:
-            raise UserError(f"work_offsets.{offset}: no axis {', '.join(sorted(unknown))} in the chain")
+    offsets, offsets_assumed = _assumed(entries.work_offsets, "work_offsets")
+    tools, tools_assumed = _assumed(entries.tools, "tools")
     return Machine(
         entries.name,
         entries.description,
         tuple(axes),
         control,
-        {offset: _lengths(values, f"work_offsets.{offset}") for offset, values in entries.work_offsets.items()},
-        _lengths(entries.tools, "tools"),
+        {name: _offset(values, f"work_offsets.{name}", chained) for name, values in offsets.items()},
+        _lengths(tools, "tools"),
+        offsets_assumed,
+        tools_assumed,
         {name: read_datum(text, chained, f"datum.{name}") for name, text in entries.datum.items()},
     )
+
+
+def _assumed(table: dict[str, Any], where: str) -> tuple[dict[str, Any], bool]:
+    """The entries of a table but `assumed`, and its value."""
+    entries = {name: value for name, value in table.items() if name != "assumed"}
+    assumed = _entry(table.get("assumed", False), bool, f"{where}.assumed")
+    if EVERY_OTHER in entries and not assumed:
+        raise UserError(
+            f"{where}.{EVERY_OTHER} stands for all that nobody gives, which is an assumption: write assumed = true "
+            f"in [{where}]"
+        )
+    return entries, assumed
+
+
+def _offset(table: object, where: str, chained: set[str]) -> dict[str, float]:
+    values = _entry(table, dict[str, Any], where)
+    unknown = set(values) - chained
+    if unknown:
+        raise UserError(f"{where}: no axis {', '.join(sorted(unknown))} in the chain")
+    return _lengths(values, where)
 
 
 def _control(table: dict[str, Any], chained: set[str]) -> Control:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +19,7 @@ from postproc.notes import Notes
 from postproc.program import Block, Refusal
 from postproc.setup import Setup
 from postproc.source import CHUNK, Source, chunks
+from postproc.travel import note_outside, refusals_outside
 
 
 @dataclass
@@ -40,6 +41,10 @@ class Findings:
     refused: list[tuple[int, str, str]] = field(default_factory=list)
     """Line, text and reason; those behind the first may be its consequences."""
     notes: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+    """Work offsets and tools that the machine file assumes."""
+    assumption: str = ""
+    """The same in a sentence; empty for none."""
 
     @property
     def repeated(self) -> list[int]:
@@ -60,6 +65,7 @@ class Findings:
             "repeated_lines": ranges(self.repeated),
             "not_run_lines": ranges(self.not_run),
             "refused": [{"line": line, "text": text, "reason": reason} for line, text, reason in self.refused],
+            "assumed": self.assumed,
             "notes": self.notes,
         }
 
@@ -73,22 +79,41 @@ class Findings:
             line = motions.blocks[index].line
             (self.machine if kind == Kind.MACHINE else self.corrected if judged[row] else self.unsaid).append(line)
 
+    def take_travel(self, refusals: Iterable[Refusal]) -> None:
+        """Note moves out of travel: every line once for each axis, however often it runs."""
+        known = {(line, reason.split()[0]) for line, _, reason in self.refused}
+        for refusal in refusals:
+            place = refusal.line, refusal.reason.split()[0]
+            if place not in known:
+                known.add(place)
+                self.refuse(refusal)
+
     def refuse(self, refusal: Refusal) -> None:
         """Note a refusal."""
         self.refused.append((refusal.line, refusal.text, refusal.reason))
 
 
-def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> Findings:
-    """Read a program as the main job would."""
+def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, travel_check: bool = True) -> Findings:
+    """Read a program as the main job would, and look at travel as it would."""
     notes = Notes()
     interpreter, findings = dialect.interpreter(machine, setup, notes), Findings(dialect.name, dialect.evidence)
+    state = interpreter.control_state
+
+    def take(motions: Motions) -> None:
+        findings.take(motions)
+        if travel_check:
+            findings.take_travel(refusals_outside(motions, motions.machine_target, "as programmed", state))
+        else:
+            note_outside(motions, motions.machine_target, notes)
+
     if turns(source, dialect):
-        _walk(source, dialect, interpreter, findings)
+        _walk(source, dialect, interpreter, findings, take)
     else:
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
             findings.blocks += len(lines)
-            _read(list(_blocks(lines, dialect, interpreter, findings)), interpreter, findings)
+            _read(list(_blocks(lines, dialect, interpreter, findings)), interpreter, findings, take)
     findings.notes = notes.texts()
+    findings.assumed, findings.assumption = list(state.assumed), state.assumption()
     return findings
 
 
@@ -103,15 +128,15 @@ def _blocks(
                 findings.refuse(refusal)
 
 
-def _read(blocks: list[Block], interpreter: Interpreter, findings: Findings) -> None:
+def _read(blocks: list[Block], interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]) -> None:
     """Read a chunk; behind a block that is refused nothing is known of where the axes are."""
     while True:
         done: list[Block] = []
         try:
-            findings.take(interpreter.read(straight(_noted(blocks, done), interpreter.scope)))
+            take(interpreter.read(straight(_noted(blocks, done), interpreter.scope)))
         except Refusal as refusal:
             findings.refuse(refusal)
-            findings.take(interpreter.recorder.finish(done))
+            take(interpreter.recorder.finish(done))
             interpreter.recorder.forget(list(range(len(interpreter.recorder.machine.axes))))
             blocks = blocks[len(done) :]
         else:
@@ -124,7 +149,13 @@ def _noted(blocks: Iterable[Block], done: list[Block]) -> Iterator[Block]:
         yield block
 
 
-def _walk(source: Source, dialect: Dialect, interpreter: Interpreter, findings: Findings) -> None:
+def _walk(
+    source: Source,
+    dialect: Dialect,
+    interpreter: Interpreter,
+    findings: Findings,
+    take: Callable[[Motions], None],
+) -> None:
     """A program with jumps: run up to what is refused."""
     lines = list(dialect.join_lines(source.lines()))
     findings.blocks = len(lines)
@@ -136,10 +167,10 @@ def _walk(source: Source, dialect: Dialect, interpreter: Interpreter, findings: 
         blocks = dialect.link(blocks)
         flow = Flow(blocks, interpreter.scope, dialect.labels, dialect.begins)
         running = (block for _, block in flow.run(interpreter))
-        findings.take(interpreter.read(_noted(running, done)))
+        take(interpreter.read(_noted(running, done)))
     except Refusal as refusal:
         findings.refuse(refusal)
-        findings.take(interpreter.recorder.finish(done))
+        take(interpreter.recorder.finish(done))
         return
     findings.not_run = [
         block.line for i, block in enumerate(blocks) if i not in flow.ran and block.kind not in ("blank", "header")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,6 +33,10 @@ class Frame:
     """Of X Y Z: a matrix of three rows that turns, mirrors and scales; None for none."""
     touch_off: TouchOff | None = None
     """Of the work offset that the frame is built on; None where that is true, or where there is none."""
+    work_offset: str = field(default="", compare=False)
+    """Name of the work offset in `offset`; empty for machine zero."""
+    tool_name: str = field(default="", compare=False)
+    """Number or name of the tool that `tool_length` is looked up for; empty for none."""
 
     @property
     def couples(self) -> bool:

@@ -111,6 +111,7 @@ class HeidenhainInterpreter:
                 continue
             compensated = control.compensated
             self._read_block(index, block)
+            self.control_state.use(block, control.recorder.used)
             shifted = control.cornered or compensated or control.compensated or block.kind == "normal_line"
             if shifted and block.kind in MOVING_KINDS:
                 done[-1] = block._replace(alone=True)

@@ -77,6 +77,8 @@ class Control:
         self.without_rotation: set[str] = set()
         """Presets whose basic rotation M143 has deleted."""
         self.tool_length = self.oversize = 0.0
+        self.tool_name = ""
+        """Number or name of the tool in the spindle; empty for none."""
         self.tcp = self.machine.control.tcp_at_start
         self.places = Places()
         self.tilt: Placement | None = None
@@ -142,7 +144,8 @@ class Control:
             offset[axis] += shift
         if not tcp:
             offset[cartesian(self.machine)[2]] += length
-        return Frame(tuple(offset), length, tcp, placed.frame_turn, self.state.touch_off(self.preset))
+        touched = self.state.touch_off(self.preset)
+        return Frame(tuple(offset), length, tcp, placed.frame_turn, touched, self.preset, self.tool_name)
 
     @property
     def basic_rotation(self) -> tuple[float, float, float]:

@@ -53,6 +53,7 @@ class Tools:
             raise block.refuse("a tool call while M128 is on: HEIDENHAIN asks for M129 before it")
         self.key = self._named(block, word)
         self.length = control.state.tool_length(self.key) if self.key != "0" else 0.0
+        control.tool_name = self.key if self.key != "0" else ""
         control.forget(control.machine.control.tool_change_moves)
 
     def define(self, block: Block) -> None:

@@ -116,6 +116,7 @@ class IsoInterpreter:
                 refuse_long_line(self.machine.control, block)
             if block.kind != "blank":
                 self._read_block(index, block)
+                self.control_state.use(block, self.recorder.used)
                 if self.alone:
                     done[-1], self.alone = block._replace(alone=True), False
         return self.recorder.finish(done)

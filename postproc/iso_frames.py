@@ -52,7 +52,8 @@ class Frames:
         length, tcp = self.lengths.offset(), self.lengths.tcp or self.tilted
         if length is not None and not tcp:
             offset[x_y_z[2]] += length
-        return Frame(tuple(offset), self.lengths.tool(), tcp, placed.frame_turn, self.offsets.touch_off())
+        names = self.offsets.name, self.lengths.tool_name
+        return Frame(tuple(offset), self.lengths.tool(), tcp, placed.frame_turn, self.offsets.touch_off(), *names)
 
     # ---- work offsets and lengths
 

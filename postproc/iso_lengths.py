@@ -47,10 +47,14 @@ class Lengths:
 
     def tool(self) -> float:
         """Length of the tool in the spindle as far as it is known, mm."""
-        offset = self.offset()
-        if offset is not None:
-            return offset
-        return self.state.tool_length(self.spindle_tool) if self.spindle_tool else 0.0
+        if self.given is not None:
+            return self.given
+        return self.state.tool_length(self.tool_name) if self.tool_name else 0.0
+
+    @property
+    def tool_name(self) -> str:
+        """Number of the tool whose length is looked up: that of the length offset, else the one in the spindle."""
+        return "" if self.given is not None else str(self.number or self.spindle_tool or "")
 
     def set(self, block: Block, store: dict[str, float], number: int, length: float) -> None:
         """G10: a length of the table, or its wear, from now on; mm."""

@@ -128,6 +128,7 @@ class Pipeline:
             marked.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted))
         state = self.interpreter.control_state
         report.work_offsets, report.tools = state.used_offsets, state.used_tools
+        report.assumed, report.assumption = list(state.assumed), state.assumption()
         report.datums.predict(job.machine, self.model, job.conditions)
         report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
         return report
@@ -189,7 +190,7 @@ class Pipeline:
         report.moves += int((motions.kind != Kind.PRESET).sum())
         report.datums.add(motions)
         if job.travel_check:
-            refuse_outside(motions, motions.machine_target, "as programmed")
+            refuse_outside(motions, motions.machine_target, "as programmed", self.interpreter.control_state)
         if not self.model.effects:
             return [block.text for block in blocks]
         self._refuse_marked(blocks)
@@ -203,7 +204,7 @@ class Pipeline:
         )
         report.max_correction_um = self.limit.check(motions, correction.nominal, correction.corrected)
         if job.travel_check:
-            refuse_outside(motions, correction.corrected, "after correction")
+            refuse_outside(motions, correction.corrected, "after correction", self.interpreter.control_state)
         else:
             note_outside(motions, correction.corrected, self.notes)
         written = self.writer.write(motions, correction)

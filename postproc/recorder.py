@@ -44,6 +44,8 @@ class Recorder:
     """The last move: its frame, start and end, and its circle."""
     _first_lengths: dict[str, float] = field(init=False, default_factory=dict)
     """By work offset: length of the first tool that moved in it, mm."""
+    used: Frame | None = field(init=False, default=None)
+    """The frame of the last programmed move."""
 
     def __post_init__(self) -> None:
         home = [axis.home for axis in self.machine.axes]
@@ -62,10 +64,12 @@ class Recorder:
         for those whose offset differs.
         """
         self.doubt(self._moved_by(frame) if axes is None else axes)
-        if frame == self.frame:
+        before, self.frame = self.frame, frame
+        if frame == before:
+            if (frame.work_offset, frame.tool_name) != (before.work_offset, before.tool_name):
+                self._frames.append(frame)
             return
-        q = to_machine(self.machine, self.frame, np.array([self.position]))
-        self.frame = frame
+        q = to_machine(self.machine, before, np.array([self.position]))
         self.position = to_program(self.machine, frame, q)[0].tolist()
         self._frames.append(frame)
 
@@ -99,6 +103,7 @@ class Recorder:
         self._record(block, kind, target, unit, (incremental, timed, settled), words, before)
         *_, start, end, _, _ = self._rows[-1]
         self._last = (self.frame, start, end, arc)
+        self.used = self.frame
 
     def drill(
         self,
@@ -190,7 +195,7 @@ class Recorder:
 
     def heading(self, plane: tuple[int, int, int]) -> tuple[float, float] | None:
         """The unit direction in which the last move arrived, in a plane; None where there is none in this frame."""
-        if self._last is None or self._last[0] is not self.frame:
+        if self._last is None or self._last[0] != self.frame:
             return None
         _, start, end, arc = self._last
         i, j, _ = plane

@@ -106,6 +106,10 @@ class Report:
     """Moves to machine coordinates, or before the program has said where all linear axes are."""
     work_offsets: dict[str, str] = field(default_factory=dict)
     tools: dict[str, str] = field(default_factory=dict)
+    assumed: list[str] = field(default_factory=list)
+    """Work offsets and tools that the machine file assumes."""
+    assumption: str = ""
+    """The same in a sentence; empty for none."""
     notes: list[str] = field(default_factory=list)
 
     def facts(self) -> list[tuple[str, str]]:
@@ -193,5 +197,6 @@ class Report:
             "errors_relative_to": "datum" if self.relative else "work offset",
             "datum": self.datums.json(self.work_offsets),
             "tools": self.tools,
+            "assumed": self.assumed,
             "notes": self.notes,
         }

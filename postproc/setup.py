@@ -2,24 +2,46 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Generic, NamedTuple, TypeVar
 
 from kinematics.errors import UserError
-from kinematics.machine import Machine
+from kinematics.machine import EVERY_OTHER, Machine
 from kinematics.touch_off import Datum, read_datum
 from postproc.numbers import given_number, given_once
 from postproc.tool_tables.table import ToolTable, tool_key
 
 NO_OFFSET = frozenset(("G53", "G500"))
 """Names of frames that are the machine's own: no work offset."""
+T = TypeVar("T")
+
+
+class Origin(enum.Enum):
+    """Where a work offset or a tool length comes from; the value is the word for it on screens."""
+
+    GIVEN = ""
+    """Options, a table of the control, or the machine file."""
+    PROGRAM = "set by the program"
+    ZERO = "--set-up-zero"
+    ASSUMED = "assumed"
+    """By the machine file, for all that nobody gave."""
+
+
+class Given(NamedTuple, Generic[T]):
+    """A value with its origin."""
+
+    value: T
+    origin: Origin
 
 
 @dataclass(frozen=True)
 class Setup:
     """Offsets by name and tool lengths by number, as they are before a program runs on one machine.
 
-    From the machine's file, overruled by a tool table, overruled by options; zero where nothing is given.
+    From the machine's file, overruled by a tool table, overruled by options. What nobody gave is zero if that was
+    asked for, else what the machine file assumes, else missing.
     """
 
     machine: Machine
@@ -39,10 +61,8 @@ class Setup:
     """How work offsets were obtained, given for this run, by name."""
     probed: bool = False
     """All other work offsets were touched off on the machine; otherwise they are true."""
-
-    def work_offset(self, name: str) -> Mapping[str, float] | None:
-        """Work offset of a name by axis, mm or degrees; None where nobody gave it."""
-        return self.work_offsets.get(name, self.machine.work_offsets.get(name))
+    zero: bool = False
+    """Work offsets and tool lengths that nobody gave are zero on purpose (--set-up-zero)."""
 
     def datum(self, name: str) -> Datum:
         """How a work offset was obtained; machine coordinates are true."""
@@ -55,10 +75,35 @@ class Setup:
         """True for a work offset of which neither the user nor the machine file says how it was obtained."""
         return not {name, "default"} & self.machine.datums.keys() and name not in self.obtained
 
-    def tool_length(self, tool: int | str) -> float | None:
+    def work_offset(self, name: str) -> Given[Mapping[str, float]] | None:
+        """Work offset of a name by axis, mm or degrees; None where nobody gave it."""
+        machine = self.machine
+        return self._given(name, self.work_offsets, machine.work_offsets, machine.offsets_assumed, {})
+
+    def tool_length(self, tool: int | str) -> Given[float] | None:
         """Length of a tool by number or name, mm, from the tool reference point to the tip; None where not given."""
+        return self._given(tool_key(str(tool)), self.tools, self.machine.tools, self.machine.tools_assumed, 0.0)
+
+    def names_offset(self, name: str) -> bool:
+        """True for a work offset that is given by its own name."""
+        return name in self.work_offsets or name in self.machine.work_offsets
+
+    def names_tool(self, tool: int | str) -> bool:
+        """True for a tool whose length is given by its own number or name."""
         key = tool_key(str(tool))
-        return self.tools.get(key, self.machine.tools.get(key))
+        return key in self.tools or key in self.machine.tools
+
+    def _given(
+        self, name: str, own: Mapping[str, T], of_machine: Mapping[str, T], assumed: bool, zero: T
+    ) -> Given[T] | None:
+        if name in own:
+            return Given(own[name], Origin.GIVEN)
+        if name in of_machine and not assumed:
+            return Given(of_machine[name], Origin.GIVEN)
+        if self.zero:
+            return Given(zero, Origin.ZERO)
+        value = of_machine.get(name, of_machine.get(EVERY_OTHER))
+        return None if value is None else Given(value, Origin.ASSUMED)
 
     def tool_radius(self, tool: int | str) -> float | None:
         """Radius of a tool by number or name, mm; None where no table gives it."""
@@ -114,6 +159,7 @@ def make_setup(
     datums: Iterable[str] = (),
     *,
     probed: bool = False,
+    zero: bool = False,
 ) -> Setup:
     """The setup from the options of the command line and a tool table; work offsets are true unless `probed`."""
     table = table or ToolTable()
@@ -133,4 +179,5 @@ def make_setup(
         turned=table.turned,
         obtained=given_once((parse_datum(text, machine) for text in datums), "--datum "),
         probed=probed,
+        zero=zero,
     )

@@ -79,13 +79,15 @@ class SiemensInterpreter:
         self.plane = "XYZ"
         self.absolute = True
         self.unit = 1.0
-        self.work_offset = "G500"
+        self.work_offset, self.offset_said = "G500", False
+        """In force, and whether the program has named it: a named G500 that nobody gave is machine zero."""
         self.places = Places(self.machine, self.notes)
         self.polar = Polar()
         self.cycles = Cycles(self.scope, self.notes)
         self.selected_tool: int | str = 0
         self.spindle_tool: int | str | None = None
-        self.edge, self.length = 1, 0.0
+        self.edge, self.length, self.length_key = 1, 0.0, ""
+        """The cutting edge in force, its length, mm, and its name in the set-up."""
         self.tcp = self.machine.control.tcp_at_start
         self.machine_vectors = False
         """ORIMKS: vectors are those of the machine."""
@@ -104,6 +106,7 @@ class SiemensInterpreter:
             done.append(block)
             if block.kind == "words":
                 done[-1] = self._read_block(index, block)
+                self.control_state.use(block, self.recorder.used)
             elif block.kind == "header":
                 if self.begun:
                     raise block.refuse("the program before it has no end (M30, M17, RET)")
@@ -175,7 +178,7 @@ class SiemensInterpreter:
         if "D" in content.other:
             self.edge = whole_of(block, block.words[content.other["D"]])
         if "D" in content.other or TOOL_CHANGE in content.m:
-            self.length = self._tool_length()
+            self.length = self._tool_length(block)
         if (self._tool_key(), self.length) != before:
             self._note_edge(block)
             x_y_z = cartesian(self.machine)
@@ -196,12 +199,19 @@ class SiemensInterpreter:
     def _tool_key(self) -> tuple[int | str | None, int]:
         return self.spindle_tool, self.edge
 
-    def _tool_length(self) -> float:
+    def _tool_length(self, block: Block) -> float:
+        self.length_key = ""
         if not self.edge or not self.spindle_tool:
             return 0.0
         self.control_state.tools.update(self.scope.data.tools())
         key = edge_key(self.spindle_tool, self.edge)
-        return self.control_state.tool_length(key if self.control_state.knows(key) else self.spindle_tool)
+        if key in self.scope.data.worn():
+            raise block.refuse(
+                f"wear or base of tool {key} without its length ($TC_DP3): whether they are part of the "
+                "length in the set-up is not known"
+            )
+        self.length_key = key if self.control_state.knows(key) else str(self.spindle_tool)
+        return self.control_state.tool_length(self.length_key)
 
     # ---- modes and frames
 
@@ -276,8 +286,9 @@ class SiemensInterpreter:
             raise block.refuse("another work offset in a plane of CYCLE800")
         data = self.scope.data
         if name in data.offsets:
-            self.control_state.enter_offset(name, data.offset(name, self.setup.work_offset(name) or {}))
-        self.work_offset = name
+            self.control_state.enter_offset(name, data.coarse(name))
+            self.control_state.fine[name] = data.fine.get(name, {})
+        self.work_offset, self.offset_said = name, True
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
 
     def _compensate(self, block: Block) -> None:
@@ -340,7 +351,7 @@ class SiemensInterpreter:
         self.recorder.forget(list(cartesian(self.machine)))
 
     def _frame(self) -> Frame:
-        offset = list(self.control_state.work_offset(self.work_offset))
+        offset = list(self.control_state.work_offset(self._offset_name()))
         for axis, shift in self.places.turning.items():
             offset[self.machine.index(axis)] += shift
         length, x_y_z, placed = self.length, cartesian(self.machine), self.places.placement
@@ -349,8 +360,14 @@ class SiemensInterpreter:
         on_the_tip = self.tcp or self.places.swivelled is not None
         if not on_the_tip:
             offset[x_y_z[2]] += length
-        touched = self.control_state.touch_off(self.work_offset)
-        return Frame(tuple(offset), length, on_the_tip, placed.frame_turn, touched)
+        touched, names = self.control_state.touch_off(self.work_offset), (self._offset_name(), self.length_key)
+        return Frame(tuple(offset), length, on_the_tip, placed.frame_turn, touched, *names)
+
+    def _offset_name(self) -> str:
+        """Name of the work offset in force, empty for machine zero: a G500 that the program names and nobody gave."""
+        if self.work_offset == "G500" and self.offset_said and not self.control_state.names_offset("G500"):
+            return ""
+        return self.work_offset
 
     # ---- moves
 

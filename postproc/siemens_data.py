@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from postproc.expressions import NotKnown, Value
@@ -71,9 +71,14 @@ class ControlData:
         else:
             raise NotKnown(f"{frame} is set in a way that is not followed")
 
-    def offset(self, name: str, before: Mapping[str, float]) -> dict[str, float]:
-        """The work offset of a name, mm or degrees by axis, where it was `before` without these data."""
-        coarse = {**self.whole.get(name, before), **self.single.get(name, {})}
+    def coarse(self, name: str) -> dict[str, float]:
+        """The axes of a work offset that were set, mm or degrees, without fine shifts."""
+        whole = {**dict.fromkeys("XYZ", 0.0), **self.whole[name]} if name in self.whole else {}
+        return {**whole, **self.single.get(name, {})}
+
+    def offset(self, name: str) -> dict[str, float]:
+        """The work offset of a name with its fine shifts, mm or degrees by axis."""
+        coarse = {**self.whole.get(name, {}), **self.single.get(name, {})}
         fine = self.fine.get(name, {})
         return {axis: coarse.get(axis, 0.0) + fine.get(axis, 0.0) for axis in {**coarse, **fine}}
 
@@ -83,8 +88,12 @@ class ControlData:
         return frozenset((*self.whole, *self.single, *self.fine))
 
     def tools(self) -> dict[str, float]:
-        """Lengths, mm, by number and by name of the tool, and edge, as `edge_key` says."""
-        return self._by_key(self.lengths)
+        """Lengths, mm, by number and by name of the tool, and edge, as `edge_key` names them."""
+        return self._by_key({at: parts for at, parts in self.lengths.items() if "length" in parts})
+
+    def worn(self) -> frozenset[str]:
+        """Tools and edges of which wear or base were set, and length 1 was not."""
+        return frozenset(self._by_key({at: parts for at, parts in self.lengths.items() if "length" not in parts}))
 
     def radii(self) -> dict[str, float]:
         """Radii likewise."""

@@ -40,6 +40,7 @@ def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[i
 
 def show_report(report: Report) -> None:
     """The summary of a correction."""
+    say_assumed(report.assumption)
     if report.calibration["demonstration"]:
         say("demonstration calibration", "it describes no real machine; don't cut with it")
     show_facts(report.facts(), console)
@@ -52,6 +53,8 @@ def show_report(report: Report) -> None:
 def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> None:
     """What `ncomp check` found."""
     to = console if to_errors else output
+    if findings.assumption:
+        to.print(findings.assumption)
     moves = len(findings.corrected) + len(findings.unsaid) + len(findings.machine)
     to.print(f"program      {name}  ({findings.dialect}, {findings.blocks} blocks, {moves} moves)")
     for what, lines in (
@@ -132,6 +135,12 @@ def show_machine(machine: Machine, calibration: str) -> None:
             f"{axis.resolution:g}",
         )
     output.print(table)
+
+
+def say_assumed(sentence: str) -> None:
+    """Say the part of the set-up that is assumed, the first line of a run; nothing for an empty sentence."""
+    if sentence:
+        console.print(Text(sentence, "yellow"))
 
 
 def say(what: str, text: str) -> None:

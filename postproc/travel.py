@@ -2,29 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
+from postproc.control_state import ControlState
 from postproc.motions import Motions
 from postproc.moves import Known
 from postproc.notes import Notes
+from postproc.program import Refusal
 
 TOLERANCE = 1e-9
 
 
-def refuse_outside(motions: Motions, positions: Array, when: str) -> None:
+def refuse_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> None:
     """Refusal at the first move to a position `(n, axes)`, mm and rad, outside the travel of an axis.
 
-    Axes whose position the program has not said are not looked at. `when` ends the message: "as programmed", "after
-    correction".
+    Axes whose position the program has not said are not looked at. `when` is part of the message: "as programmed",
+    "after correction".
     """
-    machine = motions.machine
+    for refusal in refusals_outside(motions, positions, when, state):
+        raise refusal
+
+
+def refusals_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> Iterator[Refusal]:
+    """A refusal for every move and axis outside travel, as `refuse_outside` has it; the set-up is named first."""
+    machine, programmed = motions.machine, motions.programmed
     for row, i in np.argwhere(_outside(motions, positions)):
         axis = machine.axes[i]
-        raise motions.blocks[motions.block[row]].refuse(
+        origins = state.origins(motions.frames[motions.frame[row]]) if programmed[row] else ""
+        setup = f" with {origins}: check these (--work-offset, --tool-length)" if origins else ""
+        yield motions.blocks[motions.block[row]].refuse(
             f"{axis.name} would go to {positions[row, i] / machine.scale[i]:.4f} {axis.unit} {when} (machine "
-            f"coordinates), outside its travel {axis.travel[0]:g}..{axis.travel[1]:g}; --no-travel-check lets it pass"
+            f"coordinates), outside its travel {axis.travel[0]:g}..{axis.travel[1]:g}{setup}; "
+            "--no-travel-check lets it pass"
         )
 
 

@@ -33,7 +33,7 @@ def positions(
     made = load(machine)
     made = dataclasses.replace(made, control=dataclasses.replace(made.control, **(control or {})))
     source = source_of(text, f"test.{SUFFIXES[dialect]}")
-    setup = make_setup(made, offsets, tools, table)
+    setup = make_setup(made, offsets, tools, table, zero=True)
     reader = find_dialect(dialect, "", "")
     interpreter = reader.interpreter(made, setup, notes or Notes())
     parts = [part.motions.machine_target for part in execution(source, reader, interpreter).parts()]

@@ -53,7 +53,7 @@ def source_of(text: str, name: str = "test.nc") -> Source:
 
 
 def setup_of(machine: Machine, offsets: Iterable[str] = (), tools: Iterable[str] = ()) -> Setup:
-    return make_setup(machine, offsets, tools)
+    return make_setup(machine, offsets, tools, zero=True)
 
 
 def read_lines(

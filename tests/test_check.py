@@ -31,7 +31,7 @@ G999
 
 def test_a_program_with_jumps(command, tmp_path):
     (tmp_path / "a.nc").write_text(GOOD)
-    done = command("check", "a.nc", "--machine", "gantry")
+    done = command("check", "a.nc", "--machine", "gantry", "--set-up-zero")
     assert done.status == 0
     assert [line.split() for line in done.out.decode().splitlines() if not line.startswith("note")] == [
         ["program", "a.nc", "(iso,", "13", "blocks,", "7", "moves)"],

@@ -133,7 +133,7 @@ def corrected(text, classes):
     source = Source("a.nc", text, text.encode())
     out = io.BytesIO()
     chosen = None if classes is None else parse_classes(classes)
-    report = Pipeline(Job(source, ISO, DMU50, DEMONSTRATION, make_setup(DMU50), classes=chosen)).run(
+    report = Pipeline(Job(source, ISO, DMU50, DEMONSTRATION, make_setup(DMU50, zero=True), classes=chosen)).run(
         out, lambda _: None
     )
     return report, out.getvalue().decode()
@@ -160,7 +160,7 @@ def test_classes_leave_what_they_do_not_hold():
 
 def test_class_table():
     source = Source("a.nc", PROGRAM, PROGRAM.encode())
-    rows = class_table(merged(read_motions(source, ISO, DMU50, make_setup(DMU50))), DEMONSTRATION)
+    rows = class_table(merged(read_motions(source, ISO, DMU50, make_setup(DMU50, zero=True))), DEMONSTRATION)
     by_choice = {row.choice: row for row in rows}
     assert list(by_choice) == ["none", *CLASSES, "L-VOL,R-VOL", "L-VOL+,R-VOL+"]
     assert by_choice["L-VOL,R-VOL"].position.largest < 1e-5
@@ -172,5 +172,5 @@ def test_class_table():
 def test_no_rotary_axes_no_rotary_classes():
     gantry = machines.load("gantry")
     text = "G90 G21 G0 X100 Y100 Z100\nG1 X200 F100\n"
-    motions = merged(read_motions(Source("a.nc", text, text.encode()), ISO, gantry, make_setup(gantry)))
+    motions = merged(read_motions(Source("a.nc", text, text.encode()), ISO, gantry, make_setup(gantry, zero=True)))
     assert not [row for row in class_table(motions, random_model(gantry, 1)) if row.choice.startswith(("R-", "FOR"))]

@@ -29,7 +29,7 @@ def ncomp(command, tmp_path):
 
 TRUE = ("--datum", "G54=true")
 """A touched-off work offset holds the error of a constant model already."""
-GANTRY = ("--machine", "gantry", "--calibration", "cal.json", *TRUE)
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json", *TRUE, "--set-up-zero")
 
 
 def corrected(stdin=GOOD):
@@ -202,7 +202,7 @@ def test_main_job(ncomp):
     assert split_mark(Path("out.nc").read_text()) == corrected()
     for words in (
         "3 read, 3 corrected",
-        "work offsets G54: 0 (default)",
+        "work offsets G54: 0 (--set-up-zero)",
         "machine      gantry",
         "correction X",
         "iso, 8 blocks",
@@ -223,14 +223,14 @@ def test_named_as_a_subcommand_and_with_options_first(ncomp):
 
 def test_output_that_is_the_input(ncomp):
     Path("in.nc").chmod(0o640)
-    assert ncomp("in.nc", *GANTRY, "-o", "in.nc").status == 0
+    assert ncomp("in.nc", *GANTRY, "-o", "in.nc", "--in-place").status == 0
     assert split_mark(Path("in.nc").read_text()) == corrected()
     assert Path("in.nc").stat().st_mode & 0o777 == 0o640
-    result = ncomp("in.nc", *GANTRY, "-o", "in.nc")
+    result = ncomp("in.nc", *GANTRY, "-o", "in.nc", "--in-place")
     assert result.status == 2
     assert "already corrected" in result.err
     assert split_mark(Path("in.nc").read_text()) == corrected()
-    assert ncomp("in.nc", *GANTRY, "-o", "in.nc", "--force").status == 0
+    assert ncomp("in.nc", *GANTRY, "-o", "in.nc", "--in-place", "--force").status == 0
 
 
 def test_standard_input_and_output(ncomp):
@@ -286,7 +286,15 @@ def test_json(ncomp):
         each["calibration"].pop("age_days")
     assert data == from_file
     data["calibration"]["age_days"] = 0
-    assert data.keys() == {*JSON_KEYS, "max_correction_um", "not_split", "notes", "datum", "errors_relative_to"}
+    assert data.keys() == {
+        *JSON_KEYS,
+        "max_correction_um",
+        "not_split",
+        "notes",
+        "datum",
+        "errors_relative_to",
+        "assumed",
+    }
     for key, keys in JSON_KEYS.items():
         assert keys == data[key].keys()
     assert data["correction_um"]["X"] == {"max": 10.0, "rms": 10.0, "count": 3}
@@ -303,7 +311,7 @@ def test_setup_options(ncomp):
         "--tool-table", "tools.json", "--tool-length", "T2=70", "--tool-length", "T3=1", "--json", "-", "-o", "out.nc",
     )  # fmt: skip
     data = json.loads(result.out)
-    assert data["work_offsets"] == {"G54": "0 (default)", "G55": "X 100, Y 200, Z 300"}
+    assert data["work_offsets"] == {"G55": "X 100, Y 200, Z 300"}
     assert data["tools"] == {"1": "50", "2": "70"}
     assert "work offset G56 was given and is not used" in data["notes"]
     assert [note for note in data["notes"] if "tool length" in note] == ["tool length T3 was given and is not used"]
@@ -321,7 +329,9 @@ def test_demonstration_is_announced(ncomp):
     Path("part.nc").write_text("G0 X1 Y1 Z1\n")
     result = ncomp("part.nc", "--machine", "dmu50", "-o", "out.nc")
     assert result.status == 0
-    assert result.err.startswith("demonstration calibration: it describes no real machine; don't cut with it")
+    assumed, demonstration, *_ = result.err.splitlines()
+    assert assumed.startswith("Work offset G54 is assumed: ")
+    assert demonstration == "demonstration calibration: it describes no real machine; don't cut with it"
 
 
 def test_pipes_are_read_once(ncomp):

@@ -33,7 +33,14 @@ HEAD = "G21 G90\nG0 X1000.0 Y500.0 Z100.0\n"
 
 def corrected(model, conditions, text=HEAD):
     out = io.BytesIO()
-    job = Job(source_of(text), find_dialect("iso", "", ""), GANTRY, model, make_setup(GANTRY), conditions=conditions)
+    job = Job(
+        source_of(text),
+        find_dialect("iso", "", ""),
+        GANTRY,
+        model,
+        make_setup(GANTRY, zero=True),
+        conditions=conditions,
+    )
     report = Pipeline(job).run(out, lambda _: None)
     return out.getvalue().decode(ENCODING).splitlines()[-1], report
 
@@ -153,7 +160,7 @@ def test_every_effect_of_a_machine_serves_in_a_program():
             find_dialect("iso", "", ""),
             machine,
             model,
-            make_setup(machine),
+            make_setup(machine, zero=True),
             False,
             conditions=conditions,
         )

@@ -22,13 +22,13 @@ PLAYED = model_of(DMU50, *(Backlash(axis, width) for axis, width in WIDTHS.items
 
 
 def corrected(source):
-    out, setup = io.BytesIO(), make_setup(DMU50, ("0=0,0,150",))
+    out, setup = io.BytesIO(), make_setup(DMU50, ("0=0,0,150",), zero=True)
     report = Pipeline(Job(source, HEIDENHAIN, DMU50, PLAYED, setup, travel_check=False)).run(out, lambda _: None)
     return Source("c.h", out.getvalue().decode("latin-1"), out.getvalue()), report
 
 
 def moves(source):
-    return merged(read_motions(source, HEIDENHAIN, DMU50, make_setup(DMU50, ("0=0,0,150",))))
+    return merged(read_motions(source, HEIDENHAIN, DMU50, make_setup(DMU50, ("0=0,0,150",), zero=True)))
 
 
 PATH = """3 L X+11 Y+21 Z+51 FMAX

@@ -56,7 +56,7 @@ def test_export_writes_tables_sheet_rest_and_json(command, calibration, tmp_path
 def test_a_program_corrected_with_the_rest_does_what_is_left(command, calibration, tmp_path):
     """Nothing twice: the two corrections, one after the other, move as much as the program corrected alone."""
     (tmp_path / "part.nc").write_text(NC)
-    options = ("--machine", "cframe", "--temperature", "spindle=20")
+    options = ("--machine", "cframe", "--temperature", "spindle=20", "--set-up-zero")
     made = command("export", "--machine", "cframe", "-c", calibration, "--format", "linuxcnc", "-o", "t", "--rest", "rest.json")  # fmt: skip
     assert made.status == 0, made.err
     done = command("part.nc", *options, "-c", "rest.json", "-o", "rest.nc", "--json", "report.json")
@@ -222,7 +222,7 @@ def test_tables_are_not_corrected_by_a_class(command, calibration, tmp_path):
         "--rest", "rest.json",
     )  # fmt: skip
     assert made.status == 0, made.err
-    options = ("--machine", "cframe", "-c", "rest.json", "--temperature", "spindle=20")
+    options = ("--machine", "cframe", "-c", "rest.json", "--temperature", "spindle=20", "--set-up-zero")
     refused = command("correct", "part.nc", *options, "--classes", "L-POS", "-o", "part_c.nc")
     assert (refused.status, "L-ANG, L-SQU, L-STR as well" in refused.err) == (2, True), refused.err
     assert not (tmp_path / "part_c.nc").exists()

@@ -15,7 +15,7 @@ from programs import load, shifted
 from kinematics.model import write_model
 
 PROGRAM = "G21 G90 G54\nG0 X100. Y100. Z100.\nG1 X200. F500\nY300.\nM30\n"
-GANTRY = ("--machine", "gantry", "--calibration", "cal.json")
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--set-up-zero")
 RUN = "from postproc.cli import run; run()"
 OLD = b"old\n"
 

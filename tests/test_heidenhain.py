@@ -52,7 +52,7 @@ class Run:
 
     def __init__(self, text, machine="dmu50", offsets=(), lengths=("T1=100",)):
         self.machine = machines.load(machine) if isinstance(machine, str) else machine
-        self.setup = make_setup(self.machine, offsets, lengths)
+        self.setup = make_setup(self.machine, offsets, lengths, zero=True)
         self.notes = Notes()
         self.interpreter = HeidenhainInterpreter(self.machine, self.setup, self.notes)
         blocks = blocks_of(text)
@@ -673,8 +673,8 @@ def test_a_freecad_program():
 def test_chunks_carry_the_state_over(nc_data):
     blocks = blocks_of(text_of(nc_data / "heidenhain" / "five_axis_bc" / "xg_model3.h"))
     machine = machines.load("dmu50")
-    whole = HeidenhainInterpreter(machine, make_setup(machine), Notes()).read(blocks)
-    interpreter = HeidenhainInterpreter(machine, make_setup(machine), Notes())
+    whole = HeidenhainInterpreter(machine, make_setup(machine, zero=True), Notes()).read(blocks)
+    interpreter = HeidenhainInterpreter(machine, make_setup(machine, zero=True), Notes())
     parts = [interpreter.read(blocks[i : i + 1000]) for i in range(0, len(blocks), 1000)]
     assert np.array_equal(np.concatenate([part.target for part in parts]), whole.target)
     assert np.array_equal(np.concatenate([part.machine_target for part in parts]), whole.machine_target)

@@ -23,7 +23,7 @@ HEAD = "0 BEGIN PGM A MM\r\n1 TOOL CALL 1 Z S1000\r\n2 L X+10 Y+20 Z+50 R0 FMAX 
 
 
 def setup():
-    return make_setup(DMU50, OFFSETS, ("T1=80",))
+    return make_setup(DMU50, OFFSETS, ("T1=80",), zero=True)
 
 
 def corrected(source):

@@ -219,7 +219,7 @@ def test_presets_that_turn_the_coordinates(tmp_path):
         "BEGIN PRESET .PR MM\nNO  SPA   SPB   SPC    X     Y     Z\n3   +0    +0    +30    +1    +2    +3\n[END]\n"
     )
     machine = load("gantry")
-    setup = make_setup(machine, table=read_tool_table(path))
+    setup = make_setup(machine, table=read_tool_table(path), zero=True)
     text = "BEGIN PGM T MM\nCYCL DEF 247 SET Q339=3\nL X+10 Y+20 Z+5\nEND PGM T MM\n"
     motions = merged(read_motions(source_of(text, "t.h"), KLARTEXT, machine, setup))
     np.testing.assert_allclose(motions.machine_target[0], about("Z", 30) @ [10, 20, 5] + [1, 2, 3], atol=1e-9)
@@ -233,8 +233,8 @@ def test_lines_of_a_datum_table(tmp_path):
     path.write_text("BEGIN ZERO .D INCH\nD    X     Y\n4    +1    +2\n[END]\n")
     machine = load("gantry")
     text = "BEGIN PGM T MM\nCYCL DEF 7.0 D\nCYCL DEF 7.1 #4\nL X+10 Y+20 Z+5\nEND PGM T MM\n"
-    setup = make_setup(machine, table=read_tool_table(path))
+    setup = make_setup(machine, table=read_tool_table(path), zero=True)
     motions = merged(read_motions(source_of(text, "t.h"), KLARTEXT, machine, setup))
     assert motions.machine_target[0].tolist() == pytest.approx([35.4, 70.8, 5.0])
     with pytest.raises(UserError, match="datum #4 is in no datum table"):
-        read_motions(source_of(text, "t.h"), KLARTEXT, machine, make_setup(machine))
+        read_motions(source_of(text, "t.h"), KLARTEXT, machine, make_setup(machine, zero=True))

@@ -179,6 +179,11 @@ BAD = {
     "unknown axis entry": ("home = 200", "hone = 200", "axes.Z: Object contains unknown field `hone`"),
     "unknown entry": ("description", "remark", "Object contains unknown field `remark`"),
     "name missing": ('name = "mill"', "", "Object missing required field `name`"),
+    "rotary axis without a point": (
+        "point = [1, 2, 3]\n",
+        "",
+        "axes.C: a rotary axis needs its point = [x, y, z]: a point",
+    ),
     "zero direction": ("[0, 0, 2]", "[0, 0, 0]", "axis Z: direction [0.0, 0.0, 0.0] is no direction"),
     "endless direction": ("[0, 0, 2]", "[0, 0, inf]", "axis Z: direction [0.0, 0.0, inf] is no direction"),
     "flat direction": ("[0, 0, 2]", "[0, 1]", "axes.Z: Expected `array` of length 3, got 2 - at `$.direction`"),
@@ -285,7 +290,7 @@ def test_chain_hash_changes_with_the_geometry_only():
 def linear_machine(chain: str, **directions: str) -> Machine:
     axes = [name for name in chain.split() if name not in "wbt"]
     extra = {name: f"direction = {directions[name]}" if name in directions else "" for name in axes}
-    entries = "".join(f"[axes.{name}]\ntravel = [-500, 500]\n{extra[name]}\n" for name in axes)
+    entries = "".join(f"[axes.{name}]\ntravel = [-500, 500]\npoint = [0, 0, 0]\n{extra[name]}\n" for name in axes)
     return machines.parse(f'name = "test"\nchain = "{chain}"\n[axes]\n{entries}', "test")
 
 

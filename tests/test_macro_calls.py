@@ -135,7 +135,9 @@ def test_with_a_constant_error_every_move_goes_by_it(name):
 def test_written_out(name):
     """The same moves one after the other, without calls; `unrolled` itself compares them in every axis."""
     machine, dialect, text = load("gantry"), find_dialect("iso", "", ""), HEAD + RUNS[name][0]
-    source = unrolled(source_of(text), dialect, lambda: dialect.interpreter(machine, make_setup(machine), Notes()))
+    source = unrolled(
+        source_of(text), dialect, lambda: dialect.interpreter(machine, make_setup(machine, zero=True), Notes())
+    )
     out = source.data.decode()
     if source.data != text.encode():
         assert not any(word in out for word in ("G66", "G67", "M99", "GOTO"))
@@ -235,7 +237,7 @@ def test_what_never_ends_is_refused(monkeypatch, block):
 def test_what_a_check_tells():
     machine = load("gantry")
     source = source_of(HEAD + RUNS["behind every move"][0])
-    findings = check(source, find_dialect("iso", "", ""), machine, make_setup(machine))
+    findings = check(source, find_dialect("iso", "", ""), machine, make_setup(machine, zero=True), travel_check=False)
     assert not findings.refused
     assert findings.repeated == [12, 13]
 

@@ -42,7 +42,9 @@ def written(text: str, name: str, dialect: str) -> str:
     """The program as it comes out for a machine without errors."""
     machine, out, data = load("dmu50"), io.BytesIO(), text.encode(ENCODING)
     source = Source(name, data[:HEAD_SIZE].decode(ENCODING), data)
-    job = Job(source, find_dialect(dialect, name, ""), machine, no_errors(machine), make_setup(machine), False)
+    job = Job(
+        source, find_dialect(dialect, name, ""), machine, no_errors(machine), make_setup(machine, zero=True), False
+    )
     Pipeline(job).run(out, lambda _: None)
     return out.getvalue().decode(ENCODING)
 

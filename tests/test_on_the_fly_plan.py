@@ -153,7 +153,9 @@ def read_back(text, machine, tmp_path):
     path = tmp_path / "path.nc"
     path.write_text(text)
     source = open_source(str(path))
-    return program_path(source, find_dialect("auto", source.name, source.text_head), machine, make_setup(machine))
+    return program_path(
+        source, find_dialect("auto", source.name, source.text_head), machine, make_setup(machine, zero=True)
+    )
 
 
 def test_the_path_of_a_program_is_that_it_was_made_of(tmp_path):

@@ -208,7 +208,7 @@ def machine_for(path):
 
 def run(path, machine, model, tolerance_um=1.0):
     source, out = open_source(str(path)), io.BytesIO()
-    setup = make_setup(machine)
+    setup = make_setup(machine, zero=True)
     job = Job(source, find_dialect("iso", "", ""), machine, model, setup, False, tolerance_um=tolerance_um)
     report = Pipeline(job).run(out, lambda _: None)
     return out.getvalue(), report
@@ -378,7 +378,7 @@ def test_report():
     assert error["after"]["max"] < 0.05
     assert error["between_block_ends_after"] == {"max": pytest.approx(0.0, abs=0.06), "rms": pytest.approx(0.0, abs=0.06), "count": 1}  # fmt: skip
     assert error["standard_uncertainty_of_prediction"]["max"] == pytest.approx(np.hypot(1.0, 2.0 * 0.6), abs=1e-3)
-    assert data["work_offsets"] == {"G54": "0 (default)"}
+    assert data["work_offsets"] == {"G54": "0 (--set-up-zero)"}
     assert data["tools"] == {}
     assert data["calibration"]["id"] == model.id
 
@@ -471,9 +471,10 @@ def test_options_overrule_the_tool_table():
     setup = make_setup(load("dmu50"), ["G54=X=9"], ["T1=5", "t02=6.5"], table)
     assert setup.work_offsets == {"G54": {"X": 9.0}, "G55": {"X": 2.0}}
     state = ControlState(setup)
-    assert [state.tool_length(n) for n in (1, 2, 3, 4)] == [5, 6.5, 7, 0]
-    assert state.used_tools == {"1": "5", "2": "6.5", "3": "7", "4": "0 (default)"}
-    assert state.unused() == ["work offset G54 was given and is not used", "work offset G55 was given and is not used"]
+    assert [state.tool_length(n) for n in (1, 2, 3, 4)] == [5, 6.5, 7, 100]
+    assert [note for note in state.unused() if "work offset" in note] == [
+        "work offset G54 was given and is not used", "work offset G55 was given and is not used"
+    ]  # fmt: skip
     assert ControlState(make_setup(load("dmu50"), [], ["T10=5", "T9=6"])).unused() == [
         "tool length T9 was given and is not used",
         "tool length T10 was given and is not used",

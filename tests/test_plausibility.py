@@ -15,7 +15,7 @@ from postproc.writer import Writer
 
 NOW = datetime.datetime.now(datetime.UTC)
 PROGRAM = "G21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nY300.0\nM30\n"
-GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--datum", "G54=true", "-o", "out.nc")
+GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--datum", "G54=true", "--set-up-zero", "-o", "out.nc")
 
 
 def of_x(um: float = 10.0, u: float = 0.1) -> ErrorModel:
@@ -183,7 +183,9 @@ def turned(command):
     def run(before: str, block: str, *options: object):
         Path("in.nc").write_text(TURNED.format(before, block))
         write_model(model_of(load("dmu50"), TABLE), Path("cal.json"))
-        return command("in.nc", "-m", "dmu50", "-c", "cal.json", "-o", "out.nc", "--no-travel-check", *options)
+        return command(
+            "in.nc", "-m", "dmu50", "-c", "cal.json", "-o", "out.nc", "--no-travel-check", "--set-up-zero", *options
+        )
 
     return run
 

@@ -81,7 +81,7 @@ def test_check_sees_what_runs():
 
     text = MAIN + "L10\nM30\n%_N_L10_SPF\nX1\nM17\n%_N_L11_SPF\nX2\nM17\n"
     machine = load("gantry")
-    found = check(source_of(text, "test.mpf"), SIEMENS, machine, make_setup(machine))
+    found = check(source_of(text, "test.mpf"), SIEMENS, machine, make_setup(machine, zero=True))
     assert found.refused == []
     assert found.corrected == [3, 7]
     assert found.not_run == [10, 11]
@@ -136,7 +136,9 @@ def test_archives_of_tools_and_offsets(tmp_path):
 
     machine = load("gantry")
     motions = merged(
-        read_motions(source_of(text), find_dialect("siemens", "", ""), machine, make_setup(machine, table=table))
+        read_motions(
+            source_of(text), find_dialect("siemens", "", ""), machine, make_setup(machine, table=table, zero=True)
+        )
     )
     assert motions.machine_target.tolist() == [[10.5, -20, 99], [10.5, -20, pytest.approx(120.48)]]
 

@@ -422,7 +422,9 @@ def test_what_a_correction_leaves_along_a_program(command):
     """A fitted calibration on disk, a program corrected by it, and the true machine running it."""
     Path("study.toml").write_text(STUDY.replace('name = "more"', 'name = "last"'))
     Path("part.nc").write_text(PART)
-    done = command("study", "study.toml", "-o", "r.csv", "--json", "r.json", "--program", "part.nc", "-w", 1)
+    done = command(
+        "study", "study.toml", "-o", "r.csv", "--json", "r.json", "--program", "part.nc", "-w", 1, "--set-up-zero"
+    )
     assert done.status == 0, done.err
     head = Path("r.csv").read_text().splitlines()[0].split(",")
     assert head[7:] == ["program0_rms_um", "program0_p95_um", "program_rms_um", "program_p95_um"]
@@ -433,7 +435,7 @@ def test_what_a_correction_leaves_along_a_program(command):
     parameters = ready.fitted(parts, scale, drawn, np.array([0]))[:, 0]
     found = ready.fits.columns.model(parts).with_parameters(parameters)
     write_model(found, Path("fitted.json"))
-    corrected = command("part.nc", "--machine", "gantry", "--calibration", "fitted.json", "-o", "c.nc")
+    corrected = command("part.nc", "--machine", "gantry", "--calibration", "fitted.json", "-o", "c.nc", "--set-up-zero")
     assert corrected.status == 0, corrected.err
     truth, machine = ready.case.truths.machine(drawn.coefficients[:, 0]), machines.load("gantry")
     ends = [_positions(Path(name)) for name in ("part.nc", "c.nc")]

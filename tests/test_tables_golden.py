@@ -29,6 +29,7 @@ travel = [-400, 400]
 [axes.Z]
 travel = [-400, 400]
 [axes.A]
+point = [0, 0, 0]
 travel = [-inf, inf]
 """,
     "mill",

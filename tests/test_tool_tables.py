@@ -6,7 +6,7 @@ import pytest
 from programs import load
 
 from kinematics.errors import UserError
-from postproc.setup import make_setup
+from postproc.setup import Origin, make_setup
 from postproc.tool_tables import read_tool_table, read_tool_tables
 
 # Layout of a TNC 410's own table (names cut at 16 characters, decimal comma), as kept in the public repository
@@ -41,9 +41,9 @@ def test_tnc410(tmp_path, end):
     numbered = {name: length for name, length in table.tools.items() if name.isdecimal()}
     assert numbered == pytest.approx({"0": 0.0, "1": 95.1, "5": -4.666, "12": 18.892})
     assert table.radii["5"] == pytest.approx(6.575)
-    setup = make_setup(load("gantry"), [], ["T12=3"], table)
-    assert setup.tool_length(12) == 3.0
-    assert setup.tool_length("14mm_crb_4fl_32_") == pytest.approx(95.1)
+    setup = make_setup(load("gantry"), [], ["T12=3"], table, zero=True)
+    assert setup.tool_length(12) == (3.0, Origin.GIVEN)
+    assert setup.tool_length("14mm_crb_4fl_32_") == (pytest.approx(95.1), Origin.GIVEN)
     assert setup.tool_radius("12") == 3.0
     assert setup.tool_radius(99) is None
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from kinematics.errors import UserError
+from postproc.commands.in_place import backup_of, target_of
 from postproc.commands.program import (
     ConditionsLog,
     Datums,
     DialectName,
     Elapsed,
+    NoTravelCheck,
     Program,
+    SetUpZero,
     Temperatures,
     ToolLengths,
     ToolTable,
@@ -48,7 +52,6 @@ EPILOG = (
     "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte"
 )
 
-NoTravelCheck = Annotated[bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")]
 ClassNames = Annotated[
     str | None,
     typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
@@ -82,14 +85,19 @@ def correct(
     program: Program,
     machine: MachineName,
     output: Annotated[
-        str, typer.Option("--output", "-o", metavar="OUT.nc", help="Corrected program; - for standard output.")
-    ] = "-",
+        str | None,
+        typer.Option("--output", "-o", metavar="OUT.nc", help="Corrected program; default: - for standard output."),
+    ] = None,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="Replace the input; a backup IN.nc.orig stays beside it.")
+    ] = False,
     calibration: CalibrationName = None,
     dialect: DialectName = "auto",
     work_offset: WorkOffsets = None,
     datum: Datums = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
     no_travel_check: NoTravelCheck = False,
     classes: ClassNames = None,
     tolerance_um: Tolerance = 1.0,
@@ -122,16 +130,18 @@ def correct(
     from postproc.terminal import progress_of, show_report
     from postproc.unroll import unrolled
 
-    refuse_one_place(json, output, "the program")
-    check_apart({"--output": output, "--json": json, "--report": report})
+    target = target_of(program, output, in_place=in_place)
+    refuse_one_place(json, target, "the program")
+    check_apart({"--output": target, "--json": json, "--report": report})
     check_places((program, calibration, *(tool_table or ()), log), (json, report))
-    check_places((calibration, *(tool_table or ()), log), (output,))  # a program may be replaced by its corrected self
+    check_places((calibration, *(tool_table or ()), log), (target,))
     accepted = parse_accepted(accept)
     found = machine_of(machine)
     model = model_of(calibration, found)
     chosen = _classes(classes, found)
     source = open_source(program)
-    setup = setup_of(found, work_offset, tool_length, tool_table, datum)
+    known = source.hash
+    setup = setup_of(found, work_offset, tool_length, tool_table, datum, zero=set_up_zero)
     language = find_dialect(dialect, source.name, source.text_head)
     if unroll:
         source = unrolled(source, language, lambda: language.interpreter(found, setup, Notes()))
@@ -153,14 +163,15 @@ def correct(
     pipeline = Pipeline(job, traced=report is not None)
     with (
         progress_of(source.size, "correcting") as progress,
-        whole_results(json, report, output) as (results, page, file),
+        backup_of(program, known) if in_place else nullcontext(),
+        whole_results(json, report, target) as (results, page, file),
     ):
         done = pipeline.run(file, progress)
         write_json(done.json(), results)
         if pipeline.trace is not None:
             from postproc.commands.job_page import job_page
 
-            page.write(job_page(job, done, pipeline.trace, f"ncomp {program} --machine {machine} -o {output}"))
+            page.write(job_page(job, done, pipeline.trace, f"ncomp {program} --machine {machine} -o {target}"))
     show_report(done)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kinematics.errors import UserError
-from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
+from postproc.commands.program import DialectName, SetUpZero, ToolLengths, ToolTable, WorkOffsets, moves_of, setup_of
 from postproc.commands.shared import (
     CalibrationName,
     JsonFile,
@@ -21,6 +21,7 @@ from postproc.commands.shared import (
 )
 
 if TYPE_CHECKING:
+    from postproc.setup import Setup
     from postproc.tables.export import Exported
     from postproc.tables.not_carried import Left
     from postproc.tables.remaining import Places
@@ -77,6 +78,7 @@ def export(
     work_offset: WorkOffsets = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
     json: JsonFile = None,
 ) -> None:
     """Write a calibration as compensation tables of a control, with a sheet of what they mean and what they leave.
@@ -106,7 +108,8 @@ def export(
     meaning = sign_of(form, sign)
     model = model_of(calibration, found)
     exported = exported_tables(found, model, form, chosen, meaning, (0.0, 0.0, -tool_mm))
-    places = _places(program, dialect, exported, (work_offset, tool_length, tool_table))
+    setup = setup_of(found, work_offset, tool_length, tool_table, zero=set_up_zero)
+    places = _places(program, dialect, exported, setup)
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
     if places is not None:
         errors["program"] = exported.errors_at(places)
@@ -142,19 +145,13 @@ def _places(
     program: str | None,
     dialect: str,
     exported: Exported,
-    setup: tuple[list[str] | None, list[str] | None, list[Path] | None],
+    setup: Setup,
 ) -> Places | None:
-    from postproc.dialects import find_dialect
-    from postproc.source import open_source
     from postproc.tables.along_program import places_of
-    from postproc.verify import merged, read_motions
 
     if program is None:
         return None
-    machine = exported.target.machine
-    source = open_source(program)
-    language = find_dialect(dialect, source.name, source.text_head)
-    motions = merged(read_motions(source, language, machine, setup_of(machine, *setup)))
+    motions = moves_of(program, dialect, exported.target.machine, setup)
     places = places_of(motions, exported.target.model)
     if not len(places.q):
         raise UserError(f"{program}: no move says where all axes are: nothing to tell errors of")

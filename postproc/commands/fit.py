@@ -18,7 +18,7 @@ from postproc.commands.path import (
     refuse_without_path,
     show_moving,
 )
-from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
+from postproc.commands.program import DialectName, SetUpZero, ToolLengths, ToolTable, WorkOffsets, setup_of
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.shared import (
     JsonFile,
@@ -109,6 +109,7 @@ def fit(
     work_offset: WorkOffsets = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
     dialect: DialectName = "auto",
     json: JsonFile = None,
     report: Annotated[
@@ -137,7 +138,7 @@ def fit(
         refuse_without_path(cell_mm=cell_mm, reversal=reversal, work_offset=work_offset, tool_length=tool_length)
         measurement = read_data(data, found_machine, file_format, header, columns, plan)
     else:
-        setup = setup_of(found_machine, work_offset, tool_length, tool_table)
+        setup = setup_of(found_machine, work_offset, tool_length, tool_table, zero=set_up_zero)
         nominal = read_path(path, found_machine, dialect, setup)
         taken = read_on_the_fly(data, nominal, file_format, header, columns, cell_mm, corner_mm)
         measurement = taken.measurement

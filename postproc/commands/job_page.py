@@ -38,9 +38,10 @@ def job_page(job: Job, report: Report, trace: Trace, command: str) -> bytes:
 def _verdict(report: Report) -> str:
     """The whole in a few sentences."""
     before, after = report.before, report.after
-    warning = f"{DEMONSTRATION} " if report.calibration["demonstration"] else ""
+    warning = f"{report.assumption}. " if report.assumption else ""
+    warning += f"{DEMONSTRATION} " if report.calibration["demonstration"] else ""
     if report.calibration["id"] == "none":
-        return "No calibration: the program was written back as it was."
+        return f"{warning}No calibration: the program was written back as it was."
     if not before.count:
         return f"{warning}Nothing is judged: no move says where all axes are that place the tool."
     sure = f"; standard uncertainty (k=1) of the prediction {report.uncertainty.rms:.2f} um RMS"

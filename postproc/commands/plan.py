@@ -10,12 +10,14 @@ import typer
 from kinematics.errors import UserError
 from postproc.commands import optimising, plan_path
 from postproc.commands import strategy as options
+from postproc.commands.program import SetUpZero, ToolLengths, ToolTable, setup_of
 from postproc.commands.shared import MachineName, machine_of, whole_results
 
 if TYPE_CHECKING:
     from calibration.plan import Choices, Plan
     from kinematics.machine import Machine
     from postproc.measuring_program import Manner
+    from postproc.setup import Setup
 
 PROGRAM = "NC program"
 
@@ -90,10 +92,14 @@ def plan(
     nc: ProgramFile = None,
     dialect: ProgramDialect = None,
     work_offset: ProgramOffset = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
     rapid: InRapid = False,
 ) -> None:
     """Plan a measurement: positions inside the travel, their order, the time it takes, and the program for it."""
-    _check_program(nc, output, {"dialect": dialect, "work-offset": work_offset, "rapid": rapid or None})
+    own_offset = work_offset if path is None else None
+    _check_program(nc, output, {"dialect": dialect, "work-offset": own_offset, "rapid": rapid or None})
     found = machine_of(machine)
     choices = options.choices_of(
         found, ranges=ranges, margin=margin, rotary=rotary, order=order, runs=runs, targets=target,
@@ -108,7 +114,8 @@ def plan(
     if strategy == plan_path.STRATEGY:
         _refuse_of_points(points, spacing, dwell, order, approach, references or None)
         length = plan_path.Length(length_m, minutes, manner.feed)
-        _plan_on_the_fly(found, choices, length, path, manner, dialect or "iso", (output, nc))
+        setup = setup_of(found, [work_offset] if work_offset else None, tool_length, tool_table, zero=set_up_zero)
+        _plan_on_the_fly(found, choices, length, path, setup, manner, dialect or "iso", (output, nc))
         return
     for option, value in (("length-m", length_m), ("minutes", None if optimise else minutes), ("path", path)):
         if value is not None:
@@ -158,6 +165,7 @@ def _plan_on_the_fly(
     choices: Choices,
     length: plan_path.Length,
     program: str | None,
+    setup: Setup,
     manner: Manner,
     dialect: str,
     outputs: tuple[str, str | None],
@@ -166,14 +174,13 @@ def _plan_on_the_fly(
     from calibration.on_the_fly.judged import judged
     from calibration.plan_file import write_plan
     from postproc.commands.path import read_path
-    from postproc.commands.program import setup_of
     from postproc.path_program import path_program
     from postproc.terminal import console
 
     if program is None:
         found = plan_path.planned_path(machine, choices, length)
     else:
-        found = read_path(program, machine, "auto", setup_of(machine, None, None, None))
+        found = read_path(program, machine, "auto", setup)
     result_of = judged(found, choices.targets)
     made = plan_path.plan_of_path(found, choices, manner.feed)
     corners = found.positions / machine.scale

@@ -9,6 +9,7 @@ import typer
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
+    from postproc.motions import Motions
     from postproc.setup import Setup
 
 
@@ -42,6 +43,11 @@ Datums = Annotated[
         "machine position, length of the probe), or G54=true. Repeatable.",
     ),
 ]
+SetUpZero = Annotated[
+    bool,
+    typer.Option("--set-up-zero", help="Work offsets and tool lengths that nobody gives are zero, on purpose."),
+]
+NoTravelCheck = Annotated[bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")]
 Temperatures = Annotated[
     list[str] | None,
     typer.Option("--temperature", metavar="NAME=degC", help="Of a sensor, while the program runs. Repeatable."),
@@ -62,8 +68,10 @@ def setup_of(
     lengths: list[str] | None,
     tables: list[Path] | None,
     datums: list[str] | None = None,
+    *,
+    zero: bool = False,
 ) -> Setup:
-    """What the control knows of a program's work offsets and tools; UserError for what is none.
+    """The set-up of the control from the options; UserError for an option that can't be used.
 
     A work offset was touched off on the machine, unless the user or the machine file calls it true.
     """
@@ -71,4 +79,20 @@ def setup_of(
     from postproc.tool_tables import read_tool_tables
 
     table = read_tool_tables(tables or ())
-    return make_setup(machine, offsets or (), lengths or (), table, datums or (), probed=True)
+    return make_setup(machine, offsets or (), lengths or (), table, datums or (), probed=True, zero=zero)
+
+
+def moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:
+    """All moves of a program; the part of the set-up that is assumed is said."""
+    from postproc.dialects import find_dialect
+    from postproc.notes import Notes
+    from postproc.source import open_source
+    from postproc.terminal import say_assumed
+    from postproc.verify import merged, run_motions
+
+    source = open_source(program)
+    language = find_dialect(dialect, source.name, source.text_head)
+    interpreter = language.interpreter(machine, setup, Notes())
+    motions = merged(run_motions(source, language, interpreter))
+    say_assumed(interpreter.control_state.assumption())
+    return motions

@@ -14,7 +14,7 @@ from postproc.commands import strategy as options
 from postproc.commands import virtual_instrument as instruments
 from postproc.commands import virtual_machine as virtual
 from postproc.commands.path import read_path
-from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
+from postproc.commands.program import DialectName, SetUpZero, ToolLengths, ToolTable, WorkOffsets, setup_of
 from postproc.commands.shared import MachineName, check_apart, check_places, machine_of, whole_results
 from postproc.commands.simulation import Simulation, streams
 
@@ -90,6 +90,7 @@ def simulate(
     work_offset: WorkOffsets = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
     dialect: DialectName = "auto",
     seed: options.Seed = 0,
 ) -> None:
@@ -116,7 +117,9 @@ def simulate(
     if path is not None:
         given = {"strategy": strategy, "points": points, "spacing": spacing, "range": ranges, "elevation": elevation}
         motion.refuse_with_path(given | {"incidence": incidence, "duplicates": duplicates or None}, instrument)
-        nominal = read_path(path, found, dialect, setup_of(found, work_offset, tool_length, tool_table))
+        nominal = read_path(
+            path, found, dialect, setup_of(found, work_offset, tool_length, tool_table, zero=set_up_zero)
+        )
         ride = motion.Ride(feed or [2500.0], acceleration, rate, vibration, target or [], tracker or [])
         motion.simulate_on_path(nominal, ride, simulated)
         return

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kinematics.errors import UserError
-from postproc.commands.program import DialectName, ToolLengths, ToolTable, WorkOffsets, setup_of
+from postproc.commands.program import DialectName, SetUpZero, ToolLengths, ToolTable, WorkOffsets, moves_of, setup_of
 from postproc.commands.shared import JsonFile, check_places, refuse_one_place, whole_results, write_json
 
 if TYPE_CHECKING:
@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
     from calibration.study.run import Draws, Result
     from calibration.study.volume import Volume
-    from kinematics.machine import Machine
     from postproc.motions import Motions
-    from postproc.setup import Setup
 
 MANY = 3000
 """Moves of a program that are judged, evenly spread."""
@@ -58,6 +56,7 @@ def study(
     work_offset: WorkOffsets = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
     json: JsonFile = None,
     report: Annotated[
         str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
@@ -86,7 +85,9 @@ def study(
         cases = read_cases(wanted, definition.parent)
     if program is not None:
         machine = cases[0].plan.machine
-        moves = _moves_of(program, dialect, machine, setup_of(machine, work_offset, tool_length, tool_table))
+        moves = moves_of(
+            program, dialect, machine, setup_of(machine, work_offset, tool_length, tool_table, zero=set_up_zero)
+        )
         along = _ends(moves, program, wanted.instrument.temperature)
         cases = [with_volume(case, along) for case in cases]
     number = None if wanted.draws == "adaptive" else wanted.draws
@@ -103,16 +104,6 @@ def study(
             shown.write(study_page(found, wanted, f"ncomp study {definition}"))
     store.clear(case.key for case in cases)
     _show(found, draws, console if "-" in (output, json, report) else screen)
-
-
-def _moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:
-    """All moves of a program."""
-    from postproc.dialects import find_dialect
-    from postproc.source import open_source
-    from postproc.verify import merged, read_motions
-
-    source = open_source(program)
-    return merged(read_motions(source, find_dialect(dialect, source.name, source.text_head), machine, setup))
 
 
 def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:

@@ -12,6 +12,7 @@ from postproc.commands.program import (
     DialectName,
     Elapsed,
     Program,
+    SetUpZero,
     Temperatures,
     ToolLengths,
     ToolTable,
@@ -63,6 +64,7 @@ def verify(
     datum: Datums = None,
     tool_length: ToolLengths = None,
     tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
     classes: Annotated[
         bool, typer.Option("--classes", help="Also show what each ISO/TR 16907 class would leave of the errors.")
     ] = False,
@@ -91,7 +93,7 @@ def verify(
     from postproc.notes import Notes
     from postproc.plausibility import parse_accepted
     from postproc.source import open_source
-    from postproc.terminal import console, output, say, show_classes, show_facts, show_verdict
+    from postproc.terminal import console, output, say, say_assumed, show_classes, show_facts, show_verdict
     from postproc.used_datums import UsedDatums
     from postproc.verify import merged, run_motions
     from postproc.verify import verify as judged
@@ -100,7 +102,7 @@ def verify(
     check_places((program, corrected, calibration, old, align, *(tool_table or ()), log), (json,))
     found = machine_of(machine)
     model = model_of(calibration, found)
-    setup = setup_of(found, work_offset, tool_length, tool_table, datum)
+    setup = setup_of(found, work_offset, tool_length, tool_table, datum, zero=set_up_zero)
     conditions = make_conditions(temperature or (), elapsed, log)
     earlier = model_of(old, found) if old else None
     truth = model_of(align, found) if align else model
@@ -120,6 +122,8 @@ def verify(
     datums = UsedDatums(setup)
     datums.add(motions[0])
     datums.predict(found, truth.part(in_a_program), conditions)
+    for assumption in dict.fromkeys(state.assumption() for state in states):
+        say_assumed(assumption)
     for note in notes:
         say("note", note)
     table = class_table(motions[0], truth, conditions) if classes else []

@@ -39,7 +39,7 @@ def read(path: Path, text: str) -> ToolTable:
         except NotKnown as reason:
             raise UserError(f"tool table {path}:{i}: {line.strip()!r}: {reason}") from None
     data = scope.data
-    offsets = {name: data.offset(name, {}) for name in sorted(data.offsets)}
+    offsets = {name: data.offset(name) for name in sorted(data.offsets)}
     return ToolTable(data.tools(), offsets, radii=data.radii())
 
 
