@@ -26,6 +26,7 @@ from postproc.iso_codes import (
     HARMLESS_G,
     HARMLESS_M,
     LENGTH_CODES,
+    MIRROR,
     MOTION,
     MOVE_WORDS,
     OFFSET_CODES,
@@ -35,10 +36,13 @@ from postproc.iso_codes import (
     PLANES,
     POLAR,
     POLAR_END,
+    PRESET_END,
     PROGRAM_ENDS,
     REFUSED_G,
     REFUSED_M,
     ROTATION_END,
+    SCALE,
+    SCALE_END,
     STANDING,
     TILT,
     TOOL_CHANGE,
@@ -209,8 +213,12 @@ class IsoInterpreter:
     def _modes(self, content: Content) -> float | None:
         """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
         claimed = None
-        block, before = content.block, self.frames.state()
+        block, ends = content.block, content.ends
+        self._end_placings(content, ends)
+        before = self.frames.state()
         for code in content.g:
+            if code in ends:
+                continue
             if code in ONE_SHOT:
                 claimed = code
                 if code in (5.0, 5.1):
@@ -225,6 +233,25 @@ class IsoInterpreter:
         if not FRAME_CODES.isdisjoint(content.g):
             self.frames.changed_since(before)
         return claimed
+
+    def _end_placings(self, content: Content, ends: list[float]) -> None:
+        """G50, G50.1, G69 and G92.1 without axis words."""
+        drilling = self.cycle is not None and CYCLE_END not in content.g
+        for code in ends:
+            if code == ROTATION_END:
+                self._end_rotation()
+            elif (self.compensated or drilling or self.polar is not None) and self.frames.shifted:
+                raise content.refuse(f"G{code:g} with radius compensation, in polar coordinates or in a canned cycle")
+            elif code == PRESET_END:
+                self.frames.uncall(content.block, range(len(self.machine.axes)))
+            elif code == SCALE_END:
+                self.frames.end_turn(SCALE)
+            else:
+                self.frames.end_mirror(content.block, ())
+
+    def _end_rotation(self) -> None:
+        for turn in TURNS - {SCALE, MIRROR}:
+            self.frames.end_turn(turn)
 
     def _take_mode(self, content: Content, code: float) -> bool:
         """Take over a modal G code that changes how later words are read; False when it is none."""
@@ -241,8 +268,7 @@ class IsoInterpreter:
         elif code in (POLAR, POLAR_END):
             self._count_angles(content, code == POLAR)
         elif code == ROTATION_END:
-            for turn in TURNS - {51.0, 51.1}:
-                self.frames.end_turn(turn)
+            self._end_rotation()
         elif code in PLANES and PLANES[code] != self.modes.plane and (self.frames.placed_by or self.polar):
             raise content.refuse("another plane while the coordinates are turned or polar")
         else:

@@ -52,6 +52,8 @@ PRESET, PRESET_END, PRESET_OFF, PRESET_ON = 92.0, 92.1, 92.2, 92.3
 TURNS = frozenset((ROTATION, SCALE, MIRROR, TILT))
 PLACING = TURNS | {DATA, GIVEN_LENGTH, LOCAL, UPRIGHT, SCALE_END, MIRROR_END, PRESET, PRESET_END, PRESET_OFF, PRESET_ON}
 """Change what coordinates mean, by the words of their block."""
+ENDS = (SCALE_END, MIRROR_END, ROTATION_END, PRESET_END)
+"""Without axis words these end something, whatever stands beside them; in the order in which they are taken."""
 BESIDE_PLACING = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
 """What may stand in a block with one of those."""
 NAMING = STANDING | PLACING

@@ -9,6 +9,7 @@ from postproc.iso_codes import (
     AXES,
     CYCLES,
     DWELL,
+    ENDS,
     GROUPS,
     LENGTH_CODES,
     MEANINGFUL,
@@ -34,6 +35,13 @@ class Content:
 
     own: dict[str, int] = field(default_factory=dict)
     """Of these, what M functions have taken for themselves."""
+
+    @property
+    def ends(self) -> list[float]:
+        """The codes that end a turn or a preset whatever stands beside them, in the order in which they are taken."""
+        if self.axes or not self.other.keys().isdisjoint("IJKRPL"):
+            return []
+        return [code for code in ENDS if code in self.g]
 
     @property
     def moves(self) -> bool:
@@ -80,8 +88,9 @@ def check_content(content: Content, begun: bool, family: str) -> None:
         naming = NAMING - {DWELL} if family == "linuxcnc" else NAMING
         if content.axes and not naming.isdisjoint(g) and not (MOTION.keys() | CYCLES).isdisjoint(g):
             raise block.refuse("coordinates that two codes may take")
+        alone = [code for code in g if code not in content.ends]
         for group in GROUPS:
-            clash = sorted(group.intersection(g))
+            clash = sorted(group.intersection(alone))
             if len(clash) > 1:
                 raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
 

@@ -43,6 +43,11 @@ class Frames:
         """True while a tilted plane is on."""
         return self.placed_by == TILT
 
+    @property
+    def shifted(self) -> bool:
+        """True while a turn, a scale, G52 or G92 is on."""
+        return bool(self.placed_by) or self.offsets.moved
+
     def frame(self) -> Frame:
         """The frame that coordinates are programmed in now."""
         offset, added, x_y_z = self.offsets.work(), self.offsets.added(), cartesian(self.machine)
@@ -139,8 +144,10 @@ class Frames:
         self.offsets.enter(self.offsets.name, entered)
         self.recorder.set_frame(self.frame(), ())
 
-    def uncall(self, axes: Iterable[int]) -> None:
+    def uncall(self, block: Block, axes: Iterable[int]) -> None:
         """G92.1."""
+        if self.placed_by and self.offsets.moved:
+            raise block.refuse("G92.1 while the coordinates are turned")
         axes = list(axes)
         self.offsets.uncall(axes)
         self._tell_shifted(axes)

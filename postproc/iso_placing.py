@@ -118,9 +118,7 @@ def _call(placing: Placing) -> bool:
 def _uncall(placing: Placing) -> None:
     if placing.words and placing.family != "fanuc":
         raise placing.content.refuse(f"axis words beside G92.1: a move on LinuxCNC, not so on FANUC; {DIFFERS}")
-    if placing.frames.placed_by:
-        raise placing.content.refuse("G92.1 while the coordinates are turned")
-    placing.frames.uncall(placing.shifts or range(len(placing.frames.machine.axes)))
+    placing.frames.uncall(placing.content.block, placing.shifts or range(len(placing.frames.machine.axes)))
 
 
 def _suspend(suspended: bool) -> Callable[[Placing], None]:
