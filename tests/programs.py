@@ -52,8 +52,10 @@ def source_of(text: str, name: str = "test.nc") -> Source:
     return Source(name, data[:HEAD_SIZE].decode(ENCODING), data)
 
 
-def setup_of(machine: Machine, offsets: Iterable[str] = (), tools: Iterable[str] = ()) -> Setup:
-    return make_setup(machine, offsets, tools, zero=True)
+def setup_of(
+    machine: Machine, offsets: Iterable[str] = (), tools: Iterable[str] = (), datums: Iterable[str] = ()
+) -> Setup:
+    return make_setup(machine, offsets, tools, datums=datums, zero=True)
 
 
 def read_lines(
@@ -82,12 +84,13 @@ def correct(
     model: ErrorModel | None = None,
     offsets: Iterable[str] = (),
     tools: Iterable[str] = (),
+    datums: Iterable[str] = (),
     **options: bool | float,
 ) -> Corrected:
     """An ISO program corrected; without a model, for the machine without errors."""
     source, out = source_of(text), io.BytesIO()
     dialect = find_dialect("iso", source.name, "")
-    setup = setup_of(machine, offsets, tools)
+    setup = setup_of(machine, offsets, tools, datums)
     job = Job(source, dialect, machine, model or no_errors(machine), setup, **options)
     report = Pipeline(job).run(out, lambda _: None)
     return Corrected(out.getvalue().decode(ENCODING), report)

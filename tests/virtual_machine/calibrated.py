@@ -1,0 +1,84 @@
+"""The error motions that a calibration file describes, worked out from its text (docs/effects.md) a second time.
+
+Only the effects of the machine's geometry: error motions in every basis, and location errors.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from virtual_machine.chain import Array, Axis, Chain
+from virtual_machine.truth import MICRO
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """A machine with the errors of a calibration file."""
+
+    effects: tuple[Mapping[str, Any], ...]
+
+    def errors(self, chain: Chain, positions: Array) -> Array:
+        """`(n, axes, 6)`, mm and rad, at positions `(n, axes)`, mm and degrees."""
+        result = np.zeros((*positions.shape, 6))
+        for effect in self.effects:
+            i, k = chain.index(effect["axis"]), "XYZABC".index(effect["component"])
+            axis, x = chain.axes[i], positions[:, i]
+            if effect["kind"] == "error-motion":
+                result[:, i, k] += MICRO[k] * _curve(effect["basis"], effect["parameters"], x)
+            elif effect["kind"] == "location" and (axis.rotary or k < 3):
+                result[:, i, k] += MICRO[k] * effect["value"]
+            elif effect["kind"] == "location":
+                result[:, i, :3] += MICRO[k] * effect["value"] * np.outer(x, _sideways(axis, k - 3))
+            else:
+                raise ValueError(f"{effect['kind']}: not an effect of the geometry")
+        return result
+
+
+def read_calibration(file: Path) -> Calibrated:
+    """The effects of a calibration file."""
+    return Calibrated(tuple(json.loads(file.read_text(encoding="utf-8"))["effects"]))
+
+
+def _sideways(axis: Axis, about: int) -> Array:
+    """Where the carriage of a linear axis leaves its line to, for each rad and mm, in the frame of its errors."""
+    return np.asarray(axis.frame.T @ np.cross(axis.frame[:, about], axis.direction))
+
+
+def _curve(basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> Array:
+    """A function of an axis position, in its own unit; beyond its interval it keeps the value at the end."""
+    if basis["kind"] == "b-spline":
+        return _spline(basis["nodes"], basis["degree"], parameters, x)
+    low, high = basis["interval"]
+    u = (np.clip(x, low, high) - low) / (high - low)
+    if basis["kind"] == "polynomial":
+        return np.asarray(np.polynomial.polynomial.polyval(u, parameters))
+    if basis["kind"] == "legendre":
+        return np.asarray(legendre.legval(2.0 * u - 1.0, parameters))
+    constant, slope, *waves = parameters
+    total = constant + slope * u
+    for n, sine, cosine in zip(basis["harmonics"], waves[::2], waves[1::2], strict=True):
+        total = total + sine * np.sin(n * np.pi * u) + cosine * np.cos(n * np.pi * u)
+    return np.asarray(total)
+
+
+def _spline(nodes: Sequence[float], degree: int, parameters: Sequence[float], x: Array) -> Array:
+    """By de Boor's algorithm, one position after the other."""
+    knots = [nodes[0]] * degree + list(nodes) + [nodes[-1]] * degree
+    values = []
+    for place in np.clip(x, nodes[0], nodes[-1]).tolist():
+        k = max(i for i in range(degree, len(knots) - degree - 1) if knots[i] <= place)
+        d = [parameters[j + k - degree] for j in range(degree + 1)]
+        for r in range(1, degree + 1):
+            for j in range(degree, r - 1, -1):
+                left, right = knots[j + k - degree], knots[j + 1 + k - r]
+                share = (place - left) / (right - left)
+                d[j] = (1.0 - share) * d[j - 1] + share * d[j]
+        values.append(d[degree])
+    return np.array(values)
