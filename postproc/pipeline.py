@@ -130,6 +130,7 @@ class Pipeline:
         report.work_offsets, report.tools = state.used_offsets, state.used_tools
         report.assumed, report.assumption = list(state.assumed), state.assumption()
         report.datums.predict(job.machine, self.model, job.conditions)
+        report.notes += report.datums.notes()
         report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
         return report
 

@@ -18,8 +18,14 @@ from postproc.conditions import Conditions
 from postproc.datum import deviations, poses
 from postproc.frames import cartesian
 from postproc.motions import Motions
+from postproc.moves import Known
 from postproc.setup import NO_OFFSET, Setup
 
+TURNED = 1e-3
+"""degrees"""
+NOTE_TURNED = (
+    "{name} is first used at {at} and taken as touched off elsewhere: --datum {name}=probed@{at} if it was there"
+)
 LISTED = 12
 """Touch-offs that are listed; a program that sets its work offsets itself may have any number."""
 
@@ -89,9 +95,12 @@ class UsedDatums:
     setup: Setup
     used: list[UsedDatum] = field(default_factory=list)
     _known: set[TouchOff] = field(default_factory=set)
+    _turned: dict[str, str] = field(default_factory=dict)
+    """By work offset: note on rotary axes that stand elsewhere in its first move than at its touch-off; or none."""
 
     def add(self, motions: Motions) -> None:
         """Take in the moves of a chunk that programmed coordinates place."""
+        self._look_at_turned(motions)
         for index in dict.fromkeys(motions.frame[motions.programmed].tolist()):
             frame = motions.frames[index]
             there = frame.touch_off
@@ -100,6 +109,29 @@ class UsedDatums:
             self._known.add(there)
             given, by_default = self.setup.datum(there.name), self.setup.datum_by_default(there.name)
             self.used.append(UsedDatum(there, motions.machine, frame.tcp, given, by_default))
+
+    def _look_at_turned(self, motions: Motions) -> None:
+        """Look at the first move of each work offset whose rotary positions at the touch-off nobody has given."""
+        machine, judged = motions.machine, np.flatnonzero(motions.judged)
+        for index in dict.fromkeys(motions.frame[judged].tolist()):
+            frame = motions.frames[index]
+            there = frame.touch_off
+            if there is None or there.name in self._turned:
+                continue
+            row = judged[motions.frame[judged] == index][0]
+            stands = np.array(there.position)
+            known = (motions.known[row] == Known.PROGRAM) & machine.rotary
+            q = np.where(known, motions.target[row] + frame.offset, stands)
+            away = np.flatnonzero(np.abs(q - stands) > TURNED)
+            given = any(machine.names[i] in self.setup.datum(there.name).at for i in np.flatnonzero(machine.rotary))
+            at = ",".join(f"{machine.names[i]}{q[i]:g}" for i in away)
+            self._turned[there.name] = (
+                "" if given or frame.tcp or not at else NOTE_TURNED.format(name=there.name, at=at)
+            )
+
+    def notes(self) -> list[str]:
+        """Notes on touch-offs that the program makes doubtful."""
+        return [note for note in self._turned.values() if note]
 
     def predict(self, machine: Machine, model: ErrorModel, conditions: Conditions) -> None:
         """Work out where the true datums are; without effects nothing is known of them.

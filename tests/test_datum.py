@@ -290,3 +290,42 @@ def test_the_machine_file_says_it(command):
     refused = command("machines", "mine.toml")
     assert refused.status == 2
     assert "datum.G54: expected probed" in refused.err
+
+
+def test_a_work_offset_that_is_used_with_the_table_turned(command):
+    """Where it was touched off is asked for: the default is home."""
+    head = "G21 G90 G54 T1 M6\nG43 H1\n"
+    options = ("-m", "dmu50", "--work-offset", "G54=0,0,100", "--tool-length", "T1=80", "-o", "out.nc")
+    note = "G54 is first used at B30,C90 and taken as touched off elsewhere: --datum G54=probed@B30,C90 if it was there"
+    for line, extra, expected in (
+        ("G0 X0. Y0. Z0. B30. C90.\n", (), True),
+        ("G0 X0. Y0. Z0. B30. C90.\n", ("--datum", "G54=probed@B30,C90"), False),
+        ("G0 X0. Y0. Z0. B30. C90.\n", ("--datum", "G54=true"), False),
+        ("G0 X0. Y0. Z0. B0. C0.\nB30. C90.\n", (), False),
+    ):
+        Path("part.nc").write_text(head + line)
+        done = command("part.nc", *options, *extra)
+        assert done.status == 0, done.err
+        assert (note in done.err.replace("C90,B30", "B30,C90")) is expected
+
+
+def test_judged_by_a_second_calibration_as_truth(command):
+    """Aligned at the datum that is touched off on the true machine."""
+    machine = machines.load("dmu50")
+    write_model(random_model(machine, 4, 10.0), Path("true.json"))
+    Path("part.nc").write_text(FLAT)
+    setup = ("-m", "dmu50", "--work-offset", "G54=-30,-20,150", "--tool-length", "T1=80")
+    assert command("part.nc", *setup, "-o", "out.nc").status == 0
+    both = json.loads(command("verify", "part.nc", "out.nc", *setup, "--align", "true.json", "--json", "-").out)
+    assert both["by_calibration"]["block_ends_um"]["after"]["max"] < 0.2
+    assert both["block_ends_um"]["after"]["max"] > 1.0
+    shop = Shop(chain_of("dmu50"), read_calibration(Path("true.json")).errors, 80.0)
+    offset = {"X": -30.0, "Y": -20.0, "Z": 150.0}
+    q = np.array([[{**offset, "Z": 230.0}.get(name, 0.0) for name in chain_of("dmu50").names]])
+    touched = TouchedOff(offset, shop.actual(q, 80.0)[0], shop.nominal(q, 80.0)[0])
+    for text, when in ((FLAT, "before"), (Path("out.nc").read_text(), "after")):
+        ends, _ = shop.cut(text, FLAT, touched)
+        assert both["block_ends_um"][when]["max"] == pytest.approx(ends.max(), abs=1e-3)
+    refused = command("verify", "part.nc", "out.nc", *setup, "--align", "no.json")
+    assert refused.status == 2
+    assert "no.json: No such file" in refused.err
