@@ -6,6 +6,7 @@ the position before it is left as in the input too.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +19,8 @@ from postproc.datum import datum_shifts
 from postproc.motions import Motions
 from postproc.notes import Notes
 
-SHARES = (0.25, 0.5, 0.75, 1.0)
-"""Shares of the way at which errors are compared."""
+WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
+"""Shares of the way whose largest errors are compared."""
 NOTE = "left as in the input: the feed move of rotary axes alone behind it would be worse with this correction"
 
 
@@ -69,11 +70,15 @@ def _worse(
     """True `(rows,)` for moves that with `kept` `(n, axes)`, mm, added all along err more than without it."""
     shift, tool = datum_shifts(motions, model, conditions)[rows], motions.tool[rows]
     states = conditions.states(None if approach is None else approach[rows])
-    largest = np.zeros((2, len(rows)))
-    for share in SHARES:
-        program = motions.along(share)
-        nominal = motions.in_machine(program)[rows]
-        for i, q in enumerate((nominal, motions.in_machine(program + kept)[rows])):
-            here = missed(motions.machine, model, q, nominal, tool, states, shift).point_um
-            largest[i] = np.maximum(largest[i], here)
-    return np.asarray(largest[1] > np.maximum(largest[0], tolerance_um))
+
+    def largest(shares: Sequence[float], added: Array | float) -> Array:
+        """Largest errors `(rows,)`, um, at these shares of the way."""
+        found = np.zeros(len(rows))
+        for share in shares:
+            program = motions.along(share)
+            nominal, q = motions.in_machine(program)[rows], motions.in_machine(program + added)[rows]
+            found = np.maximum(found, missed(motions.machine, model, q, nominal, tool, states, shift).point_um)
+        return found
+
+    pairs = [(largest(shares, 0.0), largest(shares, kept)) for shares in (WITHIN, AT_END)]
+    return np.asarray(np.any([after > np.maximum(before, tolerance_um) for before, after in pairs], axis=0))
