@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import re
 from pathlib import Path
 
 import msgspec
@@ -10,7 +11,7 @@ from programs import load, model_of
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError
-from kinematics.model import ErrorModel, write_model
+from kinematics.model import ErrorModel, decode_model, write_model
 from postproc.writer import Writer
 
 NOW = datetime.datetime.now(datetime.UTC)
@@ -235,3 +236,92 @@ def test_an_arc_of_two_turns_is_not_worse_than_in_the_input(ncomp):
     arc = "G21 G17 G90\nG0 X100.0 Y100.0 Z20.0\nG1 X140.0 Y135.0 F500\nG3 X140.0 Y135.0 Z5.0 I-20.0 J0 P2\nM30\n"
     done = ncomp(PLAY, "--json", "-", program=arc)
     assert WORSE in done.err if done.status else json.loads(done.out)["accepted"] == {}
+
+
+# ---- calibrations that are none
+
+
+def _in_provenance(key: str, value: str):
+    return lambda text: text.replace('"source":', f'"{key}": {value}, "source":', 1)
+
+
+def _made_at(value: str):
+    return lambda text: re.sub(r'"made_at": "[^"]*"', f'"made_at": {value}', text)
+
+
+ODD = {
+    "no time zone": (_made_at('"2026-01-01T00:00:00"'), "expected e.g. 2026-01-31T12:00:00Z"),
+    "no date": (_made_at('"yesterday"'), "expected e.g. 2026-01"),
+    "a number": (_made_at("5"), "expected e.g. 2026-01"),
+    "year 1": (_made_at('"0001-01-01T00:00:00+14:00"'), "valid for 365 days; --accept stale"),
+    "year 9999": (_made_at('"9999-12-31T23:59:59-14:00"'), "days ahead of this computer's clock"),
+    "valid for no time": (_in_provenance("valid_days", "0"), "Expected `float` > 0.0"),
+    "valid for ever": (_in_provenance("valid_days", "1e999"), "out of range"),
+    "temperatures the wrong way": (
+        _in_provenance("temperatures_degC", '{"spindle": [25.0, 20.0]}'),
+        "temperatures_degC: spindle from 25 to 20 degC",
+    ),
+    "NaN": (lambda text: text.replace('"value": 10.0', '"value": NaN'), "NaN and Infinity are no numbers in JSON"),
+    "infinite": (lambda text: text.replace('"value": 10.0', '"value": -Infinity'), "NaN and Infinity are no numbers"),
+    "huge": (lambda text: text.replace('"value": 10.0', '"value": 1e9'), "1e+09 um, more than 500 um"),
+}
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_calibrations_that_are_none_are_refused(command, case):
+    change, words = ODD[case]
+    Path("in.nc").write_text(PROGRAM)
+    write_model(of_x(), Path("cal.json"))
+    whole = Path("cal.json").read_text()
+    changed = change(whole)
+    assert changed != whole
+    Path("cal.json").write_text(changed)
+    done = command("in.nc", *GANTRY)
+    assert done.status == 2
+    assert words in done.err
+    assert not Path("out.nc").exists()
+
+
+@pytest.mark.parametrize("effects", [(), (LocationError("X", "X", 0.0),)], ids=["no effects", "an effect of size zero"])
+def test_a_calibration_of_nothing_changes_nothing(ncomp, effects):
+    assert ncomp(model_of(load("gantry"), *effects), "--tolerance-um", 0).status == 0
+    lines = Path("out.nc").read_text().splitlines()
+    assert [line for line in lines if "NCOMP" not in line] == PROGRAM.splitlines()
+
+
+OTHER_MACHINE = ("-m", "cframe", "-c", "cal.json")
+COMMANDS = {
+    "correct": ("in.nc", "-o", "out.nc"),
+    "verify": ("verify", "in.nc", "in.nc"),
+    "verify --old": ("verify", "in.nc", "in.nc", "-c", "none", "--old", "cal.json"),
+    "verify --align": ("verify", "in.nc", "in.nc", "-c", "none", "--align", "cal.json"),
+    "export": ("export", "--format", "linuxcnc", "-o", "out.nc"),
+    "predict": ("predict", "in.nc", "-o", "out.nc"),
+    "diagnose": ("diagnose", "in.nc", "-o", "out.nc"),
+    "simulate": ("simulate", "--strategy", "grid", "-o", "out.nc"),
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_another_machines_calibration_is_refused_by_every_command(command, name):
+    Path("in.nc").write_text(PROGRAM)
+    write_model(of_x(), Path("cal.json"))
+    arguments = COMMANDS[name]
+    machine = OTHER_MACHINE[:2] if "-c" in arguments else OTHER_MACHINE
+    done = command(*arguments, *machine)
+    assert done.status == 2
+    assert "is of machine gantry (w b X Y Z t), not of cframe" in done.err
+    assert not Path("out.nc").exists()
+
+
+def test_a_fit_states_its_validity_and_temperatures(command):
+    simulated = ("simulate", "-m", "gantry", "--strategy", "grid", "--points", "60", "--temperature", "spindle=20:25")
+    done = command(*simulated, "-o", "data.csv")
+    assert done.status == 0, done.err
+    for options, valid in (((), None), (("--valid-days", "90"), 90.0)):
+        done = command("fit", "data.csv", "-m", "gantry", "--basis", "legendre:1", "-o", "cal.json", *options)
+        assert done.status == 0, done.err
+        provenance = json.loads(Path("cal.json").read_text())["provenance"]
+        assert provenance.get("valid_days") == valid
+        assert provenance["temperatures_degC"] == {"spindle": [20.0, 25.0]}
+        assert decode_model(Path("cal.json").read_bytes(), "").temperatures == {"spindle": (20.0, 25.0)}
