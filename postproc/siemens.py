@@ -286,8 +286,8 @@ class SiemensInterpreter:
             raise block.refuse("another work offset in a plane of CYCLE800")
         data = self.scope.data
         if name in data.offsets:
-            self.control_state.enter_offset(name, data.coarse(name))
-            self.control_state.fine[name] = data.fine.get(name, {})
+            self.control_state.offsets[name] = data.coarse(name)
+            self.control_state.fine[name] = dict(data.fine.get(name, {}))
         self.work_offset, self.offset_said = name, True
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
 

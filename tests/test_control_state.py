@@ -119,6 +119,17 @@ def test_a_tool_length_defined_later_does_not_hold_for_an_earlier_call():
     assert followed == alone
 
 
+@pytest.mark.parametrize("part", ["TR", "FI"])
+def test_an_offset_that_is_set_acts_when_it_is_called_and_not_with_the_next_frame(part):
+    text = f"$P_UIFR[1,X,{part}]=7\nG54 G0 X0 Y0 Z0\n$P_UIFR[1,X,{part}]=90\nTRANS X1\nG0 X0\nG54 X0\n"
+    written, _ = run(job_of("siemens", text))
+    at_first = 7.0 if part == "TR" else 17.0
+    later = 90.0 if part == "TR" else 100.0
+    corrections = [float(line.split("X-")[1].split()[0]) for line in written.splitlines() if "X-" in line]
+    expected = [at_first / 1e3, (at_first + 1.0) / 1e3, (later + 1.0) / 1e3]
+    assert corrections == pytest.approx(expected, abs=2e-4)
+
+
 @pytest.mark.parametrize("loop", ["", LOOPS["siemens"]])
 def test_fine_offsets_do_not_add_up(loop):
     text = "$P_UIFR[1,X,FI]=0.5\nG54 G0 X0 Y0 Z0\nG54 X1\nG54 X2\n" + loop

@@ -170,12 +170,13 @@ def test_shipped_machines_assume_a_part_in_the_middle_of_the_table(name, machine
 
 @pytest.mark.parametrize("machine", machines.names())
 def test_assumed_offsets_leave_room(machine):
-    """Half of the travel of X and Y on both sides, and of Z for a tool of 100 mm."""
+    """The middle of X and Y; 100 mm below the part and 100 mm above the nose of a tool of 100 mm that touches it."""
     found = machines.load(machine)
     offset = found.work_offsets["default"]
-    for axis, tool in (("X", 0.0), ("Y", 0.0), ("Z", found.tools["default"])):
-        low, high = found.axes[found.index(axis)].travel
-        assert abs(offset[axis] + tool - (low + high) / 2) <= 0.1 * (high - low)
+    for axis in "XY":
+        assert offset[axis] == sum(found.axes[found.index(axis)].travel) / 2
+    low, high = found.axes[found.index("Z")].travel
+    assert low + 100.0 <= offset["Z"] <= high - found.tools["default"] - 100.0
 
 
 def test_assumed_where_the_user_gives_a_part(command):
