@@ -34,7 +34,7 @@ DIRECTIONS = {"DR+": 1, "DR-": -1}
 
 # Cycles that only a call runs, and data for them; dwell, oriented spindle stop, tolerance.
 HARMLESS_CYCLES = frozenset((*range(1, 7), 9, *range(13, 19), *range(20, 26), *range(27, 30), 32, 39)) | frozenset(
-    (*range(200, 216), 225, *range(230, 234), 240, 241, *range(251, 259), *range(262, 268), *range(270, 277))
+    (*range(200, 216), 225, *range(230, 234), 240, 241, *range(251, 259), *range(262, 268), *range(270, 277), 392)
 )
 REFUSED_CYCLES = {
     12: "calls a program",
@@ -56,7 +56,7 @@ FRAME_CYCLES = {
 PRESET_CYCLE = 247
 CALL_M = 99.0
 PLACING = frozenset((7, 8, 10, 11, 26))
-DATA_CYCLES = frozenset((9, 13, 14, 20, 32))
+DATA_CYCLES = frozenset((9, 13, 14, 20, 32, 392))
 """Run where they stand or hold data: a call does not mean them."""
 
 CYCLES_AT_START = frozenset((1, 2, 3, 4, 5, 17, 18))

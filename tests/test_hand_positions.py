@@ -57,6 +57,9 @@ KLARTEXT = {
     "L X+50 Y+0 Z+0|CR X+50 Y+50 R+25 DR+": (50, 50, 0),
     "L X+50 Y+0 Z+0|CR X+50 Y+50 R-40 DR-|CT X+90 Y+60": (90, 60, 0),
     AT_50 + "L Y+10|CTP PR+60 PA+90": (0, 60, 0),
+    # in the plane of Z and X angles count from Z towards X
+    "L X+158 Y+2 Z-21|CC X+156 Z-21|CP IPA+90 DR+": (156, 2, -23),
+    "L X+156 Y-82 Z-23|CC X+156 Z-21|CP IPA-90 DR-|L IX+1": (159, -82, -21),
     # a chamfer and a rounding leave the corner points
     "L X+0 Y+0 Z+0|L X+20|CHF 2|L Y+20|RND R5|L X+0": (0, 20, 0),
     # labels
