@@ -97,6 +97,8 @@ class UsedDatums:
     _known: set[TouchOff] = field(default_factory=set)
     _turned: dict[str, str] = field(default_factory=dict)
     """By work offset: note on rotary axes that stand elsewhere in its first move than at its touch-off; or none."""
+    _outside: list[str] = field(default_factory=list)
+    """Notes on touch-offs outside the travel, or outside what the calibration knows."""
 
     def add(self, motions: Motions) -> None:
         """Take in the moves of a chunk that programmed coordinates place."""
@@ -131,7 +133,7 @@ class UsedDatums:
 
     def notes(self) -> list[str]:
         """Notes on touch-offs that the program makes doubtful."""
-        return [note for note in self._turned.values() if note]
+        return [*filter(None, self._turned.values()), *self._outside]
 
     def predict(self, machine: Machine, model: ErrorModel, conditions: Conditions) -> None:
         """Work out where the true datums are; without effects nothing is known of them.
@@ -143,6 +145,24 @@ class UsedDatums:
         if model.effects:
             shifts = deviations(machine, model, [there.touch_off for there in self.used], conditions)
             self.used = [replace(there, shift=shift) for there, shift in zip(self.used, shifts, strict=True)]
+            for there in self.used[:LISTED]:
+                self._look_outside(machine, model, there.touch_off, conditions)
+
+    def _look_outside(self, machine: Machine, model: ErrorModel, there: TouchOff, conditions: Conditions) -> None:
+        q, _ = poses(machine, [there])
+        for axis, value in zip(machine.axes, q[0] / machine.scale, strict=True):
+            low, high = axis.travel
+            if not low - TURNED <= value <= high + TURNED:
+                self._outside.append(
+                    f"the touch-off of {there.name} takes {axis.name} to {value:.4g} {axis.unit}, outside its travel "
+                    f"{low:g}..{high:g} {axis.unit}: is the work offset, or the length of the probe, the right one?"
+                )
+        beyond = model.outside(machine, conditions.state(q, np.zeros_like(q)))
+        self._outside += [
+            f"at the touch-off of {there.name} {name} is used {excess:.4g} {unit} beyond its calibrated range; its end "
+            "value is held there"
+            for (name, unit), excess in sorted(beyond.items())
+        ]
 
     def facts(self, offsets: Iterable[str]) -> list[tuple[str, str]]:
         """All of them in words, and those of some work offsets that are true."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from programs import FIVE_AXES, THREE_AXES, centred, correct, load, model_of, random_model, shifted
+from programs import FIVE_AXES, THREE_AXES, centred, correct, load, model_of, random_model, shifted, source_of
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.part import Shop, TouchedOff
@@ -19,8 +19,12 @@ from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.model import write_model
 from kinematics.touch_off import Datum, read_datum, touch_off
+from postproc import execution as execution_module
 from postproc.conditions import Conditions
 from postproc.datum import deviations, poses
+from postproc.dialects import find_dialect
+from postproc.setup import make_setup
+from postproc.verify import merged, read_motions
 
 ROOT = Path(__file__).parents[1]
 BOX = (ROOT / "examples" / "box.nc").read_text()
@@ -329,3 +333,70 @@ def test_judged_by_a_second_calibration_as_truth(command):
     refused = command("verify", "part.nc", "out.nc", *setup, "--align", "no.json")
     assert refused.status == 2
     assert "no.json: No such file" in refused.err
+
+
+def test_a_touch_off_that_can_not_have_been(command):
+    Path("part.nc").write_text("G21 G90 G54 T1 M6\nG43 H1\nG0 X0. Y0. Z0.\n")
+    options = ("-m", "dmu50", "--work-offset", "G54=0,0,100", "--tool-length", "T1=80", "-o", "out.nc")
+    for datum, words in (
+        ("probed@X300", "takes X to 300 mm, outside its travel -250..250 mm"),
+        ("probed@probe=350", "takes Z to 450 mm, outside its travel 0..400 mm"),
+    ):
+        for line in (("part.nc", *options), ("verify", "part.nc", "out.nc", *options[:-2])):
+            done = command(*line, "--datum", f"G54={datum}")
+            assert done.status == 0, done.err
+            assert words in done.err
+    assert "beyond its calibrated range" in command("part.nc", *options, "--datum", "G54=probed@X300").err
+
+
+# ---- which datum a move has
+
+
+def touch_offs(text, machine, dialect="iso", **setup):
+    """The touch-off of every move of a program."""
+    source = source_of(text, {"iso": "a.nc", "siemens": "a.mpf", "heidenhain": "a.h"}[dialect])
+    motions = merged(
+        read_motions(source, find_dialect(dialect, source.name, ""), machine, make_setup(machine, **setup))
+    )
+    return [motions.frames[index].touch_off for index in motions.frame.tolist()]
+
+
+def test_shifts_keep_the_datum_of_their_work_offset():
+    machine = load("gantry")
+    setup = {"work_offsets": ["G54=100,200,300", "G55=1,2,3"], "tool_lengths": ["T1=80", "T2=50"], "probed": True}
+    text = (
+        "G21 G90 G17 G54 T1 M6\nG43 H1\nG0 X1. Y1. Z1.\nG52 X5.\nX2.\nG52 X0\nX3.\nG92 X9.\nX1.\nG92.1\n"
+        "G55\nX1. Y1. Z1.\nT2 M6\nG43 H2\nG54\nX1. Y1. Z1.\n"
+    )
+    found = touch_offs(text, machine, **setup)
+    assert {(there.name, there.position, there.probe) for there in found} == {
+        ("G54", (100.0, 200.0, 300.0), 80.0),
+        ("G55", (1.0, 2.0, 3.0), 80.0),
+    }
+
+
+@pytest.mark.parametrize(
+    ("dialect", "text", "positions"),
+    [
+        ("iso", "G21 G90 G54\nG0 X0. Y0. Z1.\nG10 L2 P1 X7. Y8. Z9.\nG0 X0. Y0. Z1.\n", [(1, 2, 3), (7, 8, 9)]),
+        ("siemens", "G71 G90 G54\nG0 X0 Y0 Z1\n$P_UIFR[1,X,TR]=7\nG54\nG0 X0 Y0 Z1\n", [(1, 2, 3), (7, 2, 3)]),
+        ("siemens", "G71 G90 G500\nG0 X0 Y0 Z1\nSUPA G0 X5 Y5 Z5\n", [None, None]),
+    ],
+)
+def test_an_offset_that_the_program_sets_is_touched_off_where_it_is_set(dialect, text, positions):
+    machine = load("gantry")
+    setup = {"work_offsets": ["G54=1,2,3"], "probed": True, "zero": True}
+    found = [there and there.position for there in touch_offs(text, machine, dialect, **setup)]
+    assert list(dict.fromkeys(found)) == list(dict.fromkeys(positions))
+
+
+def test_the_probe_is_as_long_as_the_first_tool_wherever_a_chunk_ends(monkeypatch):
+    """Moves before any tool has a length are on their own; no later tool changes what holds."""
+    machine = load("gantry")
+    lines = ["G21 G90 G54", "G0 X1. Y1.", "G43 H1 Z5.", "G1 X2. F100", "G0 X3.", "G43 H2 Z5.", "G1 X4."]
+    setup = {"work_offsets": ["G54=1,2,3"], "tool_lengths": ["T1=80", "T2=50"], "probed": True}
+    whole = [there.probe for there in touch_offs("\n".join(lines) + "\n", machine, **setup)]
+    assert whole == [None, 80.0, 80.0, 80.0, 80.0, 80.0]
+    for size in (1, 2, 3):
+        monkeypatch.setattr(execution_module, "CHUNK", size)
+        assert [there.probe for there in touch_offs("\n".join(lines) + "\n", machine, **setup)] == whole

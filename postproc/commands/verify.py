@@ -124,7 +124,7 @@ def verify(
     datums.predict(found, truth.part(in_a_program), conditions)
     for assumption in dict.fromkeys(state.assumption() for state in states):
         say_assumed(assumption)
-    for note in notes:
+    for note in (*notes, *datums.notes()):
         say("note", note)
     table = class_table(motions[0], truth, conditions) if classes else []
     with result(json) as results:
