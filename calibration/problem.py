@@ -12,6 +12,7 @@ from scipy import linalg
 from calibration.measurement import Measurement
 from calibration.normal import Normal, gather, residuals, whitened, whiteners
 from calibration.registration import Registration
+from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
@@ -186,7 +187,13 @@ def solution(normal: Normal, registration: Registration, prior: Array, away: Arr
     # what neither the data nor a prior hold does not move
     with_prior = information.copy()
     np.fill_diagonal(with_prior, np.diag(information) + limited + UNSEEN * (1.0 + np.diag(information)))
-    factor = linalg.cho_factor(with_prior, lower=True, overwrite_a=True)
+    try:
+        factor = linalg.cho_factor(with_prior, lower=True, overwrite_a=True)
+    except linalg.LinAlgError:
+        raise UserError(
+            "the equations of the fit have no solution: positions or readings of the data differ by so many orders of "
+            "magnitude that one of them must have a wrong unit or number"
+        ) from None
     parameters = linalg.cho_solve(factor, inner)
     step_of_own = half @ (half.T @ (right[:size] - mixed @ parameters))
     length = float(np.sqrt(max(parameters @ inner, 0.0) / max(len(parameters), 1)))
