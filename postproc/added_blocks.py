@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from postproc.iso_codes import DISTANCES, FEED_MODES, UNITS
 from postproc.program import Block, Word
-from postproc.words import Layout, place
+from postproc.words import Iterations, Layout, place
 
 ARCS = frozenset((2.0, 3.0))
 WORKED_OUT = frozenset(("CIP", "CT"))
@@ -103,6 +103,10 @@ class AddedBlock:
     """Of an arc, 0 of a straight line."""
     preface: str = ""
     """A block before it."""
+    iterations: Iterations | None = None
+    """Of the block beside it, where that may run several times."""
+    number: int = 0
+    """Among the blocks of ncomp's own beside that one."""
     _modes: list[str] = field(default_factory=list)
     _words: list[tuple[str, str]] = field(default_factory=list)
     _feed: list[str] = field(default_factory=list)
@@ -125,6 +129,21 @@ class AddedBlock:
     def names(self, axis: str) -> bool:
         """True when it says where an axis goes."""
         return any(address == axis for address, _ in self._words)
+
+    def agreed(self, name: str, number: float, decimals: int) -> float:
+        """The number that a word of this name had when the block ran first, where that is near enough."""
+        own = f"{self.number} {name}"
+        return number if self.iterations is None else self.iterations.agreed(own, number, decimals)
+
+    def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
+        """Add a word where what the control holds is not what is wanted, rounded; returns what it holds then."""
+        number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
+        if self.iterations is not None:
+            number = self.iterations.added(f"{self.number} {address}", number, wanted, held, decimals)
+        if number is None:
+            return held
+        self.insert(address, number, decimals)
+        return number
 
     def insert(self, address: str, value: float, decimals: int) -> None:
         """Add a word."""

@@ -108,8 +108,11 @@ class CircleWriter:
             value = round((place - origin) / unit, decimals)
             if isinstance(editor, WordEditor) and index is not None:
                 value = editor.set(index, (place - origin) / unit, decimals)
-            elif value != 0.0 or isinstance(editor, AddedBlock):
+            elif isinstance(editor, AddedBlock):
+                value = editor.agreed(self._centre_letter(axis), value, decimals)
                 editor.insert(self._centre_letter(axis), value, decimals)
+            else:
+                value = editor.add(self._centre_letter(axis), (place - origin) / unit, 0.0, decimals)
             written.append(origin + value * unit)
         return written[0], written[1]
 
@@ -126,10 +129,11 @@ class CircleWriter:
         decimals = decimals_for(self.machine.axes[arc.plane[0]].resolution / unit)
         radius = math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)) / unit
         if isinstance(editor, AddedBlock):
-            by_radius = centre_from_radius(start, end, round(radius, decimals) * unit, arc.sense)
+            radius = editor.agreed("R", round(radius, decimals), decimals)
+            by_radius = centre_from_radius(start, end, radius * unit, arc.sense)
             if by_radius is None or _strays(start, end, centre, by_radius, arc.sense) >= STRAY:
                 raise editor.beside.refuse("rounding its radius would move this arc in pieces: give its centre (CC, C)")
-            editor.insert("R", round(radius, decimals), decimals)
+            editor.insert("R", radius, decimals)
             return by_radius
         index = arc.words[0]
         assert index is not None
@@ -143,8 +147,9 @@ class CircleWriter:
         if editor.block.kind != "words":
             raise editor.block.refuse("rounding its radius would move this arc: give its centre (CC and C)")
         base = (0.0, 0.0) if arc.form == "radius-absolute" else start
-        values = [round((c - b) / unit, decimals) for c, b in zip(centre, base, strict=True)]
         letters = [self._centre_letter(axis) for axis in arc.plane[:2]]
+        offsets = [round((c - b) / unit, decimals) for c, b in zip(centre, base, strict=True)]
+        values = [editor.agreed(letter, value, decimals) for letter, value in zip(letters, offsets, strict=True)]
         editor.replace(index, sorted(zip(letters, values, strict=True)), decimals)
         return base[0] + values[0] * unit, base[1] + values[1] * unit
 

@@ -34,6 +34,8 @@ class Part:
     """Characters of text that were read for it."""
     varied: frozenset[int] = frozenset()
     """Blocks of the chunk that run several times, and move from or to different places."""
+    held: bool = False
+    """The program is held as a whole: blocks may run several times."""
 
 
 class Execution(Protocol):
@@ -128,7 +130,7 @@ class Walk:
                 motions = self.interpreter.read(_noting(chunk, places.append))
                 more = len(places) >= CHUNK
                 varied = frozenset(i for i, place in enumerate(places) if place in self.varied)
-                yield Part(motions, places, size, varied)
+                yield Part(motions, places, size, varied, held=True)
                 size = 0
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None

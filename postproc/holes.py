@@ -80,7 +80,7 @@ class HoleWriter:
             stands = editor.block.words[index].value or 0.0
             said = editor.set(index, number, scale.decimals) if scale.corrected else stands
         elif scale.corrected and (scale.both or self._differs(what, wanted, scale.unit, scale.decimals)):
-            said = round(number, scale.decimals)
+            said = editor.agreed(address, round(number, scale.decimals), scale.decimals)
             editor.insert(address, said, scale.decimals)
         else:
             return self._held.get(what, wanted)

@@ -208,7 +208,7 @@ class Pipeline:
             refuse_outside(motions, correction.corrected, "after correction", self.interpreter.control_state)
         else:
             note_outside(motions, correction.corrected, self.notes)
-        written = self.writer.write(motions, correction)
+        written = self.writer.write(motions, correction, part.places if part.held else None)
         self._judge(motions, correction, written)
         report.added_blocks += written.added
         return written.texts

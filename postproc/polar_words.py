@@ -137,9 +137,6 @@ def _set(editor: WordEditor, word: tuple[str, int | None], before: float, wanted
     """Say a polar coordinate; returns its value, which may be said as an increment, or left out where it stays."""
     name, index = word
     if index is None:
-        if round(wanted - before, decimals) == 0.0:
-            return before
-        editor.insert(name, round(wanted, decimals), decimals)
-        return round(wanted, decimals)
+        return editor.add(name, wanted, before, decimals)
     base = before if editor.block.words[index].address.startswith("I") else 0.0
     return base + editor.set(index, wanted - base, decimals)

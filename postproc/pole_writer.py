@@ -88,7 +88,10 @@ class PoleWriter:
         """A pole of our own before a block; returns it as it is written."""
         names = [self.machine.names[axis] for axis in plane[:2]]
         decimals = self._decimals(plane[0], unit)
-        values = [round(place / unit, decimals) for place in pole]
+        values = [
+            editor.agreed(f"pole {name}", round(place / unit, decimals), decimals)
+            for name, place in zip(names, pole, strict=True)
+        ]
         editor.centre_before(list(zip(names, values, strict=True)), decimals)
         return values[0] * unit, values[1] * unit
 

@@ -54,11 +54,40 @@ class Layout:
 
 
 @dataclass
+class Iterations:
+    """The numbers that a block was given when it ran first: it keeps them where others differ by no more than `counts`.
+
+    So a block of a loop has one text, which is that of its first iteration in style too.
+    """
+
+    layout: Layout
+    counts: float
+    """How far a number may be from that of the first iteration, in units of its last decimal."""
+    numbers: dict[str, float | None] = field(default_factory=dict)
+    """By a name for the word; None for one that was left out."""
+
+    def agreed(self, name: str, number: float, decimals: int) -> float:
+        """The number of the first iteration, if it is near enough."""
+        first = self.numbers.setdefault(name, number)
+        return first if first is not None and self._near(first, number, decimals) else number
+
+    def added(self, name: str, number: float | None, wanted: float, held: float, decimals: int) -> float | None:
+        """The same for a word that may be left out: None where that leaves `held`, which is near enough to `wanted`."""
+        first = self.numbers.setdefault(name, number)
+        return first if self._near(held if first is None else first, wanted, decimals) else number
+
+    def _near(self, first: float, number: float, decimals: int) -> bool:
+        return abs(number - first) <= self.counts * 10.0**-decimals
+
+
+@dataclass
 class WordEditor:
     """Collects the edits of one block; values in the units of its words."""
 
     block: Block
     layout: Layout
+    iterations: Iterations | None = None
+    """Of a block that may run several times."""
     edits: list[Edit] = field(default_factory=list)
 
     def set(self, index: int, value: float, decimals: int) -> float:
@@ -80,14 +109,28 @@ class WordEditor:
 
     def rounded(self, index: int, value: float, decimals: int) -> float:
         """What a word would say that `set` makes say `value`: just what it says, when that is the same rounded."""
-        word = self.block.words[index]
-        if word.formula is not None and word.formula.instead:
-            return round(value, decimals)
-        decimals = max(decimals_of(self._number(word)), decimals)
-        number, original = round(value, decimals), word.value or 0.0
+        word, counted = self.block.words[index], decimals
+        original = 0.0 if word.formula is not None and word.formula.instead else word.value or 0.0
         if word.formula is not None:
-            number = original + round(value - original, decimals)
-        return original if abs(number - original) < 0.5 * 10.0**-decimals else number
+            return original + self.agreed(f"shift {index}", round(value - original, decimals), counted)
+        decimals = max(decimals_of(self._number(word)), decimals)
+        number = round(value, decimals)
+        number = original if abs(number - original) < 0.5 * 10.0**-decimals else number
+        return self.agreed(f"word {index}", number, counted)
+
+    def agreed(self, name: str, number: float, decimals: int) -> float:
+        """The number that a word of this name had when the block ran first, where that is near enough."""
+        return number if self.iterations is None else self.iterations.agreed(name, number, decimals)
+
+    def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
+        """Add a word where what the control holds is not what is wanted, rounded; returns what it holds then."""
+        number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
+        if self.iterations is not None:
+            number = self.iterations.added(address, number, wanted, held, decimals)
+        if number is None:
+            return held
+        self.insert(address, number, decimals)
+        return number
 
     def insert(self, address: str, value: float, decimals: int) -> None:
         """Add a word at its place in the order PR PA X Y Z A B C U V W I J K R."""

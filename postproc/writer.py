@@ -7,6 +7,7 @@ by then, a word is inserted. The writer keeps what the control will hold after r
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -37,7 +38,7 @@ from postproc.numbers import decimals_for, decimals_holding
 from postproc.polar import PolarWriter
 from postproc.pole_writer import PoleWriter
 from postproc.program import edited
-from postproc.words import ORDER, Layout, WordEditor
+from postproc.words import ORDER, Iterations, Layout, WordEditor
 
 
 class Written(NamedTuple):
@@ -75,6 +76,9 @@ class Writer:
         self._held: list[float] | None = None
         self._frame: Frame | None = None
         self._editors: dict[int, WordEditor] = {}
+        self._places: Sequence[int] | None = None
+        self._iterations: dict[int, Iterations] = {}
+        """By block of the program, where blocks may run several times."""
         self._said: list[list[bool]] = []
         self._ours: list[bool] = []
         self._inner: list[bool] = []
@@ -96,8 +100,9 @@ class Writer:
     def _letter(self, axis: int) -> int:
         return ORDER.index(self.machine.names[axis][0])
 
-    def write(self, motions: Motions, correction: Correction) -> Written:
-        """Edit the blocks of a chunk."""
+    def write(self, motions: Motions, correction: Correction, places: Sequence[int] | None = None) -> Written:
+        """Edit the blocks of a chunk; places: their indices in a program whose blocks may run several times."""
+        self._places = places
         self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
         turning = motions.turning
@@ -165,7 +170,25 @@ class Writer:
             held[axis] = float(motions.target[row, axis] + shift[axis])
 
     def _editor(self, motions: Motions, block: int) -> WordEditor:
-        return self._editors.setdefault(block, WordEditor(motions.blocks[block], self._layout))
+        if block not in self._editors:
+            self._editors[block] = self._new_editor(motions, block)
+        return self._editors[block]
+
+    def _new_editor(self, motions: Motions, block: int) -> WordEditor:
+        iterations = self._iterations_of(motions, block)
+        layout = self._layout if iterations is None else iterations.layout
+        return WordEditor(motions.blocks[block], layout, iterations)
+
+    def _iterations_of(self, motions: Motions, block: int) -> Iterations | None:
+        """What a block of the chunk was given when it ran first; None in a program whose blocks all run once."""
+        if self._places is None:
+            return None
+        if self._places[block] not in self._iterations:
+            # half of the tolerance, in units of the last decimal of a coordinate
+            unit = float(motions.unit[np.searchsorted(motions.block, block)])  # of a CC that of its arc
+            counts = 0.5e-3 * self.tolerance_um / unit * 10.0 ** self._decimals(self.machine.translators[0], unit)
+            self._iterations[self._places[block]] = Iterations(self._layout, counts)
+        return self._iterations[self._places[block]]
 
     def _decimals(self, axis: int, unit: float) -> int:
         return decimals_for(self.machine.axes[axis].resolution / unit)
@@ -180,7 +203,7 @@ class Writer:
             return
         self._layout = self._layout.after(motions.blocks[block])
         again = block in self._begun and row in motions.cycles
-        editor = WordEditor(motions.blocks[block], self._layout) if again else self._editor(motions, block)
+        editor = self._new_editor(motions, block) if again else self._editor(motions, block)
         if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
             editor.say_motion("G3" if motions.arcs[row].sense > 0 else "G2")
         self._write_words(motions, correction, row, held, turning, editor)
@@ -327,11 +350,9 @@ class Writer:
         decimals: int,
     ) -> float:
         """Name an axis that the block leaves out, if it has to move; returns where it stands after the block."""
-        if round(number + (base - held) / unit, decimals) == 0.0:
-            return held
-        number = round(number, decimals)
-        editor.insert(self.machine.names[axis], number, decimals)
-        return base + number * unit
+        before = (held - base) / unit
+        after = editor.add(self.machine.names[axis], number, before, decimals)
+        return held if after == before else base + after * unit
 
     def _pole_editor(self, motions: Motions, row: int) -> WordEditor | None:
         """Klartext: where the pole of an arc can be said, in a CC right before it."""
@@ -346,7 +367,10 @@ class Writer:
         takes_up = motions.kind[row] == Kind.TAKE_UP
         tag = Tag.TAKE_UP if takes_up else Tag.PIECE if math.isnan(begin) else part(begin)
         block = motions.blocks[motions.block[row]]
-        return AddedBlock(block, self._layout.after(block), tag, 0 if arc is None else arc.sense)
+        iterations = self._iterations_of(motions, int(motions.block[row]))
+        layout = (self._layout if iterations is None else iterations.layout).after(block)
+        number = int(np.count_nonzero(motions.added[:row] & (motions.block[:row] == motions.block[row])))
+        return AddedBlock(block, layout, tag, 0 if arc is None else arc.sense, iterations=iterations, number=number)
 
     def _put_beside(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
         """Put a block of our own before or behind the one whose move it belongs to, unless it moves nothing."""
