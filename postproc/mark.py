@@ -101,19 +101,20 @@ class MarkedOutput:
     def __init__(self, out: IO[bytes], rest: IO[bytes]) -> None:
         self._out, self._rest = out, rest
         self.has_room = False
+        self._number = ""
 
     def write(self, texts: Iterable[str]) -> None:
         """Write lines, behind the room for the mark if there is one."""
         (self._rest if self.has_room else self._out).writelines(text.encode(ENCODING) for text in texts)
 
-    def leave_room(self) -> None:
-        """The mark comes here."""
-        self.has_room = True
+    def leave_room(self, number: str = "") -> None:
+        """The mark comes here, behind the number of its block."""
+        self.has_room, self._number = True, number
 
     def finish(self, mark: str) -> None:
         """Write the mark, if there is room for it, and all that comes behind it."""
         if self.has_room:
-            self._out.write(mark.encode(ENCODING))
+            self._out.write((self._number + mark).encode(ENCODING))
             self._rest.seek(0)
             shutil.copyfileobj(self._rest, self._out)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
-from postproc.circles import SAME, point_at, sweep
+from postproc.circles import SAME, point_along, sweep
 from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
 from postproc.program import Block
@@ -174,7 +174,7 @@ class Motions:
     def along(self, share: float) -> Array:
         """Programmed positions `(n, axes)` at a share of the way of each move, on arcs round their circle.
 
-        At 1 they are the targets, which may lie beside the circle by what controls let pass.
+        Where the two radii of an arc differ by what controls let pass, the one runs evenly into the other.
         """
         if share == 1.0:
             return self.target.copy()
@@ -184,7 +184,7 @@ class Motions:
             start, end = self.start[row].tolist(), self.target[row].tolist()
             first, last = (start[i], start[j]), (end[i], end[j])
             turned = sweep(first, last, arc.centre, arc.sense, arc.full, arc.turns)
-            program[row, [i, j]] = point_at(first, arc.centre, share * turned)
+            program[row, [i, j]] = point_along((first, last), arc.centre, turned, share)
         return np.asarray(program)
 
     @property

@@ -9,6 +9,7 @@ grow with the program.
 from __future__ import annotations
 
 import datetime
+import itertools
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from kinematics.classes import ORIENTATION, select
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from kinematics.transforms import Array
+from postproc.block_numbers import BlockNumbers
 from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
 from postproc.datum import datum_prediction
@@ -94,6 +96,7 @@ class Pipeline:
         self.take_ups = TakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
         self.before = Judge(self.model, job.machine, job.conditions, job.tolerance_um)
         self.after = Judge(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
+        self._numbers = BlockNumbers(klartext=job.dialect.name == "heidenhain")
         self.writer = Writer(
             job.machine,
             orientation=self.orientation,
@@ -178,11 +181,12 @@ class Pipeline:
         report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
         if job.dialect.name == "iso":
             refuse_lengthened(job.machine.control, blocks, texts)
+        numbered = (self._numbers.renumbered(block, text) for block, text in zip(blocks, texts, strict=True))
         place = mark_place(job.dialect, blocks) if self.model.effects and not out.has_room else None
         if place is not None:
-            out.write(texts[:place])
-            out.leave_room()
-        out.write(texts[place or 0 :])
+            out.write(itertools.islice(numbered, place))
+            out.leave_room(self._numbers.next_number())
+        out.write(numbered)
 
     def _correct(self, part: Part) -> list[str]:
         """Texts of a chunk of blocks, corrected."""

@@ -20,6 +20,8 @@ from postproc.polar_words import (
 )
 from postproc.words import WordEditor
 
+NEAR = 3e-4
+"""mm: an arc round a pole that is nearer than this to its centre keeps its path but for as much."""
 Ends = tuple[list[float], list[float]]
 """Where the control stands before a move, and behind it: positions of all axes, mm and degrees."""
 
@@ -70,11 +72,19 @@ class PoleWriter:
         unit = float(motions.unit[row])
         if pole_editor is not None:
             centre = self._say(pole_editor, arc, unit)
+        elif self._stands(arc, editor):
+            assert self._held is not None
+            _, centre = self._held
         else:
             centre = self._put(arc.plane, arc.centre, unit, editor)
         self._held = arc.pole, centre
         self._write_end(motions, row, arc._replace(centre=centre), ends, editor, dropped)
         return centre
+
+    def _stands(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
+        """The pole that the control holds is near enough to the centre of an arc."""
+        near = self._held is not None and self._held[0] == arc.pole and math.dist(self._held[1], arc.centre) < NEAR
+        return near and (editor.iterations is None or editor.iterations.chosen("pole stands", near))
 
     def _say(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
         """The pole in a CC of the program."""

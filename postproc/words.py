@@ -76,6 +76,10 @@ class Iterations:
         first = self.numbers.setdefault(name, number)
         return first if self._near(held if first is None else first, wanted, decimals) else number
 
+    def chosen(self, name: str, choice: bool) -> bool:
+        """The choice of the first iteration."""
+        return bool(self.numbers.setdefault(name, float(choice)))
+
     def _near(self, first: float, number: float, decimals: int) -> bool:
         return abs(number - first) <= self.counts * 10.0**-decimals
 

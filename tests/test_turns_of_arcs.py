@@ -101,3 +101,11 @@ def test_linuxcnc_runs_the_pieces(linuxcnc, seed):
     assert {move.turns for move in pieces} == {int(math.copysign(1, whole.turns))}
     assert np.linalg.norm(np.subtract(pieces[-1].centre, whole.centre)[:3]) < 1.0 + abs(whole.end[0] * 1e-3)
     assert result.report.split_moves >= 1
+
+
+def test_the_radius_runs_evenly_from_one_end_to_the_other():
+    """Where the two radii differ by what controls let pass: no jump of 15 um at the end of the arc."""
+    text = HEAD.format(plane="G17") + "G3 X1010 Y1029.985 I0 J10 F500\n"
+    motions = read(text, GANTRY)
+    radii = [math.dist(motions.along(share)[-1, :2], (1010.0, 1020.0)) for share in (0.0, 0.5, 0.9999999, 1.0)]
+    assert radii == pytest.approx([10.0, 9.9925, 9.985, 9.985], abs=1e-6)
