@@ -41,6 +41,10 @@ from postproc.program import edited
 from postproc.words import ORDER, Iterations, Layout, WordEditor
 
 
+MOST_APART_UM = 1.0
+"""Half of it is the most that iterations of a block may need of other corrections than its text has."""
+
+
 class Written(NamedTuple):
     """A chunk as it was written; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
 
@@ -184,9 +188,14 @@ class Writer:
         if self._places is None:
             return None
         if self._places[block] not in self._iterations:
-            # half of the tolerance, in units of the last decimal of a coordinate
+            # half of the tolerance, but not of one that splits nothing; in units of the last decimal of a coordinate
             unit = float(motions.unit[np.searchsorted(motions.block, block)])  # of a CC that of its arc
-            counts = 0.5e-3 * self.tolerance_um / unit * 10.0 ** self._decimals(self.machine.translators[0], unit)
+            counts = (
+                0.5e-3
+                * min(self.tolerance_um, MOST_APART_UM)
+                / unit
+                * 10.0 ** self._decimals(self.machine.translators[0], unit)
+            )
             self._iterations[self._places[block]] = Iterations(self._layout, counts)
         return self._iterations[self._places[block]]
 
