@@ -40,7 +40,6 @@ from postproc.pole_writer import PoleWriter
 from postproc.program import edited
 from postproc.words import ORDER, Iterations, Layout, WordEditor
 
-
 MOST_APART_UM = 1.0
 """Half of it is the most that iterations of a block may need of other corrections than its text has."""
 
