@@ -427,9 +427,12 @@ class IsoInterpreter:
         # the level before the first of several cycles is that of all
         level = self.recorder.position[axis] if begun is None else begun.level
         known = self.recorder.known[axis] if begun is None else begun.known
-        counted = not self.modes.absolute
-        self.cycle = CannedCycle(axis, counted, level, known, begun=begun is not None and begun.begun)
-        if begun is not None and begun.incremental == counted and (code == self.motion or self._keeps_depth):
+        counted, unit = not self.modes.absolute, self.modes.unit
+        frame = self.recorder.frame if begun is None else begun.frame
+        drilled = begun is not None and begun.begun
+        self.cycle = CannedCycle(axis, counted, level, known, unit, frame, begun=drilled)
+        alike = begun is not None and (begun.incremental, begun.unit) == (counted, unit)
+        if begun is not None and alike and (code == self.motion or self._keeps_depth):
             self.cycle.retract, self.cycle.depth = begun.retract, begun.depth
         self.motion = code
         if axis != cartesian(self.machine)[2]:
@@ -469,10 +472,18 @@ class IsoInterpreter:
         switched = cycle.incremental == self.modes.absolute
         # of holes at one place all but the first change nothing
         for _ in range(times[0] if times and not self.modes.absolute else 1):
-            hole = cycle.hole(block, self.recorder, words, retract, self.modes.to_retract, switched=switched)
+            hole = cycle.hole(block, self.recorder, words, retract, self._returns(cycle), switched=switched)
             if polar is not None:
                 self._go_polar(hole.target, polar)
             self.recorder.drill(index, hole.target, hole.level, self.modes.unit, hole.places, hole.cycle)
+
+    def _returns(self, cycle: CannedCycle) -> bool | None:
+        """Where a hole ends, as `to_retract`; None where the level before the cycle is of another frame.
+
+        There LinuxCNC returns to its number, and others to its position.
+        """
+        moved = self.recorder.frame != cycle.frame and self.machine.control.family != "linuxcnc"
+        return None if moved and not self.modes.to_retract else self.modes.to_retract
 
     def _check_stored(self, content: Content, cycle: CannedCycle, words: AxisWords) -> None:
         """K0 and L0 set the depth and R of the holes that come; LinuxCNC refuses them."""
@@ -481,6 +492,8 @@ class IsoInterpreter:
             raise content.refuse("a canned cycle that runs no times, with a position or increments: controls differ")
 
     def _check_cycle_frame(self, content: Content, cycle: CannedCycle) -> None:
+        if cycle.unit != self.modes.unit:
+            raise content.refuse("G20 or G21 within a canned cycle: some controls read its depth anew")
         if cycle.incremental == self.modes.absolute:
             self._check_switched(content, cycle)
         if cycle.axis != self.machine.index(self.modes.plane[2]):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from postproc.frames import Frame
 from postproc.iso_codes import CYCLE_WORDS
 from postproc.iso_content import Content
 from postproc.moves import AxisWord, Cycle, Known
@@ -36,6 +37,10 @@ class CannedCycle:
     """Where the axis stood then, mm."""
     known: Known
     """How that is known."""
+    unit: float
+    """mm; of its numbers."""
+    frame: Frame
+    """In which it began."""
     retract: float | None = None
     depth: float | None = None
     begun: bool = False

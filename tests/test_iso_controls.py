@@ -9,6 +9,7 @@ import pytest
 from programs import correct, load, random_model, read, shifted
 
 import machines
+from kinematics.errors import UserError
 from postproc.compensate import missed
 
 HEAD = "G21 G90 G17 G54 G94\nG0 X1000. Y1000. Z-500.\nG1 X1100. F500\n"
@@ -70,6 +71,9 @@ BLOCKS = {
     "G68 X0. Y0. R1.\nG54 G69\nG1 X1200. Y1000.": "",
     "G51.1 X1000.\nG0 G50.1\nX1200.": "",
     "G50 G0 X1200.": "any fanuc linuxcnc",
+    "G81 X1200. Y1000. Z-510. R-505.\nG20 X47.": "any fanuc linuxcnc",
+    "G81 X1200. Y1000. Z-510. R-505.\nG20 G81 X47.": "any fanuc linuxcnc",
+    "G81 X1200. Y1000. Z-510. R-505.\nG20 G81 X47. Z-20. R-19.8\nG80": "",
     "G52 X5.\nG0 X1000. Y1000. Z-500.\nG81 Z-510. R-505.\nG92.1\nX1200.": "any fanuc linuxcnc",
     "G52 X5.\nG0 X1000. Y1000. Z-500.\nG81 Z-510. R-505.\nG80 G92.1\nG1 X1200. Y1000. Z-500.": "",
     "G82 X1150. Y1000. Z-510. R-505. P0\nG82 X1200.\nG80": "",
@@ -241,3 +245,16 @@ def test_a_cycle_that_is_only_set_is_corrected_at_its_first_hole():
     text = "G21 G90 G54 G17 G98\nG0 X10. Y5. Z100.\nG81 Z-20. R2. F100 K0\nX20.\nX30.\nG80\nG0 Z90.\n"
     written = correct(text, machine, shifted(machine, X=3.0, Z=5.5), travel_check=False).text.splitlines()
     assert written[3:6] == ["G81 Z-20. R2. F100 K0", "X19.9970 R1.9945 Z-20.0055", "X29.9970"]
+
+
+@pytest.mark.parametrize(("family", "refused"), [("any", True), ("fanuc", True), ("linuxcnc", False)])
+def test_the_level_of_a_cycle_in_another_work_offset(family, refused):
+    """G98 returns to its number on LinuxCNC and to its position elsewhere: no increment may start there."""
+    text = HEAD + "G98 G81 X1200. Z-510. R-505.\nG55 X1100.\nG80 G0 X1000.\nG91 Z5.\n"
+    setup = {"offsets": ["G54=0,0,0", "G55=0,0,-20"]}
+    if refused:
+        with pytest.raises(UserError, match="an increment of Z from a position that the program has not said"):
+            read(text, with_family("gantry", family), **setup)
+    else:
+        motions = read(text, with_family("gantry", family), **setup)
+        assert motions.machine_target[-1, 2] == -500.0 - 20.0 + 5.0
