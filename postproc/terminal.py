@@ -135,6 +135,11 @@ def show_machine(machine: Machine, calibration: str) -> None:
             f"{axis.resolution:g}",
         )
     output.print(table)
+    for name, offset in machine.work_offsets.items():
+        values = ", ".join(f"{axis} {value:g}" for axis, value in offset.items()) or "0"
+        output.print(f"work offset  {name}: {values}{' (assumed)' if machine.offsets_assumed else ''}")
+    for name, length in machine.tools.items():
+        output.print(f"tool length  {name}: {length:g} mm{' (assumed)' if machine.tools_assumed else ''}")
 
 
 def say_assumed(sentence: str) -> None:

@@ -244,6 +244,22 @@ def test_an_entry_by_name_comes_before_the_default(command):
     )
 
 
+def test_machines_shows_what_a_file_assumes(command):
+    shown = command("machines", "dmu50").out.decode()
+    assert "work offset  default: X 0, Y 0, Z 100 (assumed)" in shown
+    assert "tool length  default: 100 mm (assumed)" in shown
+
+
+def test_a_path_that_is_planned_along_a_program_needs_its_set_up(command):
+    Path("path.nc").write_text("G21 G90 G54\nG0 X0 Y0 Z100\nG1 X100 F1000\nY100\nX0\nZ200\nX100\nY0\nX0\n")
+    options = ("plan", "--strategy", "on-the-fly", "--path", "path.nc", "--target", "t=0,0,-100", "-o", "plan.csv")
+    refused = command(*options, *ALONE[:2])
+    assert refused.status == 2
+    assert "work offset G54 is not given" in refused.err
+    assert command(*options, *ALONE[:2], "--set-up-zero").status == 0
+    assert command(*options, *ALONE[:2], "--work-offset", "G54=1,2,3").status == 0
+
+
 # ---- travel
 
 

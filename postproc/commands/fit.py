@@ -135,7 +135,8 @@ def fit(
     effects = read_effects(effect or [], found_machine)
     taken = None
     if path is None:
-        refuse_without_path(cell_mm=cell_mm, reversal=reversal, work_offset=work_offset, tool_length=tool_length)
+        given = {"work_offset": work_offset, "tool_length": tool_length, "set_up_zero": set_up_zero or None}
+        refuse_without_path(cell_mm=cell_mm, reversal=reversal, **given)
         measurement = read_data(data, found_machine, file_format, header, columns, plan)
     else:
         setup = setup_of(found_machine, work_offset, tool_length, tool_table, zero=set_up_zero)
