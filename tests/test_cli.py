@@ -290,6 +290,7 @@ def test_json(ncomp):
         *JSON_KEYS,
         "max_correction_um",
         "not_split",
+        "not_corrected",
         "notes",
         "datum",
         "errors_relative_to",
