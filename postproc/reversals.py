@@ -52,6 +52,8 @@ class Directions:
         """After the last row `(axes,)`: -1, 0, 1."""
         self._farthest: dict[int, float | None] = dict.fromkeys(axes)
         self._behind_cycle = False
+        self.returned = np.empty((0, len(band)))
+        """Directions in which canned cycles returned to the starts of the last moves `(n, axes)`, nan behind others."""
 
     def follow_moves(self, motions: Motions, positions: Array, starts: Array, certain: NDArrayBool) -> Array:
         """Directions `(n, shares, axes)` at positions `(n, shares, axes)` along moves that start at `(n, axes)`.
@@ -60,10 +62,13 @@ class Directions:
         """
         behind = np.append(self._behind_cycle, motions.kind == Kind.CYCLE)
         self._behind_cycle = bool(behind[-1])
+        self.returned = np.full_like(starts, np.nan)
         if not behind[:-1].any():
             return follow_ways(self, positions, certain)
         returned = np.where(behind[:-1, None], starts, np.nan)
-        return follow_ways(self, np.concatenate([returned[:, None], positions], axis=1), certain)[:, 1:]
+        found = follow_ways(self, np.concatenate([returned[:, None], positions], axis=1), certain)
+        self.returned[behind[:-1]] = found[behind[:-1], 0]
+        return found[:, 1:]
 
     def follow(self, q: Array, certain: NDArrayBool) -> Array:
         """Directions `(n, axes)`, -1, 0, 1, in which the axes come to positions q `(n, axes)`, mm and rad.

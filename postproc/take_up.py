@@ -109,6 +109,7 @@ class TakeUps:
             positions = np.concatenate([inner, positions], axis=1)
         starts = motions.in_machine(motions.start) + before
         found = self._directions.follow_moves(motions, positions, starts, certain)
+        self._note_returned(motions, found[:, 0])
         if winding.any():
             found[~winding] = found[~winding, -1:]
             self._note_inside(motions, found, winding)
@@ -156,6 +157,15 @@ class TakeUps:
             block = motions.blocks[motions.block[row]]
             name = self.machine.names[axis]
             self._note(f"the play of {name} is taken up along a feed move, not before it", "it turns back in it", block)
+
+    def _note_returned(self, motions: Motions, first: Array) -> None:
+        """Say which feed moves turn an axis back that a canned cycle has just taken back to where they start."""
+        returned = self._directions.returned
+        turns = (returned * first < 0.0) & feeds(motions)[:, None]
+        for row, axis in np.argwhere(turns):
+            name = self.machine.names[axis]
+            block = motions.blocks[motions.block[row]]
+            self._note(f"the play of {name} is taken up along a feed move, not before it", "a cycle ends there", block)
 
     def _note_unknown(self, motions: Motions, approach: Array) -> None:
         """Say which axes are taken in the middle of their play."""

@@ -405,3 +405,9 @@ def test_the_orientation_too():
 def test_a_drill_returns_before_the_next_move(cycle, to, expected):
     """Its axis comes from where the cycle has left it, not from the bottom of the hole."""
     assert written(f"{cycle}\nG80\n{to}\n")[-1].split()[1] == expected
+
+
+def test_a_feed_move_that_turns_back_behind_a_cycle_is_noted():
+    text = HEAD + "G99 G81 X120. Y100. Z90. R105.\nG1 X150. Z95.\nM2\n"
+    notes = correct(text, GANTRY, PLAYED).report.notes
+    assert any("the play of Z is taken up along a feed move" in note and "line 5" in note for note in notes), notes

@@ -1,12 +1,16 @@
 """Differences that the fuzzers have found stay away, and 200 programs of each show no new one."""
 
 import json
+import random
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.fuzz import EXAMINERS
 from tests.fuzz.case import FOUND, Case, Outcome, Verdict, examiner, load, save
+from tests.fuzz.gantry import constant, flat
 from tests.fuzz.runner import Count, judge, run
 from tests.fuzz.shrink import shrink
 
@@ -59,3 +63,37 @@ def test_classes_are_counted():
         count.add(outcome)
     assert count.line() == "3 programs, 1 compared, 1 refused, 1 differences"
     assert count.differences == {"end": 1}
+
+
+PROGRAM = (
+    "G21 G90 G17 F500\nG54 G0 X1. Y2. Z30.\nG0 X10. Y20. Z25.\nG1 X60. M8\nG2 X60. Y40. J10.\nG1 X20. Y5. Z-3.\nM2\n"
+)
+
+
+@pytest.mark.usefixtures("linuxcnc")
+@pytest.mark.parametrize("name", ["linuxcnc", "play"])
+@pytest.mark.parametrize(
+    ("old", "new", "kind"),
+    [
+        (r"X60\.\d*(?= .*M8)", "X60.9", {"end", "between ends", "line"}),
+        (r"M8", "M9", {"other calls"}),
+        (r"\nG2 .*", "", {"missing move", "kind of move"}),
+        (r"\nM2", "\nG0 X0 Y0 Z0\nM2", {"extra move"}),
+        (r"G1 .*TAKE-UP.*\n", "", {"arc", "line"}),
+    ],
+)
+def test_what_is_spoilt_differs(name, old, new, kind, monkeypatch):
+    """The examiners see a position, a switch, a move and a take-up that are wrong."""
+    module = examiner(name)
+    case = replace(module.draw(2), program=PROGRAM)
+    rng = random.Random(0)
+    errors = constant(rng) if name == "linuxcnc" else flat(rng, (15.0, 15.0, 15.0))
+    case = replace(case, calibration=errors.text(), options=tuple(o for o in case.options if o != "--unroll"))
+    assert judge(module, case) == Outcome(Verdict.COMPARED)
+    written = module.correct(case)
+    spoilt = re.sub(old, new, written.text)
+    if spoilt == written.text:
+        assert name == "linuxcnc"  # nothing is taken up without play
+        return
+    monkeypatch.setattr(module, "correct", lambda _: written._replace(text=spoilt))
+    assert judge(module, case).kind in kind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,10 @@ class Errors:
     parameters: Array
     play: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Lost motion, um: an axis that moves up stands half of it lower."""
+    wave: tuple[float, float] = (0.0, 1.0)
+    """Amplitude, um, and period, mm, of a cyclic error of each axis along itself."""
+    teeth: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Steps of a table in the control: height, um, pitch and place of one, mm; the same in each axis."""
 
     def text(self) -> str:
         """As a calibration file."""
@@ -52,6 +56,7 @@ class Errors:
             for axis, width in zip(AXES, self.play, strict=True)
             if width
         ]
+        effects += [effect for axis in AXES for effect in self._repeated(axis)]
         content = {
             "ncomp_calibration": 1,
             "machine": {"name": "fuzz", "chain": "w b X Y Z t", "chain_hash": HASH},
@@ -62,11 +67,37 @@ class Errors:
         }
         return json.dumps(content, indent=1) + "\n"
 
+    def _repeated(self, axis: str) -> list[dict[str, object]]:
+        amplitude, period = self.wave
+        step, pitch, offset = self.teeth
+        wave = {
+            "kind": "cyclic", "component": axis, "axis": axis, "period": period, "sine": [amplitude], "cosine": [0.0],
+            "units": {"period": "mm", "sine": "um", "cosine": "um"},
+        }  # fmt: skip
+        teeth = {
+            "kind": "quantised-compensation", "axis": axis, "step": step, "pitch": pitch, "offset": offset,
+            "units": {"step": "um", "pitch": "mm", "offset": "mm"},
+        }  # fmt: skip
+        return [*([wave] if amplitude else []), *([teeth] if step else [])]
+
+    def _own(self, q: Array) -> Array:
+        """Cyclic errors and steps (n, 3), um, of each axis along itself."""
+        step, pitch, offset = self.teeth
+        wave = self.wave[0] * np.sin(2 * np.pi * q / self.wave[1])
+        return np.asarray(wave + step * (0.5 - ((q - offset) / pitch) % 1.0))
+
+    def to_step(self, q: Array) -> float:
+        """Distance, mm, of the nearest step from axis positions (n, 3); infinite without steps."""
+        step, pitch, offset = self.teeth
+        phase = ((q - offset) / pitch) % 1.0
+        return float(np.minimum(phase, 1.0 - phase).min() * pitch) if step else np.inf
+
     def tool_point(self, q: Array, tool: float, side: Array | None = None) -> Array:
         """Tool point (n, 3), mm, at axis positions (n, 3); `side` (n, 3) in -1..1 is where each axis lies in its play."""
         u = np.clip((q + HALF) / (2 * HALF), 0.0, 1.0)
         powers = u[:, :, None] ** np.arange(self.parameters.shape[2])
         e = np.einsum("nat,act->nac", powers, self.parameters) * 1e-6
+        e[:, range(3), range(3)] += self._own(q) * 1e-6
         at = np.tile([0.0, 0.0, -tool], (len(q), 1))
         for i in (2, 1, 0):
             turn, shift = e[:, i, 3:], e[:, i, :3] * 1e3
@@ -89,14 +120,19 @@ def read_errors(text: str) -> Errors:
     effects = json.loads(text)["effects"]
     terms = max([len(effect.get("parameters", ())) for effect in effects], default=1)
     parameters, play = np.zeros((3, 6, max(terms, 1))), [0.0, 0.0, 0.0]
+    wave, teeth = (0.0, 1.0), (0.0, 1.0, 0.0)
     for effect in effects:
         axis = AXES.index(effect["axis"])
         if effect["kind"] == "backlash":
             play[axis] = effect["width"]
+        elif effect["kind"] == "cyclic":
+            wave = (effect["sine"][0], effect["period"])
+        elif effect["kind"] == "quantised-compensation":
+            teeth = (effect["step"], effect["pitch"], effect["offset"])
         else:
             values = effect["parameters"]
             parameters[axis, LETTERS.index(effect["component"]), : len(values)] = values
-    return Errors(parameters, (play[0], play[1], play[2]))
+    return Errors(parameters, (play[0], play[1], play[2]), wave, teeth)
 
 
 def constant(rng: random.Random) -> Errors:
@@ -129,3 +165,11 @@ def gentle(rng: random.Random, play: tuple[float, ...]) -> Errors:
         for j in range(3):
             parameters[i, j] = [round(rng.uniform(-1, 1) * 60.0, 2) for _ in range(4)]
     return Errors(parameters, (play[0], play[1], play[2]))
+
+
+def repeated(rng: random.Random) -> Errors:
+    """A cyclic error, steps, or both, beside gentle error motions."""
+    kind, play = rng.randrange(3), (0.0, 0.0, 0.0)
+    wave = (rng.choice([2.0, 5.0]), rng.choice([10.0, 63.5])) if kind else (0.0, 1.0)
+    teeth = (0.0, 1.0, 0.0) if kind == 1 else (rng.choice([3.0, 5.0]), rng.choice([25.0, 50.0]), rng.uniform(0, 10))
+    return replace(gentle(rng, play), wave=wave, teeth=teeth)

@@ -89,7 +89,7 @@ class Placed:
     """Which axes the program has placed, move after move, since the last change of the frame."""
 
     def __init__(self, text: str, groups: list[Group]) -> None:
-        self.codes = [_code(line) for line in split_lines(text)]
+        self.codes = [code_of(line) for line in split_lines(text)]
         self._absolute = _absolute(self.codes)
         self.groups = groups
         self.said: set[str] = set()
@@ -142,7 +142,7 @@ def _absolute(codes: list[str]) -> list[bool]:
     return found
 
 
-def _code(line: str) -> str:
+def code_of(line: str) -> str:
     """Words of a line, without comments, names, formulas and functions."""
     text = re.sub(r"\([^)]*\)|;.*|<[^>]*>", "", line).upper()
     while re.search(r"\[[^\[\]]*\]", text):

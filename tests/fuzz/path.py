@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,13 +136,14 @@ def without_trims(moves: list[Move]) -> list[Move]:
     """Moves without the rapids of micrometres by which a cycle goes from its last R to the next."""
     kept: list[Move] = []
     since: tuple[str, ...] = ()
-    for i, move in enumerate(moves):
-        near = {other.line for other in moves[max(i - 1, 0) : i] + moves[i + 1 : i + 2]}
-        if move.kind == "rapid" and move.length < TRIM and move.line in near:
+    for run in (list(moves) for _, moves in groupby(moves, lambda move: move.line)):
+        cycle = {move.kind for move in run} > {"rapid"}
+        for move in run:
+            if not (cycle and move.kind == "rapid" and move.length < TRIM):
+                kept.append(replace(move, since=since + move.since))
+                since = ()
+                continue
             since += move.since
-            continue
-        kept.append(replace(move, since=since + move.since))
-        since = ()
     return kept
 
 

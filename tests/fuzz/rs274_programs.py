@@ -567,7 +567,7 @@ class Program:
         self._flow(f"{counter} = [{counter} + 1]")
         if self.rng.random() < 0.2:
             inner = self._label()
-            word = self.rng.choice(["break", "continue"])
+            word = "break" if kind == "do" else self.rng.choice(["break", "continue"])  # LinuxCNC loses count there
             self._flow(f"{inner} if [{counter} ge 2]")
             self._flow(f"{label} {word}" if kind != "repeat" else f"{counter} = {counter}")
             self._flow(f"{inner} endif")
