@@ -75,7 +75,7 @@ def _centre(block: Block, content: Content, turn: Turn) -> tuple[Point, bool]:
     """What the words of a centre say, mm, and whether that is where it is and not how far from the start."""
     indices = [content.other.get(letter) for letter in turn.letters]
     words = [None if i is None else block.words[i] for i in indices]
-    modes = {word.mode for word in words if word is not None}
+    modes = {"" if word.mode == "IC" else word.mode for word in words if word is not None}
     if len(modes) > 1 or not modes <= {"", "AC"}:
         raise block.refuse("one coordinate of a centre absolute and the other not")
     absolute = modes == {"AC"}

@@ -29,9 +29,10 @@ CONSTANTS = {"TRUE": 1.0, "FALSE": 0.0, "$PI": math.pi}
 DATA = ("$P_UIFR", "$TC_")
 """Tables of the control that a program may fill."""
 EITHER_WAY = "read with comparisons last, and with comparisons first"
-_SPEEDS, _OUTPUTS = "ACC ACCLIMA JERKLIM JERKLIMA VELOLIM VELOLIMA OVRA FL FGREF FA", "OUT OUTA DBB DBW DBD DBR"
+_SPEEDS = "ACC ACCLIMA JERKLIM JERKLIMA VELOLIM VELOLIMA OVRA FL FGREF FA SPOS SPOSA"
+_OUTPUTS = "OUT OUTA DBB DBW DBD DBR"
 SETTINGS = frozenset((*_SPEEDS.split(), *(f"$A_{name}" for name in _OUTPUTS.split())))
-"""Speeds of axes, and outputs: they move nothing elsewhere."""
+"""Speeds of axes, positions of spindles, and outputs: they move nothing elsewhere."""
 MOST = 100_000
 """Elements of a field."""
 

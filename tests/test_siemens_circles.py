@@ -67,3 +67,12 @@ REFUSED = {
 def test_refused(code):
     with pytest.raises(UserError, match=REFUSED[code]):
         read(f"{HEAD}{code}\nM30\n")
+
+
+def test_a_centre_said_as_an_increment():
+    text, machine = f"{HEAD}G3 X70 Y30 I=IC(0) J=IC(10)\nM30\n", load("gantry")
+    model = random_model(machine, 8)
+    written = correct(text, model=model)
+    assert re.search(r"I=IC\(-?[\d.]+\) J=IC\([\d.]+\)", written)
+    assert next(iter(read(text).arcs.values())).centre == pytest.approx((60.0, 30.0))
+    assert verify(read(text), read(written), model).after.largest < 0.2
