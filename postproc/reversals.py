@@ -120,11 +120,11 @@ def follow_ways(directions: Directions, positions: Array, certain: NDArrayBool) 
 
 
 def turns_inside(motions: Motions, axes: Iterable[int], band: Array) -> NDArrayBool:
-    """Feed moves `(n,)` within which an axis may turn back: arcs, of these axes, and all under TCP."""
+    """Moves `(n,)` within which an axis may turn back: arcs, of these axes, and all under TCP, rapids too."""
     inside = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
     for row in motions.arcs:
         inside[row] |= any(axis in axes and way > band[axis] for _, axis, way in turning_points(motions, row))
-    return np.asarray(inside & feeds(motions))
+    return np.asarray(inside & np.isin(motions.kind, (Kind.RAPID, Kind.LINE, Kind.ARC)))
 
 
 def feeds(motions: Motions) -> NDArrayBool:

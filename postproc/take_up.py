@@ -112,7 +112,7 @@ class TakeUps:
         self._note_returned(motions, found[:, 0])
         if winding.any():
             found[~winding] = found[~winding, -1:]
-            self._note_inside(motions, found, winding)
+            self._note_inside(motions, found, winding & feeds(motions))
         self._shift = shifts[-1]
         return found[:, 0], found[:, -1]
 

@@ -411,3 +411,18 @@ def test_a_feed_move_that_turns_back_behind_a_cycle_is_noted():
     text = HEAD + "G99 G81 X120. Y100. Z90. R105.\nG1 X150. Z95.\nM2\n"
     notes = correct(text, GANTRY, PLAYED).report.notes
     assert any("the play of Z is taken up along a feed move" in note and "line 5" in note for note in notes), notes
+
+
+def test_a_rapid_of_the_tool_point_that_turns_an_axis_back_inside():
+    """Under TCP an axis may come to the end of a rapid from the other side than its start lies: found by `verify`."""
+    machine = load("head_head")
+    model = model_of(machine, *(Backlash(axis, 20.0) for axis in "XYZ"))
+    text = (
+        "G21 G90 G54\nG0 X0.406 Y-10.053 Z18.118 C22.080 B-14.332\nG43.4 H1\nG0 X0.4 Y-10. Z18. C22. B-14.\n"
+        "G0 X38.702 Y-5.958 Z35.226 C-9.831 B12.768\nG0 Y-10.564\nG0 Z32.208\nM30\n"
+    )
+    setup = {"offsets": ["G54=2000,1250,500"], "tools": ["T1=80"]}
+    done = correct(text, machine, model, **setup, travel_check=False)
+    verdict = verify(read(text, machine, **setup), read(done.text, machine, **setup), model)
+    assert verdict.after.largest == pytest.approx(done.report.after.largest, abs=0.05)
+    assert verdict.after.largest < 0.2

