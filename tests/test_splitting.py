@@ -236,13 +236,13 @@ def test_by_hand(body, expected):
 
 def test_klartext_by_hand():
     run = bowed("2 L X+800 Y+0 F600 M3\n3 L IX-800 M9\n4 L X+800,0 R0 M30\n5 END PGM A MM\n", "heidenhain")
-    body = [line for line in run.lines if line.startswith(("2", "3", "4", "L"))]
+    body = [line for line in run.lines if line.startswith(("3", "4", "5", "6", "7"))]  # 1 is the mark
     assert body == [
-        "2 L X+400.0000 Y+0.0974 F600 M3",
-        "L X+800.0000 Y+0.0898 ; NCOMP FROM 1/2",
-        "3 L IX-800 Y+0.1000 M9",
-        "4 L X+400,0000 Y+0,0974 R0",
-        "L X+800,0000 Y+0,0898 M30 ; NCOMP FROM 1/2",
+        "3 L X+400.0000 Y+0.0974 F600 M3",
+        "4 L X+800.0000 Y+0.0898 ; NCOMP FROM 1/2",
+        "5 L IX-800 Y+0.1000 M9",
+        "6 L X+400,0000 Y+0,0974 R0",
+        "7 L X+800,0000 Y+0,0898 M30 ; NCOMP FROM 1/2",
     ]
     assert any("M function in its block may run before or after it (lines 4)" in note for note in run.report.notes)
 
@@ -328,7 +328,7 @@ def test_klartext_arcs():
     run = Run(head + body + "8 END PGM A MM\n", GANTRY, model, "heidenhain")
     assert run.strays() < TOLERANCE_UM
     assert run.report.split_moves >= 3
-    assert [line for line in run.lines if re.match(r"CR .* DR\+ ; NCOMP FROM", line)]
+    assert [line for line in run.lines if re.match(r"\d+ C[PR] .* DR\+ ; NCOMP FROM", line)]
 
 
 # ---- time, play, what stays whole
