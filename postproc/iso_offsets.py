@@ -85,6 +85,9 @@ class Offsets:
 
     def suspend(self, block: Block, suspended: bool) -> None:
         """G92.2: no G92 for a while; G92.3: again."""
+        if any(self.local.values()):
+            code = "G92.2" if suspended else "G92.3"
+            raise block.refuse(f"{code} while G52 is on: one store on some controls, two on others")
         if not suspended and self.preset is None:
             raise block.refuse("brings back what a G92 of another program has left")
         self.suspended = suspended

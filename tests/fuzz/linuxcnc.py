@@ -45,7 +45,11 @@ def draw(seed: int) -> Case:
 def at_a_border(rng: random.Random, text: str) -> str:
     """Now and then a program behind so many blank lines that ncomp's chunks meet within it."""
     lines = text.count("\n")
-    return text if rng.random() > 0.02 else "\n" * (CHUNK - rng.randint(0, lines)) + text
+    blank = "\n" * (CHUNK - rng.randint(0, lines))
+    if rng.random() > 0.02:
+        return text
+    leader, end, rest = text.partition("\n") if text.startswith("%") else ("", "", text)
+    return leader + end + blank + rest  # LinuxCNC does not count lines before a leading %
 
 
 def options_of(rng: random.Random) -> tuple[str, ...]:
