@@ -467,7 +467,7 @@ def test_as_a_process(tmp_path):
         [*command, "-", *GANTRY], input=b"G31\n", capture_output=True, cwd=tmp_path, check=False, timeout=60
     )
     assert (refused.returncode, refused.stdout) == (2, b"")
-    assert refused.stderr.decode() == "ncomp: <stdin>:1: 'G31': G31 where a probing move ends is not known\n"
+    assert refused.stderr.decode().startswith("ncomp: <stdin>:1: 'G31': G31 where a probing move ends is not known (")
     long = GOOD.replace("M30", "G1 X100.0\nX200.0\n" * 20_000 + "M30").encode()
     (tmp_path / "long.nc").write_bytes(long)
     with subprocess.Popen(
