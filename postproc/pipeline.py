@@ -11,7 +11,7 @@ from __future__ import annotations
 import datetime
 import itertools
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -54,6 +54,8 @@ UNCERTAINTY_ROWS = 500
 SPOOLED = 1 << 24
 """Bytes of a program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
+CLOSELY = tuple(i / 16 for i in range(17))
+"""Shares at which the input is looked at where its error jumps: the jump may lie between three."""
 """Shares of the way of a written block at which the error between its ends is predicted."""
 
 
@@ -334,14 +336,16 @@ class Pipeline:
         numbers = np.flatnonzero(rows)[doubtful]
         chosen = np.zeros_like(rows)
         chosen[numbers] = True
-        before = self._strayed(motions, motions, self.before, chosen)
+        before = self._strayed(motions, motions, self.before, chosen, CLOSELY)
         self.guard.check(motions, numbers, before, strayed[doubtful], "between its ends")
 
-    def _strayed(self, motions: Motions, commanded: Motions, judge: Judge, rows: NDArrayBool) -> Array:
+    def _strayed(
+        self, motions: Motions, commanded: Motions, judge: Judge, rows: NDArrayBool, shares: Iterable[float] = BETWEEN
+    ) -> Array:
         """Largest errors `(rows,)`, um, of commanded moves between their ends."""
         states, strayed = judge.last_states(rows), np.zeros(int(rows.sum()))
         tool, shift = motions.tool[rows], judge.datum_shifts(motions)[rows]
-        for share in BETWEEN:
+        for share in shares:
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
             here = missed(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um
