@@ -94,14 +94,16 @@ def write_whole(path: Path, data: bytes) -> None:
         file.write(data)
 
 
-def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
-    """Write files, by name, as a new folder, whole or not at all; UserError when one that is not empty stands there.
+@contextmanager
+def whole_folder(path: Path, files: Mapping[str, bytes]) -> Iterator[None]:
+    """Files, by name, that become a new folder when the block ends well; UserError when one that is not empty is there.
 
-    What lies there already could be taken for a part of what is written now.
+    Files that are there already could be taken for a part of the new ones. Nothing of the folder stays where the block
+    or the writing fails.
     """
     if path.exists() and not path.is_dir():
         raise UserError(f"can't write {path}: it is no folder")
-    try:
+    with writing(path):
         if path.is_dir() and any(path.iterdir()):
             raise UserError(f"can't write {path}: it is not empty; name a new folder")
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as made:
@@ -109,9 +111,14 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
             new.mkdir()
             for name, data in files.items():
                 write_whole(new / name, data)
+            yield
             new.replace(path)
-    except OSError as fault:
-        raise UserError(f"can't write {path}: {fault.strerror}") from None
+
+
+def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
+    """Write files, by name, as a new folder, whole or not at all; UserError as for `whole_folder`."""
+    with whole_folder(path, files):
+        pass
 
 
 def read_input(path: Path, what: str) -> bytes:

@@ -54,7 +54,16 @@ def test_the_calibration_corrects_a_program(command, data, tmp_path):
     program = tmp_path / "part.nc"
     program.write_text("G21 G90 G17\nG0 X100 Y100 Z200\nG1 X300 Y250 Z150 F500\nM30\n")
     done = command(
-        program, "--machine", "cframe", "--calibration", calibration, "-o", tmp_path / "out.nc", "--json", "-"
+        program,
+        "--machine",
+        "cframe",
+        "--calibration",
+        calibration,
+        "--set-up-zero",
+        "-o",
+        tmp_path / "out.nc",
+        "--json",
+        "-",
     )
     assert done.status == 0, done.err
     error = json.loads(done.out)["predicted_error_um"]

@@ -23,7 +23,7 @@ def ends(text, axis="X"):
 
 RUNS = {
     "values": ("#1=2 #2=3\nX#1\nX[#1+#2]\nX-#1\nX[-#1*#2]\nX##1\n", [2, 5, -2, -6, 3]),
-    "functions": ("#1=30\nX[SIN[#1]*10]\nX[ATAN[1]/[1]]\nX[SQRT[16]+ABS[-1]]\nX[2**3**2]\nX[7 MOD 4]\n", [5, 45, 5, 64, 3]),
+    "functions": ("#1=30\nX[SIN[#1]*10]\nX[ATAN[1]/[1]]\nX[SQRT[16]+ABS[-1]]\nX[[2**3]**2]\nX[7 MOD 4]\n", [5, 45, 5, 64, 3]),
     "order": ("X[2+3*4]\nX[[2+3]*4]\nX[10-2-3]\nX[-2+3]\nX[2*-3]\nX[FIX[2.7]+FUP[2.1]]\n", [14, 20, 5, 1, -6, 5]),
     "names": ("#<a b>=4\nX#<AB>\n#<_cut>=5\nX#<_cut>\n", [4, 5]),
     "conditions": ("#1=1\nIF[#1 EQ 1] THEN #1=7\nIF[#1 NE 7] THEN #1=8\nX#1\n", [7]),

@@ -31,7 +31,7 @@ def check(command, tmp_path):
         if "[control]" not in said:
             said += f'\n[control]\nfamily = "{family}"\n'
         (tmp_path / "mill.toml").write_text(said)
-        done = command("check", "a.nc", "--machine", "mill.toml")
+        done = command("check", "a.nc", "--machine", "mill.toml", "--set-up-zero", "--no-travel-check")
         assert done.status in (0, 2), done.err
         return done.status, done.out.decode() + done.err
 

@@ -86,7 +86,7 @@ def export(
     Tables hold the part of the correction that is a function of what the control knows, with the values and nodes that
     leave least volumetric error. A program corrected with REST.json does the remainder: nothing is done twice.
     """
-    from kinematics.files import write_folder
+    from kinematics.files import whole_folder
     from kinematics.model import encode_model
     from postproc.tables.export import export as exported_tables
     from postproc.tables.export import sign_of
@@ -114,10 +114,10 @@ def export(
     if places is not None:
         errors["program"] = exported.errors_at(places)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
-    with whole_results(json, None if rest is None else str(rest)) as (results, remainder):
+    others = whole_results(json, None if rest is None else str(rest))
+    with whole_folder(output, _encoded(files)), others as (results, remainder):
         write_json(_json(exported, left, errors, list(files)), results)
         remainder.write(encode_model(exported.rest))
-        write_folder(output, _encoded(files))
     _show(exported, left, errors, output, to_screen=json != "-")
 
 
