@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from postproc.arcs import CENTRES
-from postproc.iso_codes import CYCLES, DATA, DWELL, MOTION, TOOL_IS
+from postproc.iso_codes import CYCLES, DATA, DWELL, MOTION, PLACING, TOOL_IS
 from postproc.iso_content import Content
 from postproc.moves import Kind
 
@@ -17,6 +17,8 @@ OUTPUTS: dict[float, str] = {
 """M functions of LinuxCNC for the tool, outputs and inputs, with their words."""
 TAKEN_BY_M = {ORIENTED_STOP: "PQR", **OUTPUTS}
 TAKEN_BY_G = {DWELL: "P", 5.0: "P", 5.1: "Q", DATA: "LPQR", 30.0: "P", 51.0: "P", 64.0: "PQ", 54.1: "P", 154.0: "P"}
+CLAIMING = PLACING | {28.0, 30.0}
+"""Codes that take the axis words of their block, so that a modal motion does not act in it."""
 ARC_WORDS, CYCLE_WORDS = CENTRES + "PR", CENTRES + "KLPQR"
 DWELL_TIMES = "XUFSK"
 """Words by which some control says the time of a dwell, where P does not; LinuxCNC and its kin refuse these."""
@@ -26,6 +28,8 @@ DIFFERS = 'say family = "fanuc" or "linuxcnc" in the machine file'
 def motion_words(content: Content, motion: float | None) -> str:
     """The words that the motion takes in this block; `motion`: the code in force before it."""
     motion = next((code for code in content.g if code in MOTION or code in CYCLES), motion)
+    if motion not in content.g and not CLAIMING.isdisjoint(content.g):
+        return ""  # the axis words belong to the other code, so that the block does not move
     if motion in CYCLES:
         return CYCLE_WORDS if content.axes else "R"
     return ARC_WORDS if content.axes and motion in MOTION and MOTION[motion] is Kind.ARC else ""

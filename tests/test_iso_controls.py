@@ -124,6 +124,7 @@ BLOCKS = {
     "M64 P2 G3 X1200. Y1000. I50.": "any fanuc linuxcnc",
     "M67 E0 Q5. X1200.": "any fanuc",
     "M3 S100 $0": "",
+    "G2 X1200. Y1000. I50.\nG10 L2 P2 X5.\nG1 X1250.": "",
     "G10 L2 P0 X5.\nG1 X1200.": "any fanuc",
     "G55\nG10 L2 P0 X5.\nG1 X1200. Y1000.": "any fanuc",
     "o1 sub\no1 endsub [1050 + #1]\no1 call [7]\nG1 X#<_value>\nG1 Y[1000 + #<_value_returned>]": "",

@@ -342,7 +342,7 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "no version": (lambda data: data.update(ncomp_calibration=0), "version 0 is not one this ncomp reads (1)"),
     "time without zone": (
         lambda data: data["provenance"].update(made_at="2026-01-01T00:00:00"),
-        "Expected `datetime` with a timezone component - at `$.provenance.made_at`",
+        "Expected `datetime` with a timezone component - at `$.provenance.made_at`; expected e.g. 2026-01-31T12:00:00Z",
     ),
     "member missing": (lambda data: data.pop("effects"), "Object missing required field `effects`"),
     "unknown member": (lambda data: data.update(comment="x"), "Object contains unknown field `comment`"),

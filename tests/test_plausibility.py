@@ -217,8 +217,8 @@ def test_a_move_that_would_be_worse_than_in_the_input_is_refused(ncomp, monkeypa
     """A writer that goes astray by 40 um in one block."""
     write = Writer.write
 
-    def astray(self, motions, correction):
-        written = write(self, motions, correction)
+    def astray(self, *chunk):
+        written = write(self, *chunk)
         written.ends[-1, 0] += 0.04
         return written
 

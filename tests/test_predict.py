@@ -197,7 +197,7 @@ def test_notes_and_summary(ncomp):
         "no target in the header: taken to sit in the tool reference point (spindle nose)",
         "no column of Z: taken to stand at home (Z 1500 mm)",
         "X leaves its travel 0..5000 mm by 100",
-        "E_XX is asked for up to 100 outside its interval (mm, deg, s or K); it keeps its value at the end",
+        "E_XX is used up to 100 mm beyond its calibrated range; its end value is held there",
         "the calibration has no uncertainties: every deviation counts as significant",
     ]
     for note in data["notes"]:

@@ -354,7 +354,9 @@ def test_programs_that_can_not_be():
     with pytest.raises(UserError, match="expected one of iso"):
         program_of(made, Manner(), "siemens")
     toml = Path(machines.__file__).with_name("gantry.toml").read_text()
-    twin = machines.parse(toml.replace("X Y Z", "X2 Y Z").replace("axes.X", "axes.X2"), "twin")
+    twin = machines.parse(
+        toml.replace("X Y Z", "X2 Y Z").replace("axes.X", "axes.X2").replace("{ X =", "{ X2 ="), "twin"
+    )
     with pytest.raises(UserError, match="axis X2 has no word"):
         program_of(plan(twin, "random", 3), Manner(), "iso")
 
