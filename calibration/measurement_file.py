@@ -117,6 +117,10 @@ def _kind(table: Table) -> str:
     return kind
 
 
+LARGEST_U = 1e6
+"""Largest standard uncertainty of an instrument that is read, um or um/m: a metre."""
+
+
 def uncertainty_keys(kind: type[Instrument]) -> list[str]:
     """Header keys of an instrument's standard uncertainties."""
     return [field.name for field in msgspec.structs.fields(kind) if field.name.startswith("u_")]
@@ -144,6 +148,8 @@ def read_instrument(table: Table) -> Instrument:
             (values[key],) = table.header_numbers(key, 1)
             if values[key] < 0:
                 table.header_fault(key, f"{values[key]:g} is negative")
+            if values[key] > LARGEST_U:
+                table.header_fault(key, f"{values[key]:g} is more than {LARGEST_U:g}, and no uncertainty")
     check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
     components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
     instrument: Instrument = msgspec.convert({"kind": kind, **values, **components}, Instrument)

@@ -219,6 +219,8 @@ def _subroutine(parts: list[Any]) -> Step:
 
 
 def _key(number: Token) -> str:
+    if not number.isdecimal():
+        raise Ambiguous(f"{number} is no number of a loop: a whole one is expected")
     return f"DO{int(number)}"
 
 

@@ -232,8 +232,10 @@ class Declare(NamedTuple):
         if isinstance(first, Operation) and first.name == "SET":
             return [None if part == EMPTY else _known(part, scope) for part in first.operands]
         if isinstance(first, Operation) and first.name == "REP":
+            if not first.operands:
+                raise NotKnown("REP without a value")
             times = whole(first.operands[1], scope) if len(first.operands) > 1 else elements
-            return [_known(first.operands[0], scope)] * times
+            return [_known(first.operands[0], scope)] * min(times, elements, MOST)
         return [] if first is None else [_known(first, scope)]
 
 
