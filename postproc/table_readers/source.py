@@ -65,8 +65,8 @@ def refusal(name: str, line: int, text: str, why: str) -> UserError:
     return UserError(f"{name}:{line}: {text.strip()!r}: {why}")
 
 
-LARGEST = 1e9
-"""Largest number of a table that is read: positions in 0.1 um reach it at 100 m."""
+LARGEST = 1e18
+"""Largest number of a table that is read, so that no unit makes it infinite."""
 
 
 def numbers(words: Sequence[str], name: str, line: int, text: str) -> list[float]:
