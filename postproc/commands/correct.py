@@ -152,13 +152,13 @@ def correct(
         found,
         model,
         setup,
-        not no_travel_check,
-        force,
-        chosen,
-        tolerance_um,
-        conditions,
-        max_correction_um,
-        accepted,
+        travel_check=not no_travel_check,
+        force=force,
+        classes=chosen,
+        tolerance_um=tolerance_um,
+        conditions=conditions,
+        max_correction_um=max_correction_um,
+        accepted=accepted,
     )
     pipeline = Pipeline(job, traced=report is not None)
     with (
