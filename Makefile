@@ -27,9 +27,6 @@ demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it g
 	@echo
 	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE) $(SETUP)
 
-# Two test processes share two cores: threads of BLAS would only get in each other's way.
-test test-slow test-all: export OPENBLAS_NUM_THREADS := 1
-
 test: $(INSTALLED) ## run the tests, without the slow ones (ARGS="-k name" is passed on)
 	$(BIN)/pytest -n 2 -m "not slow" $(ARGS)
 
@@ -40,7 +37,6 @@ test-slow: $(INSTALLED) ## run the slow tests only
 test-all: $(INSTALLED) ## run every test; those of LinuxCNC fail, rather than skip, without rs274
 	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 $(ARGS)
 
-fuzz: export OPENBLAS_NUM_THREADS := 1
 fuzz: $(INSTALLED) ## examine random programs with every fuzzer (PROGRAMS=200 SEED=2); what differs goes to tests/fuzz/found
 	$(BIN)/python -m tests.fuzz all --programs $(PROGRAMS) --seed $(SEED) --jobs 2
 

@@ -5,7 +5,6 @@
     python benchmarks/study.py speed             draws per second against a loop of lstsq
     python benchmarks/study.py scaling           1 and 2 processes, a Dask LocalCluster of 2 workers
 
-With OPENBLAS_NUM_THREADS=1: threads of BLAS get in the way of everything else on few cores.
 Bars: at most 620 points leave 5.6 um in the mean of the draws and 6.7 um in 95 % of them; the paper's fit leaves 9.5.
 """
 

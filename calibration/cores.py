@@ -1,18 +1,12 @@
-"""All cores for pieces of work that don't need each other; BLAS has one thread meanwhile.
-
-Threads of BLAS get in each other's way on the small matrices of this package: two of them take twice as long as one.
-"""
+"""All cores for pieces of work that don't need each other; BLAS has one thread (`kinematics/blas.py`)."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
-
-from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -24,20 +18,8 @@ def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     threads = min(_cores(), len(waiting))
     if threads < 2:
         return [work(item) for item in waiting]
-    with blas_in_one_thread(), ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(work, waiting))
-
-
-@contextmanager
-def blas_in_one_thread() -> Iterator[None]:
-    """Within this BLAS has one thread."""
-    with _blas().limit(limits=1, user_api="blas"):
-        yield
-
-
-@cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
 
 
 @cache

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from diagnosed import data_with, framed
 from scipy import stats
-from threadpoolctl import threadpool_info
 
 from calibration import cores
 from calibration.diagnosis.lever import Lever
@@ -66,13 +65,6 @@ def test_each_keeps_the_order_and_what_goes_wrong():
     assert cores.each(abs, []) == []
     with pytest.raises(ZeroDivisionError):
         cores.each(lambda i: 1 / i, [2, 1, 0])
-
-
-def test_blas_has_one_thread_within():
-    with cores.blas_in_one_thread():
-        threads = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
-    assert threads
-    assert set(threads) == {1}
 
 
 def test_all_rows_of_a_state_are_the_state_itself():

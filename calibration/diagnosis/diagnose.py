@@ -10,7 +10,6 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.cores import blas_in_one_thread
 from calibration.diagnosis import remainder
 from calibration.diagnosis.base import Base, base_of
 from calibration.diagnosis.dependence import Unexplained
@@ -136,7 +135,6 @@ class _Found(NamedTuple):
     judged: tuple[Judged, ...]
 
 
-@blas_in_one_thread()
 def diagnose(
     measurement: Measurement,
     calibration: ErrorModel | None = None,

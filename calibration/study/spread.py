@@ -6,7 +6,6 @@ Each gives back every outcome, in any order, and works on a chunk again whose wo
 from __future__ import annotations
 
 import multiprocessing
-import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -19,8 +18,6 @@ from kinematics.errors import UserError
 
 RETRIES = 10
 """Times that a chunk is begun anew after its worker was lost."""
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Processes share the cores: threads of BLAS would only get in each other's way."""
 CONNECT_S = 20
 Task = tuple[Case, Chunk]
 
@@ -75,9 +72,7 @@ class Processes:
 
     def _submitted(self, task: Task) -> Future[Outcome]:
         if self._pool is None:
-            for name in ONE_THREAD:
-                os.environ.setdefault(name, "1")
-            # begun anew, not forked, so that the limit above holds
+            # begun anew: a fork keeps locks that other threads of this process hold
             self._pool = ProcessPoolExecutor(self._number, multiprocessing.get_context("spawn"))
         return self._pool.submit(work, *task)
 

@@ -119,11 +119,10 @@ def _read(
 
 def _write(found: Diagnosis, output: str, json: str | None, report: str | None, command: str) -> None:
     """The new calibration, the results for programs and the report, all or none."""
-    from calibration.cores import blas_in_one_thread
     from kinematics.model import encode_model
     from postproc.diagnosis_summary import summary
 
-    with blas_in_one_thread(), whole_results(json, report, output) as (results, shown, file):
+    with whole_results(json, report, output) as (results, shown, file):
         file.write(encode_model(found.model))
         if json is not None:
             write_json(summary(found), results)

@@ -27,7 +27,6 @@ STATUS = "\nstatus of the command: "
 """Before its exit code, behind its words."""
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(["postproc.cli", "calibration.diagnosis.diagnose", "postproc.diagnosis_summary"])
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # processes do not get in each other's way
 FINE_UM = 5.0
 """Amplitude of the finest wave of E_XX from which it has to be named; Table 1 draws up to 14."""
 
