@@ -60,6 +60,8 @@ class ClientError(Exception):
 
 
 OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
+BY_MACHINE = re.compile(r"(?<![A-Z_])(G0*(28|30|53)(?![\d.])|L0*20(?!\d))", re.IGNORECASE)
+"""Codes that go to machine positions, or count from them."""
 
 
 def calls(text: str, environment: Environment) -> list[Call]:
@@ -70,7 +72,26 @@ def calls(text: str, environment: Environment) -> list[Call]:
         printed = _printed(place, environment)
         _write_tables(place, environment, 1.0)
         exact = _server().moves(place)
+    if BY_MACHINE.search(text) and _changes_unit_under_length(printed):
+        raise ClientError("both front ends keep the number of a tool length in force when the unit changes")
     return list(_joined(printed, exact))
+
+
+def _changes_unit_under_length(printed: list[tuple[str, str]]) -> bool:
+    """Whether the unit changes while a tool length is in force.
+
+    LinuxCNC's control then converts the length (emccanon.cc, GET_EXTERNAL_TOOL_LENGTH_ZOFFSET); `rs274` and `gcode`
+    keep its number, and go elsewhere than the control where machine positions are meant.
+    """
+    unit, long = "CANON_UNITS_MM", False
+    for name, text in printed:
+        if name == "USE_TOOL_LENGTH_OFFSET":
+            long = any(float(figure) for figure in re.split(r"[,\s]+", text.strip()))
+        elif name == "USE_LENGTH_UNITS":
+            if long and text != unit:
+                return True
+            unit = text
+    return False
 
 
 def _write_tables(place: Path, environment: Environment, unit: float) -> None:

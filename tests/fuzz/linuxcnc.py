@@ -5,15 +5,16 @@ from __future__ import annotations
 import random
 import re
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from tests.fuzz import reading
-from tests.fuzz.canon import OFFSETS, ClientError, Environment, RefusedError, calls
+from tests.fuzz.canon import OFFSETS, Call, ClientError, Environment, RefusedError, calls
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.gantry import Array, Errors, constant, machine_text, read_errors, repeated, smooth
 from tests.fuzz.groups import DisorderError, Group, Moves, Placed, grouped, tip
-from tests.fuzz.ncomp import correct
+from tests.fuzz.ncomp import Run, correct
 from tests.fuzz.path import Move, moves
 from tests.fuzz.rs274_programs import program
 
@@ -64,15 +65,20 @@ def options_of(rng: random.Random) -> tuple[str, ...]:
     return tuple(options)
 
 
-def judge(case: Case) -> Outcome:
-    """Both programs by LinuxCNC, and the tool point of the machine with errors."""
-    environment = environment_of(case)
+class Executed(NamedTuple):
+    """What LinuxCNC makes of a program and of its correction, and the run of ncomp between them."""
+
+    before: list[Call]
+    after: list[Call]
+    run: Run
+
+
+def executed(case: Case, environment: Environment) -> Executed | Outcome:
+    """The program, its correction, and again; the outcome where one of the three ends the examination."""
     try:
         before = calls(case.program, environment)
-    except RefusedError as refusal:
+    except (RefusedError, ClientError) as refusal:
         return Outcome(Verdict.REFUSED, f"rs274: {re.sub(r'[-+]?[0-9.]+', '0', str(refusal))[:60]}")
-    except ClientError:
-        return Outcome(Verdict.REFUSED, "rs274: its two front ends differ")
     run = correct(case)
     if run.status == 2:
         left = "" if run.text is None else "refused and written: "
@@ -80,19 +86,27 @@ def judge(case: Case) -> Outcome:
     if run.status or run.text is None:
         return Outcome(Verdict.DIFFERS, f"exit status {run.status}: {run.shown}")
     try:
-        after = calls(run.text, environment)
+        return Executed(before, calls(run.text, environment), run)
     except (RefusedError, ClientError) as refusal:
         return Outcome(Verdict.DIFFERS, f"LinuxCNC refuses the correction: {refusal}\n{run.text}")
-    misread = reading.fault(case, moves(before, environment.tools)[0])
+
+
+def judge(case: Case) -> Outcome:
+    """Both programs by LinuxCNC, and the tool point of the machine with errors."""
+    environment = environment_of(case)
+    found = executed(case, environment)
+    if isinstance(found, Outcome):
+        return found
+    tools, run, text = environment.tools, found.run, found.run.text or ""
+    before, after = moves(found.before, tools), moves(found.after, tools)
+    misread = reading.fault(case, before[0])
     if misread:
         return Outcome(Verdict.DIFFERS, f"read: {misread}")
     unsplit = run.report.get("not_split", ())
     if unsplit and "--unroll" in case.options:  # its lines are those of the program written out
         return Outcome(Verdict.COMPARED)
     whole = {line for entry in unsplit for line in _lines(entry["lines"])}
-    texts = (case.program, run.text)
-    tools = environment.tools
-    return examine(texts, moves(before, tools), moves(after, tools), read_errors(case.calibration), whole)
+    return examine((case.program, text), before, after, read_errors(case.calibration), whole)
 
 
 def environment_of(case: Case) -> Environment:

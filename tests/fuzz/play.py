@@ -8,12 +8,10 @@ from collections.abc import Iterable
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tests.fuzz.canon import ClientError, RefusedError, calls
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.gantry import Array, Errors, flat, gentle, machine_text, read_errors
 from tests.fuzz.groups import DisorderError, Group, Placed, grouped, tip
-from tests.fuzz.linuxcnc import CONTROL, at_a_border, environment_of, options_of
-from tests.fuzz.ncomp import correct
+from tests.fuzz.linuxcnc import CONTROL, at_a_border, environment_of, executed, options_of
 from tests.fuzz.path import Move, moves
 from tests.fuzz.rs274_programs import program
 
@@ -39,25 +37,15 @@ def draw(seed: int) -> Case:
 def judge(case: Case) -> Outcome:
     """Both programs by LinuxCNC, and by the machine with play."""
     environment = environment_of(case)
+    found = executed(case, environment)
+    if isinstance(found, Outcome):
+        return found
+    tools, text = environment.tools, found.run.text or ""
     try:
-        before = calls(case.program, environment)
-    except (RefusedError, ClientError) as refusal:
-        return Outcome(Verdict.REFUSED, f"rs274: {str(refusal)[:30]}")
-    run = correct(case)
-    if run.status == 2:
-        left = "" if run.text is None else "refused and written: "
-        return Outcome(Verdict.DIFFERS if left else Verdict.REFUSED, left + run.refusal)
-    if run.status or run.text is None:
-        return Outcome(Verdict.DIFFERS, f"exit status {run.status}: {run.shown}")
-    try:
-        after = calls(run.text, environment)
-        tools = environment.tools
-        groups = grouped(moves(before, tools, DENSE), moves(after, tools, DENSE), run.text)
-    except (RefusedError, ClientError) as refusal:
-        return Outcome(Verdict.DIFFERS, f"LinuxCNC refuses the correction: {refusal}\n{run.text}")
+        groups = grouped(moves(found.before, tools, DENSE), moves(found.after, tools, DENSE), text)
     except DisorderError as fault:
-        return Outcome(Verdict.DIFFERS, f"{fault}\n{run.text}")
-    return Mechanics(case, groups, run.report, run.text).outcome()
+        return Outcome(Verdict.DIFFERS, f"{fault}\n{text}")
+    return Mechanics(case, groups, found.run.report, text).outcome()
 
 
 class Play:
