@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from calibration.datum import DATUM_SLOPES, along_own_line, error_motions, mean_line
+from kinematics.covariance import propagated
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel
@@ -48,7 +49,7 @@ def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, 
 def transformed(model: ErrorModel, effects: tuple[Effect, ...], matrix: Array) -> ErrorModel:
     """The model with these effects, whose parameters are `matrix` times its own; covariance with them."""
     moved = msgspec.structs.replace(model, effects=effects)
-    return moved.with_parameters(matrix @ model.parameters, matrix @ np.array(model.covariance) @ matrix.T)
+    return moved.with_parameters(matrix @ model.parameters, propagated(matrix, np.array(model.covariance)))
 
 
 def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Array, Array] | None:

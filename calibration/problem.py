@@ -149,8 +149,11 @@ class Problem:
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
         """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
         root, limited = _root(self.prior)
-        inverse = np.linalg.inv(solved.information / widened + np.diag(limited))
-        return _between((inverse + inverse.T) / 2, root.T)
+        values, vectors = np.linalg.eigh(solved.information / widened + np.diag(limited))
+        # each direction is known at least as well as by its prior; rounding must not say otherwise
+        least = 1.0 if limited.all() else np.finfo(float).eps * values[-1]
+        half = _times((vectors / np.sqrt(np.maximum(values, least))).T, root.T).T
+        return np.asarray(half @ half.T)
 
     def solution(self, normal: Normal, point: Point) -> Solved:
         """The solution of normal equations that were gathered at a point, priors included."""

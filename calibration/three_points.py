@@ -37,6 +37,7 @@ from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.rigid_motions import UNITS, RigidMotions, error_design, outward, solve
 from calibration.sight import seen_points
+from kinematics.covariance import propagated
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.errors import UserError
 from kinematics.machine import Axis, Machine
@@ -418,7 +419,7 @@ def _model(
     made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), "three-point identification", inputs)
     model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
     every = np.concatenate(by_points)
-    return model.with_parameters(np.concatenate(values), every @ points.covariance @ every.T)
+    return model.with_parameters(np.concatenate(values), propagated(every, points.covariance))
 
 
 def _tool_shift(measurement: Measurement, found: _Found) -> tuple[Array, Array]:

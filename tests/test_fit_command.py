@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -127,4 +128,25 @@ def test_runs_of_an_interferometer_that_others_do_not_predict(command, tmp_path)
     rows = "".join(f"X,1,+,{x},{0.01 * x}\nX,1,-,{x},{0.01 * x}\n" for x in range(-100, 101, 20))
     (tmp_path / "data.csv").write_text(f"{head}axis,run,direction,target_mm,deviation_um\n{rows}X,2,-,-100,1\n")
     done = command("fit", "data.csv", "--machine", "dmu50", "--basis", "legendre:1", "-o", "cal.json")
+    assert done.status == 0, done.err
+
+
+@pytest.mark.parametrize("u_um", ["0.0001", "0.001", "0.3"])
+@pytest.mark.parametrize("machine", ["cframe", "dmu50"])
+def test_a_calibration_by_an_instrument_that_is_nearly_exact_is_read_again(command, machine, u_um):
+    """Priors of some tens of um beside readings of 0.1 nm: the datum leaves differences of large terms."""
+    simulated = command(
+        "simulate", "-m", machine, "--strategy", "axes", "--instrument", "interferometer", "-o", "a.csv"
+    )
+    assert simulated.status == 0, simulated.err
+    stated = re.sub(r"(?m)^# u_um: .*$", f"# u_um: {u_um}", Path("a.csv").read_text())
+    Path("data.csv").write_text(re.sub(r"(?m)^# u_um_per_m: .*$", "# u_um_per_m: 0", stated))
+    done = command("fit", "data.csv", "-m", machine, "-o", "cal.json", "--no-hold-out")
+    assert done.status == 0, done.err
+    model = read_model(Path("cal.json"), machines.load(machine))
+    covariance = np.array(model.covariance)
+    assert (covariance == covariance.T).all()
+    u = np.array([value for effect in model.effects for value in effect.uncertainties])
+    assert u == pytest.approx(np.sqrt(np.diag(covariance)), rel=1e-12)
+    done = command("export", "-m", machine, "-c", "cal.json", "--format", "csv", "-o", "tables")
     assert done.status == 0, done.err

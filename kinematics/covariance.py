@@ -1,0 +1,26 @@
+"""Covariances that stay symmetric and positive through the arithmetic: as products of a root with its transpose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinematics.transforms import Array
+
+
+def propagated(matrix: Array, covariance: Array) -> Array:
+    """Covariance `(q, q)` of `matrix` `(q, p)` times parameters with this covariance `(p, p)`.
+
+    Exactly symmetric and, to rounding of each standard uncertainty, positive semidefinite, also where differences of
+    large terms leave little.
+    """
+    half = matrix @ root_of(covariance)
+    return np.asarray(half @ half.T)
+
+
+def root_of(covariance: Array) -> Array:
+    """R `(p, p)` with R R' the covariance `(p, p)`, or the positive part of one that rounding has made indefinite."""
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    units = np.where(u > 0, u, 1.0)  # parameters differ in unit and size
+    scaled = covariance / np.outer(units, units)
+    values, vectors = np.linalg.eigh((scaled + scaled.T) / 2)
+    return np.asarray(units[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
