@@ -1,12 +1,13 @@
 """Which programs ncomp accepts, and why it refuses the others: `python benchmarks/acceptance.py FOLDER [MACHINE ...]`.
 
 Every file below the folder goes through the main job, on the first of the machines that takes it (default: dmu50,
-trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX that move
-no part of it, as one on which a tool change moves nothing, as a FANUC, and as one whose programs leave the state as
-they find it when they are called): with `--calibration none`, where an accepted program must come out byte for byte,
-for a machine that is out of square by 20 urad, and for that with `--unroll` where it is refused without. One that asks
-for the radius of a tool is given a tool table, in which all tools are alike. Prints a table per folder, and one line
-per program that the first, or only the second, refuses.
+trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX that
+move no part of it, as one on which a tool change moves nothing, as a FANUC, as one whose programs leave the state as
+they find it when they are called, and as one that cuts off the fraction of a number of repeats): with `--calibration
+none`, where an accepted program must come out byte for byte, for a machine that is out of square by 20 urad, and for
+that with `--unroll` where it is refused without. One that asks for the radius of a tool is given a tool table, in
+which all tools are alike. Prints a table per folder, and one line per program that the first, or only the second,
+refuses.
 """
 
 from __future__ import annotations
@@ -54,6 +55,7 @@ def variants(names: list[str]) -> list[Machine]:
             {"tool_change_moves": ()},
             {"family": "fanuc"},
             {"calls_leave_state": True},
+            {"repeats": "truncate"},
         )
         controls = [dataclasses.replace(machine.control, **other) for other in others]
         found += [dataclasses.replace(machine, control=control) for control in controls]

@@ -109,6 +109,9 @@ class Control:
     not at all, or by a word beside those of the arc (`C X Y Z`)."""
     scaled_axes: Literal["", "XYZ", "XY"] = ""
     """Axes that Klartext cycle 11 scales (machine parameter 7410); without it such programs are refused."""
+    repeats: Literal["", "truncate", "round"] = ""
+    """How often Klartext `CALL LBL REP` with a parameter that is not whole repeats: as often as its whole part says, or
+    the nearest whole number (a half upwards); without it such programs are refused."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from postproc.heidenhain_cycles import Cycles
 from postproc.heidenhain_places import SHIFT
 from postproc.heidenhain_planes import Planes
 from postproc.heidenhain_tools import Tools
-from postproc.heidenhain_variables import QParameters
+from postproc.heidenhain_variables import QParameters, operations_of
 from postproc.heidenhain_vectors import normal_line
 from postproc.iso_codes import INCH
 from postproc.motions import Motions
@@ -64,6 +64,7 @@ class HeidenhainInterpreter:
 
     def __post_init__(self) -> None:
         self.control_state = ControlState(self.setup)
+        self.scope.operations = operations_of(self.machine.control)
         self.control = Control(self.machine, self.control_state, self.notes, self.scope)
         self.arcs = Arcs(self.control)
         self.tools = Tools(self.control)

@@ -10,7 +10,7 @@ from typing import Any
 from lark import Token
 
 from postproc.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
-from postproc.heidenhain_variables import Forget
+from postproc.heidenhain_variables import REPEATS, Forget
 from postproc.program import Block, Word
 from postproc.statements import Assign, Call, Jump, Label, Rerun, Return, Step, When
 
@@ -99,8 +99,9 @@ def _label_call(parts: list[Any]) -> Step:
     if len(parts) < 4:
         return Call(name, None)
     passes = parts[3]
-    times = parameter(passes) if "Q" in passes.upper() else Constant(float(passes.partition("/")[0].replace(",", ".")))
-    return Rerun(name, "", times)
+    if "Q" in passes.upper():
+        return Rerun(name, "", Operation(REPEATS, (parameter(passes),)))
+    return Rerun(name, "", Constant(float(passes.partition("/")[0].replace(",", "."))))
 
 
 def _if(parts: list[Any]) -> When:

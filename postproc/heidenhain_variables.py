@@ -6,10 +6,13 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from kinematics.machine import Control
 from postproc.expressions import ARITHMETIC, COMPARISONS, NotKnown, Operations, Scope, Value, nearly
 
 PRESET = range(100, 200)
 """Q100 to Q199 are set by the control: Q108 is the radius of the tool."""
+REPEATS = "number of repeats"
+"""The operation that makes a number of repeats of a value."""
 
 
 def _integer(a: float) -> float:
@@ -43,6 +46,38 @@ OPERATIONS: Operations = {
 }
 
 
+def _not_whole(a: float) -> float:
+    if a != math.floor(a):
+        raise NotKnown(
+            f"{a:g} repeats: whether the control cuts off the fraction or rounds is not known; "
+            'repeats = "truncate" or "round" under [control] in the machine file says it'
+        )
+    return a
+
+
+def _truncated(a: float) -> float:
+    return float(math.trunc(_beyond_rounding(a, a)))
+
+
+def _rounded(a: float) -> float:
+    return float(math.floor(_beyond_rounding(a, a + 0.5) + 0.5))
+
+
+def _beyond_rounding(a: float, border: float) -> float:
+    """The value; NotKnown where the rounding of the control's arithmetic decides, as `border` is all but whole."""
+    if border != round(border) and nearly(border, round(border)):
+        raise NotKnown(f"{a:.17g} repeats: the number depends on the rounding of the control's arithmetic")
+    return a
+
+
+_REPEATS = {"": _not_whole, "truncate": _truncated, "round": _rounded}
+
+
+def operations_of(control: Control) -> Operations:
+    """Operators and functions as a control works them out."""
+    return {**OPERATIONS, REPEATS: _REPEATS[control.repeats]}
+
+
 def _zero() -> float:
     raise NotKnown("SGN of 0 depends on the control")
 
@@ -51,7 +86,7 @@ def _zero() -> float:
 class QParameters:
     """What Q, QL and QR parameters hold; nothing is known of one that the program has not set."""
 
-    operations: Operations = field(default_factory=lambda: OPERATIONS)
+    operations: Operations = field(default_factory=lambda: operations_of(Control()))
     values: dict[tuple[str, Value], Value | NotKnown] = field(default_factory=dict)
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:

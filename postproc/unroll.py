@@ -27,6 +27,8 @@ SAME = 1e-6
 """mm and rad: literals have nine decimals."""
 DECIMALS = 9
 COORDINATES = frozenset(AXES + "IJKRF")
+UNSIGNED = frozenset("FST")
+"""Klartext words that take no sign."""
 SUBPROGRAM_END = 17.0
 ENDS = frozenset((*PROGRAM_ENDS, SUBPROGRAM_END))
 CLOSING = frozenset(("tape_mark", "end_pgm"))
@@ -135,7 +137,8 @@ def _literal(block: Block, word: Word) -> list[Edit]:
         text = text[:-1]
     elif text.endswith("."):
         text += "0"
-    plus = "+" if block.kind != "words" and not text.startswith("-") else ""
+    signed = block.kind != "words" and word.address not in UNSIGNED
+    plus = "+" if signed and not text.startswith("-") else ""
     return [Edit(word.start, word.end, plus + text)]
 
 

@@ -237,3 +237,26 @@ def test_iso_powers_without_brackets(power):
 @pytest.mark.parametrize("condition", ["NOT R1==1", "1<R1<3"])
 def test_siemens_conditions_without_brackets(condition):
     assert "brackets" in refusal(siemens, f"R1=1\nIF {condition} GOTOF AA\nG0 X1\nAA: M30\n")
+
+
+# ---- a number of repeats that is not whole
+
+REPEATS = "L X+0 Y+0 Z+0 R0 FMAX\nQ9 = {}\nLBL 1\nL IX+1\nCALL LBL 1 REP Q9\n"
+
+
+@pytest.mark.parametrize(
+    ("repeats", "value", "runs"),
+    [("truncate", "7 / 2", 4), ("round", "7 / 2", 5), ("truncate", "14 / 4", 4), ("round", "2.4", 3), ("round", "0.4", 1),
+     ("", "4 / 2", 3), ("truncate", "4 / 2", 3)],
+)  # fmt: skip
+def test_repeats_that_are_not_whole_are_counted_as_the_machine_file_has_it(repeats, value, runs):
+    text, notes = REPEATS.format(value), Notes()
+    assert klartext(text, control={"repeats": repeats}, notes=notes)[-1][0] == runs
+
+
+@pytest.mark.parametrize(
+    ("repeats", "value", "reason"),
+    [("", "7 / 2", 'repeats = "truncate"'), ("truncate", "0.3 / 0.1", "rounding"), ("round", "0.35 / 0.1", "rounding")],
+)
+def test_repeats_that_the_machine_file_does_not_settle_are_refused(repeats, value, reason):
+    assert reason in refusal(klartext, REPEATS.format(value), control={"repeats": repeats})

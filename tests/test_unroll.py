@@ -119,6 +119,17 @@ def test_klartext():
     assert verify(nominal, commanded, BENT).after.largest < 0.1
 
 
+def test_tool_speed_and_feed_of_klartext_have_no_sign():
+    text = (
+        "BEGIN PGM T MM\nQ1 = 3\nQ2 = 1500\nTOOL CALL Q1 Z SQ2 FQ2\nL X+0 Y+0 Z+0 R0 FMAX\n"
+        "LBL 1\nL IX+Q1 FQ2\nCALL LBL 1 REP 2\nEND PGM T MM\n"
+    )
+    source, *_ = run(text, "heidenhain")
+    written = source.data.decode(ENCODING)
+    assert "TOOL CALL 3 Z S1500 F1500" in written.replace(".0", "")
+    assert written.replace(".0", "").count("L IX+3 F1500") == 3
+
+
 def test_what_is_not_known_is_refused():
     with pytest.raises(UserError, match=r"test.nc:3: .*F#5041.*: its value is not known, and it can't be unrolled"):
         run("#1=1\nG0 X0. Y0. Z0.\nG1 X1. F#5041\nWHILE[#1 LT 2]DO1\n#1=[#1+1]\nEND1\nM30\n")
