@@ -106,7 +106,10 @@ def registration_design(measurement: Measurement, registration: Registration) ->
 
 
 def covariance(measurement: Measurement) -> Array:
-    """Covariances `(n, d, d)`, mm2 or rad2, of what counts of the observations; rows in motion are means."""
+    """Covariances `(n, d, d)`, mm2 or rad2, of what counts of the observations; rows in motion are means.
+
+    Sheet and scatter describe the same readings (GUM 4.3.10): scatter counts as far as it exceeds the sheet.
+    """
     instrument = measurement.instrument
     if isinstance(instrument, Interferometer):
         return _along_axes(measurement, instrument)
@@ -115,8 +118,14 @@ def covariance(measurement: Measurement) -> Array:
         return np.asarray(u[:, None, None] ** 2 * np.eye(instrument.components))
     whole, across = instrument.covariance(measurement.observed), measurement.across
     if across is None:
-        return whole
+        return whole if measurement.scatter is None else _widened(whole, measurement.scatter)
     return np.asarray(across.of(whole) @ np.swapaxes(across.directions, 1, 2) / across.readings[:, None, None])
+
+
+def _widened(covariances: Array, scatter: Array) -> Array:
+    """Covariances `(n, 3, 3)` whose mean variance is at least that of the scatter `(n,)`."""
+    surplus = scatter**2 - np.trace(covariances, axis1=1, axis2=2) / 3.0
+    return np.asarray(covariances + np.maximum(surplus, 0.0)[:, None, None] * np.eye(3))
 
 
 def _counted(measurement: Measurement, vectors: Array) -> Array:

@@ -45,6 +45,7 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
         lines=_lines(measurements),
         file=np.repeat(names, [len(m) for m in measurements]),
         source=" + ".join(names),
+        scatter=_together("the scatter of the readings", [m.scatter for m in measurements], names, notes),
         fingerprint=fingerprint("\n".join(m.fingerprint for m in measurements).encode()),
         notes=tuple(notes),
     )

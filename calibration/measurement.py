@@ -95,6 +95,8 @@ class Measurement:
     """Name of the file `(n,)`, of several together."""
     across: AcrossPath | None = None
     """Of data taken on the fly."""
+    scatter: Array | None = None
+    """Standard uncertainty `(n,)`, mm, of each coordinate by the scatter of the readings that a row is the mean of."""
 
     def __len__(self) -> int:
         return len(self.observed)
@@ -164,6 +166,7 @@ class Measurement:
             lines=at(self.lines),
             file=at(self.file),
             across=None if self.across is None else self.across.rows(index),
+            scatter=at(self.scatter),
         )
 
     def where(self, row: int) -> str:

@@ -64,7 +64,8 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     instrument = read_instrument(table)
     keys = ["machine", "instrument", *uncertainty_keys(KINDS[kind]), *KEYS[kind]]
     note_unknown_keys(table, lambda key: key in keys, notes)
-    allow_columns(table, [*OBSERVED[kind], *state_columns(machine)])
+    own = ["scatter_um"] if kind == "laser-tracker" else []
+    allow_columns(table, [*OBSERVED[kind], *state_columns(machine), *own])
     if kind == "interferometer":
         table.need_columns(["axis", "run", "direction"], "an interferometer")
     places = read_places(table, machine, notes)
@@ -87,6 +88,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
         table.source,
         table.fingerprint,
         tuple(notes),
+        scatter=_scatter(table),
     )
 
 
@@ -170,6 +172,18 @@ def _observed(table: Table, machine: Machine, kind: str, places: Places) -> Arra
     return np.stack(list(table.numbers(points).values()), axis=1)
 
 
+def _scatter(table: Table) -> Array | None:
+    """Standard uncertainties `(n,)`, mm, of the means that the rows are; None without the column."""
+    if "scatter_um" not in table.names:
+        return None
+    column = table.numbers(["scatter_um"])["scatter_um"]
+    if np.any(column < 0.0):
+        table.fault(int(np.argmax(column < 0.0)), "scatter_um", "below 0")
+    if np.any(column > LARGEST_U):
+        table.fault(int(np.argmax(column > LARGEST_U)), "scatter_um", f"more than {LARGEST_U:g}, and no uncertainty")
+    return column * UM
+
+
 # ---- writing
 
 
@@ -207,6 +221,8 @@ def _columns(measurement: Measurement) -> dict[str, np.ndarray]:
             nominal = tool_point(machine, state.positions, measurement.tool) - measurement.part_zero
             columns |= {f"nominal_{xyz}": nominal[:, i] for i, xyz in enumerate("xyz"[: instrument.components])}
         columns |= {xyz: measurement.observed[:, i] for i, xyz in enumerate("xyz"[: instrument.components])}
+    if measurement.scatter is not None:
+        columns["scatter_um"] = _in_units(measurement.scatter, UM)
     columns["feed"] = measurement.feed
     if measurement.actual is not None:
         for i in np.flatnonzero(~np.isnan(measurement.actual).any(axis=0)).tolist():

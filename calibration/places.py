@@ -388,5 +388,6 @@ def _note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
 def _refuse_on_the_fly(table: Table, machine: Machine) -> NoReturn:
     raise UserError(
         f"{table.head}: no column with commanded positions of an axis "
-        f"({', '.join(machine.names)}); data taken on the fly need the program that was run, --path PATH.nc"
+        f"({', '.join(machine.names)}); data taken on the fly need the program that was run, --path PATH.nc, and a "
+        "log of stands the plan of its positions, --plan PLAN.csv"
     )

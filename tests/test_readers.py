@@ -398,9 +398,9 @@ def test_shipped_maps():
 
 
 def test_map_and_plan_where_they_have_no_use(write):
-    with pytest.raises(UserError, match="column map and plan are for delimited exports, not for format cmm"):
+    with pytest.raises(UserError, match="a column map is for delimited exports, not for format cmm"):
         read_any(write(CMM), GANTRY, "cmm", columns="leica")
-    with pytest.raises(UserError, match="says no 'join'"):
+    with pytest.raises(UserError, match="by a column map with 'join'"):
         read_any(write("1 2 3 4 5 6 7 8\n"), GANTRY, columns="leica", plan=write(PLAN, "plan.csv"))
     with pytest.raises(UserError, match="looks up 'point' in a plan: state the plan"):
         read_any(write("c,S,p1,1,2,3\n"), GANTRY, columns="spatialanalyzer")

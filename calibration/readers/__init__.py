@@ -57,7 +57,8 @@ def read_any(
     """The measurement in a file of one of FORMATS; UserError lists them when it is none.
 
     header: keys of the measurement file that this one does not say, or says otherwise. columns: name or path of the
-    column map of a delimited export; plan: CSV that names of points are looked up in.
+    column map of a delimited export; plan: CSV that names of points are looked up in, or whose positions the stands of
+    a tracker's log are.
     """
     table, notes = table_in(path, machine, format, header=header, columns=columns, plan=plan)
     measurement = measurement_of(table, machine)
@@ -101,13 +102,35 @@ def _table(
             raise UserError(
                 f"{source}: a delimited export takes a column map: {', '.join(delimited.map_names())}, or a .toml file"
             )
-        return delimited.to_table(data, source, machine, header, delimited.read_map(columns), plan)
-    if columns is not None or plan is not None:
-        raise UserError(f"{source}: column map and plan are for delimited exports, not for format {format}")
+        column_map = delimited.read_map(columns)
+        if column_map.join:
+            return delimited.to_table(data, source, machine, header, column_map, plan)
+        table, notes = delimited.to_table(data, source, machine, header, column_map, None)
+        found, more = _at_stands(table, machine, plan)
+        return found, [*notes, *more]
+    if columns is not None:
+        raise UserError(f"{source}: a column map is for delimited exports, not for format {format}")
     if format == "ncomp":
         table = parse_table(data, source)
-        return replace(table, entries={**table.entries, **given_entries(header, {})}), []
+        table = replace(table, entries={**table.entries, **given_entries(header, {})})
+        return _at_stands(table, machine, plan)
+    if plan is not None:
+        raise UserError(f"{source}: a plan is for a tracker's log and for delimited exports, not for format {format}")
     return FOREIGN[format].to_table(data, source, machine, header)
+
+
+def _at_stands(table: Table, machine: Machine, plan: Path | None) -> tuple[Table, list[str]]:
+    """The table or, of a tracker's log with a plan, the stands at the plan's positions, and notes."""
+    if plan is None:
+        return table, []
+    from calibration.standstill.reading import is_log, standstills
+
+    if not is_log(table, machine):
+        raise UserError(
+            f"{table.head}: with a plan go the columns of a tracker's log, time_s, x, y, z, and no positions of axes "
+            "(which the plan has), or names of points, by a column map with 'join'"
+        )
+    return standstills(table, plan, machine)
 
 
 def _recognised(data: bytes, path: Path) -> str:

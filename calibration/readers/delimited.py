@@ -120,8 +120,6 @@ def to_table(
         if plan is None:
             raise UserError(f"{source}: its column map looks up {columns.join!r} in a plan: state the plan (a CSV)")
         texts = _joined(texts, columns.join, plan, lines, source, notes)
-    elif plan is not None:
-        raise UserError(f"{source}: its column map says no 'join', so there is nothing to look up in {plan}")
     return table_of(source, fingerprint(data), given_entries(header, columns.keys), texts, lines), notes
 
 

@@ -15,6 +15,7 @@ from postproc.commands.path import (
     moving_summary,
     read_on_the_fly,
     read_path,
+    refuse_plan,
     refuse_without_path,
     show_moving,
 )
@@ -75,6 +76,7 @@ EPILOG = (
     "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
     "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
     "`ncomp fit tracker.csv --machine cframe --effect backlash:axis=X,width=0 -o cal.json`\n\n"
+    "`ncomp fit log.csv --machine gantry --plan plan.csv -o gantry.json`  a tracker's stream: standstills are found\n\n"
     "`ncomp fit points.csv --machine cframe --path path.nc --reversal constant -o cal.json`  taken on the fly\n\n"
     "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
     "`ncomp fit tracker.csv --machine gantry --valid-days 90 -o gantry.json`  refused by `ncomp` when it is older\n\n"
@@ -139,6 +141,7 @@ def fit(
         refuse_without_path(cell_mm=cell_mm, reversal=reversal, **given)
         measurement = read_data(data, found_machine, file_format, header, columns, plan)
     else:
+        refuse_plan(plan)
         setup = setup_of(found_machine, work_offset, tool_length, tool_table, zero=set_up_zero)
         nominal = read_path(path, found_machine, dialect, setup)
         taken = read_on_the_fly(data, nominal, file_format, header, columns, cell_mm, corner_mm)

@@ -98,6 +98,14 @@ def refuse_without_path(**options: object) -> None:
             raise UserError(f"--{name.replace('_', '-')} is for data taken on the fly: give --path PATH.nc too")
 
 
+def refuse_plan(plan: Path | None) -> None:
+    """UserError for a plan beside a path."""
+    if plan is not None:
+        raise UserError(
+            "--plan is for positions at which the machine stood, --path for data taken on the fly: give one"
+        )
+
+
 def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
     """What data taken on the fly add to the result for programs."""
     if taken is None:

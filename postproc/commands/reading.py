@@ -53,7 +53,12 @@ ColumnMapName = Annotated[
     ),
 ]
 PlanFile = Annotated[
-    Path | None, typer.Option("--plan", metavar="PLAN.csv", help="Axis positions by the names of points.")
+    Path | None,
+    typer.Option(
+        "--plan",
+        metavar="PLAN.csv",
+        help="Axis positions: by the names of points, or at the stands of a tracker's log.",
+    ),
 ]
 
 
