@@ -76,7 +76,7 @@ def sort_words(block: Block) -> Content:
 def check_content(content: Content, begun: bool, family: str) -> None:
     """Refuse what no reading is sure of; `begun`: the program has words before this block."""
     block, g, other = content.block, content.g, content.other
-    if block.skippable and (content.moves or g or "T" in other or not SKIPPABLE_M.issuperset(content.m)):
+    if block.skippable and not _may_be_skipped(content):
         raise block.refuse("whether it runs depends on the block-skip switch")
     if "O" in other and begun:
         raise block.refuse("a second program in one file")
@@ -93,6 +93,13 @@ def check_content(content: Content, begun: bool, family: str) -> None:
             clash = sorted(group.intersection(alone))
             if len(clash) > 1:
                 raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
+
+
+def _may_be_skipped(content: Content) -> bool:
+    """Whether no other block depends on this one: M functions that move nothing, and a dwell."""
+    if content.moves or "T" in content.other or not SKIPPABLE_M.issuperset(content.m):
+        return False
+    return not content.g or (content.g == [DWELL] and "P" in content.other)
 
 
 def _check_line_end(block: Block) -> None:

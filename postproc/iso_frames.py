@@ -77,8 +77,8 @@ class Frames:
         self.recorder.set_frame(self.frame(), cartesian(self.machine) if by_spindle_tool else ())
 
     def select_offset(self, block: Block, code: float, extended: int | None) -> None:
-        """G54 and its kin, G54.1 P."""
-        if self.placed_by or self.offsets.moved:
+        """G54 and its kin, G54.1 P. LinuxCNC keeps G52 and G92, which are one store there, in every offset."""
+        if self.placed_by or (self.offsets.moved and self.machine.control.family != "linuxcnc"):
             raise block.refuse(
                 "a work offset while G52, G92 or a turn of the coordinates is on: what becomes of these depends on the "
                 "control"

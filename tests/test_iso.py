@@ -63,7 +63,7 @@ GOLDEN = {
         [(RAPID, 1, 0.5, -3), (RAPID, 1, 2, -3)],
     ),
     "blocks without moves": (
-        "G0 X1 Y1 Z1\nG4 X5.\nG4 P500\nF200\nN5\nM8 S100;\n(X9)\nX2 (X9) ; X9 etc\n/ (skip)\n/M8 F5\n#1=5\nF#1\n; X7",
+        "G0 X1 Y1 Z1\nG4 X5.\nG4 P500\nF200\nN5\nM8 S100;\n(X9)\nX2 (X9) ; X9 etc\n/ (skip)\n/M8 F5\n/G4 P1\n#1=5\nF#1\n; X7",
         {},
         [(RAPID, 1, 1, 1), (RAPID, 2, 1, 1)],
     ),
@@ -475,7 +475,9 @@ REFUSED = {
     "N5 /2 M6": "whether it runs depends on the block-skip switch",
     "/M30": "whether it runs depends on the block-skip switch",
     "/M123": "whether it runs depends on the block-skip switch",
-    "/G4 P1": "whether it runs depends on the block-skip switch",
+    "/G4 X1": "whether it runs depends on the block-skip switch",
+    "/G4 P1 M6": "whether it runs depends on the block-skip switch",
+    "/G9": "whether it runs depends on the block-skip switch",
     "/T2": "whether it runs depends on the block-skip switch",
     "X1 /Y1": "whether it runs depends on the block-skip switch",
     # several programs, tape marks

@@ -43,6 +43,9 @@ LINUXCNC = {
     "G10 L1": "T1 M6\nG10 L1 P2 Z33.5\nG43 H2 Z5.\nX1. Y1.\n",
     "G43.1": "G43.1 Z12.5\nG1 Z5.\nX1. Y1.\nG49\nZ6. X2.\n",
     "G52": "G52 X3. Z1.\nG1 X1. Y1. Z1.\nG52 X0. Z0.\nX1. Y1. Z1.\n",
+    "another offset while G92 is on": "G92 X0. Y1.\nG1 X5. Y5.\nG55 X1. Y2. Z3.\nX2.\nG92.1\nG54 X1. Y1. Z1.\n",
+    "another offset while G52 is on": "G52 X3. Z1.\nG1 X1. Y1. Z1.\nG55 X1. Y1. Z1.\nG52 X0. Z0.\nX2. Y2. Z2.\n",
+    "another offset that turns, R": "G10 L2 P2 X5. R30\nG52 X3. Y1.\nG55 G1 X1. Y1. Z1.\nX4.\nG54 X1. Y1. Z1.\n",
     "turns": "G2 X10. Y5. Z10. I5. P3\nG18 G3 X12. Z10. I1. K0. P2\n",
     "G5 P and its kin": "G64 P0.01\nG1 X5.\nG61\nX6.\n",
 }
