@@ -32,6 +32,10 @@ MOVES = {
 }
 
 
+PRINTED = 1e-4
+"""Positions that differ by less are printed alike, in the unit in force."""
+
+
 class Call(NamedTuple):
     """One canonical call; a move has its source line from 1 and its values at double precision, mm and degrees."""
 
@@ -130,20 +134,30 @@ def _printed(place: Path, environment: Environment) -> list[tuple[str, str]]:
 
 def _joined(printed: list[tuple[str, str]], exact: list[Call]) -> list[Call]:
     """The printed calls, with the values of the exact moves."""
-    moves = iter(exact)
+    moves, unit = iter(exact), 1.0
     joined = []
     for name, text in printed:
         if name not in MOVES:
             joined.append(Call(name, text))
+            unit = (MM_PER_INCH if "INCHES" in text else 1.0) if name == "USE_LENGTH_UNITS" else unit
             continue
         move = next(moves, None)
         if move is None or move.name != MOVES[name]:
             raise ClientError(f"rs274 moves by {name}({text}), gcode by {move}")
+        if not _same_end(name, text, move, unit):
+            raise ClientError("its two front ends end a move at different places")
         joined.append(move)
     left = next(moves, None)
     if left is not None:
         raise ClientError(f"gcode moves on: {left}")
     return joined
+
+
+def _same_end(name: str, text: str, move: Call, unit: float) -> bool:
+    """Whether a printed move ends where the exact one does: behind M6, `gcode` forgets arcs and new coordinates."""
+    figures = [float(figure) * unit for figure in text.split(",")[:6]]
+    ends = (0, 1, 5) if name == "ARC_FEED" else (0, 1, 2)
+    return all(abs(figures[i] - move.values[i]) < PRINTED * unit for i in ends)
 
 
 # --- the server

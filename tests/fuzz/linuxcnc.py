@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import re
+from collections import Counter
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,6 +23,8 @@ CONTROL = 'family = "linuxcnc"\ntool_change_moves = []'
 DIAMETERS = {1: 8.0, 2: 10.0, 3: 6.0}
 AT_ENDS, ALONG, BELIEF = 0.25e-3, 1.2e-3, 3.0
 """Tolerances, mm; and how many times the largest deviation an axis may be off that the program has not placed."""
+HALF_TOLERANCE = 0.5e-3
+"""A block that runs several times has one text where that is off by no more, mm."""
 CHUNK = 4096
 """Lines that ncomp reads at once."""
 NEAR_STEP = 1.0
@@ -147,6 +150,7 @@ class Judge:
 
     def __init__(self, text: str, errors: Errors, groups: list[Group], whole: set[int]) -> None:
         self.groups, self.errors, self.whole = groups, errors, whole
+        self.runs = Counter(group.programmed.line for group in groups)
         self.placed = Placed(text, groups)
         self.strict_before = False
         self.beside = False
@@ -187,6 +191,8 @@ class Judge:
         code = self.placed.code(i)
         if COMPENSATION.search(code):
             self.beside = not self.strict_before
+        if self.runs[self.groups[i].programmed.line] > 1:
+            limits += HALF_TOLERANCE
         limits += 2e-3 * self.errors.teeth[0] * (self.errors.to_step(self.groups[i].programmed.end[None]) < NEAR_STEP)
         if self.placed.in_cycle(i) or self.beside:
             limits[:] = self.loose

@@ -18,7 +18,7 @@ from tests.fuzz.case import Case, Examiner, Outcome, Verdict, examiner, save
 from tests.fuzz.shrink import shrink
 
 SECONDS = 60
-"""Time for one examination."""
+"""Processor time for one examination."""
 SHRUNK = 2
 """Differences of one class that are shrunk and written; all are counted."""
 SEEDS = 1_000_000
@@ -124,10 +124,10 @@ def _limit(seconds: int) -> Iterator[None]:
     def late(*_: object) -> None:
         raise TimeoutError
 
-    before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(seconds)
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
