@@ -1,9 +1,10 @@
 """Continuous-motion calibration against its paper (Miller et al. 2017): how far tables are from the truth.
 
-    python benchmarks/continuous.py [--draws 300] [--only synthetic|spacing|feeds|steps|slit|size]
+    python benchmarks/continuous.py [--draws 300] [--only synthetic|spacing|feeds|steps|programs|slit|size]
 
 synthetic: the paper's end-effect case, its three methods and the joint estimate side by side. spacing: its Table 1,
-feeds: its Table 2, both on a virtual machine whose truth is known. steps: an error that coarse targets miss. slit: the
+feeds: its Table 2, both on a virtual machine whose truth is known. steps: an error that coarse targets miss.
+programs: Table 1 once more, from the log to a corrected program by ncomp's commands alone. slit: the
 log of a real axis at constant velocity, whose commands are known. size: seconds for long records. Figures are RMS over
 the constant-velocity segment, in um, mean over draws; coverage is the share of rows whose error lies within 2 u.
 """
@@ -11,7 +12,10 @@ the constant-velocity segment, in um, mean over draws; coverage is the share of 
 from __future__ import annotations
 
 import argparse
+import json
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -156,6 +160,50 @@ def steps(draws: int) -> None:
         )
 
 
+def programs(_: int) -> None:
+    """The machine of Table 1, calibrated, and a program corrected for it, by the commands; judged by the truth."""
+    print("Table 1 by commands: tool point error of a program at block ends by the truth, um RMS (max)")
+    for step in (5, 25, 90):
+        with tempfile.TemporaryDirectory() as folder:
+            before, after, back = _by_commands(Path(folder), step)
+        print(f"  targets every {step} mm: {before}; corrected {after}; by the tables that LinuxCNC has {back}")
+
+
+def _by_commands(folder: Path, step: int) -> tuple[str, str, str]:
+    """Errors before and after correction, and after that by tables that were exported and imported again."""
+    rng = np.random.default_rng(0)
+    moves = "".join(f"G1 X{x:.3f} Y{y:.3f} F500\n" for x, y in zip(*rng.uniform(5.0, 400.0, (2, 40)), strict=True))
+    (folder / "part.nc").write_text(f"G21 G90 G17 G54\nT1 M6\nG0 X10. Y10. Z30.\n{moves}M30\n")
+    effects = [word for effect in (*TABLE, WARMING, "backlash:axis=X,width=8") for word in ("--effect", effect)]
+    axis = ("--axis", "X", "--start-mm", "0", "--end-mm", "450", "--both", "--errors", "none", "--end-effect", "4:20")
+    targets = ("--spacing", str(step), "--runs", "5", "--u-um", "0.3")
+    files = ("-o", "run.csv", "--quasistatic", "targets.csv", "--truth", "truth.json")
+    _ncomp(folder, "simulate-continuous", *axis, *effects, *targets, *files)
+    made = ("-o", "table.csv", "--write-calibration", "cal.json")
+    _ncomp(folder, "continuous", "run.csv", "targets.csv", "--run", "1", *made)
+    _ncomp(folder, "export", "-c", "cal.json", "--format", "linuxcnc", "-o", "tables")
+    _ncomp(folder, "import", "tables", "--format", "linuxcnc", "-o", "back.json")
+    found = []
+    for calibration in ("cal.json", "back.json"):
+        set_up = ("-c", calibration, "--work-offset", "G54=30,10,100", "--tool-length", "T1=100")
+        _ncomp(folder, "correct", "part.nc", *set_up, "--accept", "worse", "-o", "out.nc")
+        against = ("--align", "truth.json", "--elapsed", "0", "--json", "-")
+        shown = json.loads(_ncomp(folder, "verify", "part.nc", "out.nc", *set_up, *against))["block_ends_um"]
+        found.append([f"{shown[when]['rms']:.2f} ({shown[when]['max']:.2f})" for when in ("before", "after")])
+    return found[0][0], found[0][1], found[1][1]
+
+
+def _ncomp(folder: Path, *words: str) -> bytes:
+    """What a command prints on standard output."""
+    call = "from postproc.cli import run; run()"
+    done = subprocess.run(
+        [sys.executable, "-c", call, *words, "--machine", MACHINE.name], cwd=folder, capture_output=True, check=False
+    )
+    if done.returncode:
+        sys.exit(f"ncomp {' '.join(words)}: {done.stderr.decode()}")
+    return done.stdout
+
+
 def slit_case(every_mm: float) -> tuple[Record, QuasiStatic, Callable[[Array], Array]]:
     """The slit axis as a run whose commands are forgotten, readings at some of its targets, and the truth."""
     measured = read_any(
@@ -209,6 +257,7 @@ PARTS: dict[str, tuple[Callable[[int], None], int]] = {
     "spacing": (spacing, 15),
     "feeds": (feeds, 15),
     "steps": (steps, 60),
+    "programs": (programs, 300),
     "slit": (slit, 1),
     "size": (size, 1),
 }

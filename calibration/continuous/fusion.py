@@ -3,7 +3,8 @@
 A continuous curve is right up to a straight line (two unknown constants a direction, without prior); a reading at a
 target is that curve, plus what is common to its run (an offset, a slope along the axis: drift), plus noise. A direction
 without continuous run is the other one plus a reversal: a constant, a slope, and a random course between targets.
-Targets outside the continuous segment have an error of their own each, so they say nothing about the lines. Standard
+Targets outside the continuous segment have an error of their own each, so they say nothing about the lines; a target
+on a jump may lie on either side of it, and its readings count accordingly. Standard
 deviations of noise, drift and reversal are those of restricted maximum likelihood (REML); the noise is never less than
 the instrument's sheet, and counts as what its degrees of freedom leave possible (GUM Supplement 1, 6.4.9.4). Estimates
 are generalised least squares with best linear unbiased prediction.
@@ -110,7 +111,7 @@ def fused(
     mean, covariance = _curves(shapes, both)
     n = len(asked)
     observed = quasi.deviation - mean[n:] * known
-    own = covariance[n:, n:] * np.outer(known, known)
+    own = covariance[n:, n:] * np.outer(known, known) + _beside_jumps(shapes, read, known)
     groups = _groups(quasi, shapes, read, inside, centre, half)
     sheet = quasi.u or 0.0
     spread, variance = _spread(observed, design, own, groups, sheet)
@@ -171,6 +172,16 @@ def _curves(shapes: Mapping[int, Shape], places: _Places) -> tuple[Array, Array]
         mean[rows] = shape.at(where)[which]
         covariance[np.ix_(rows, rows)] = shape.covariance(where)[np.ix_(which, which)]
     return mean, covariance
+
+
+def _beside_jumps(shapes: Mapping[int, Shape], read: _Places, known: Array) -> Array:
+    """Covariance `(m, m)` of readings at targets on a jump: one side of it for all readings of a target."""
+    doubt, owner = np.zeros(len(read)), _owner(shapes, read)
+    for way, shape in shapes.items():
+        rows = np.flatnonzero(owner == way)
+        doubt[rows] = shape.doubt(read.x[rows])
+    same = (read.x[:, None] == read.x) & (read.way[:, None] == read.way)
+    return np.asarray(same * np.outer(doubt * known, doubt * known))
 
 
 def _lines(shapes: Mapping[int, Shape], fixed: Array, centre: float, half: float) -> dict[int, tuple[float, float]]:

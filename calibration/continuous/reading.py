@@ -40,6 +40,10 @@ class Data(NamedTuple):
     fingerprints: Mapping[str, str]
     """By file."""
     notes: tuple[str, ...]
+    standing: tuple[Path, ...] = ()
+    """Files of quasi-static data."""
+    machine: str = ""
+    """The machine's name, where a file gives it."""
 
 
 class _File(NamedTuple):
@@ -79,7 +83,8 @@ def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
     records = tuple(record for table in runs for record in _records(table, len(runs) > 1, notes))
     parts = [_quasi(table, axis, f"{Path(table.source).name}:" if len(stills) > 1 else "", notes) for table in stills]
     prints = {table.source: table.fingerprint for table in (*runs, *stills)}
-    return Data(axis, records, _together(parts), prints, tuple(notes))
+    standing = tuple(file.path for file in files if not file.continuous)
+    return Data(axis, records, _together(parts), prints, tuple(notes), standing, _machine([*runs, *stills]))
 
 
 def _read(path: Path, header: Mapping[str, str]) -> _File:
@@ -110,6 +115,10 @@ def _still(file: _File, axis: str, header: Mapping[str, str], notes: list[str]) 
     table, told = file.reader.to_table(file.data, str(file.path), single, header)
     notes += told
     return cast(Table, table)
+
+
+def _machine(tables: Sequence[Table]) -> str:
+    return next((table.entries["machine"].value for table in tables if "machine" in table.entries), "")
 
 
 def _refuse_other_machines(tables: Sequence[Table]) -> None:

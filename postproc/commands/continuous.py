@@ -12,10 +12,20 @@ import typer
 
 from kinematics.errors import UserError
 from postproc.commands.reading import HeaderLines, header_of
-from postproc.commands.shared import JsonFile, check_apart, check_places, whole_results, write_json
+from postproc.commands.shared import (
+    JsonFile,
+    check_apart,
+    check_places,
+    machine_names,
+    machine_of,
+    whole_results,
+    write_json,
+)
 
 if TYPE_CHECKING:
-    from calibration.continuous.estimate import TableRows
+    from calibration.continuous.axis_model import AxisModel
+    from calibration.continuous.estimate import Estimate, TableRows
+    from calibration.continuous.reading import Data
     from calibration.continuous.records import QuasiStatic
 
 EPILOG = (
@@ -23,7 +33,13 @@ EPILOG = (
     "`ncomp continuous x_run.csv x_targets.csv -o x_table.csv --report x.html`\n\n"
     "`ncomp continuous forward.csv backward.csv x_axis.rtl --header u_um=0.3 -o x_table.csv --direction backward`\n\n"
     "`ncomp continuous x_run.csv x_targets.csv --run 1 -o x_table.csv`  only the first cycle, before the axis warmed up"
+    "\n\n"
+    "`ncomp continuous x_run.csv x_targets.csv -o x_table.csv --machine cframe --write-calibration cal.json`  for "
+    "*ncomp part.nc*, *ncomp export* and every other command that takes --calibration\n\n"
+    "`ncomp continuous y_run.csv y_targets.csv -o y_table.csv --machine cframe --add-to cal.json "
+    "--write-calibration cal_xy.json`  the next axis"
 )
+CALIBRATION = "The calibration"
 
 
 def continuous(
@@ -53,6 +69,34 @@ def continuous(
         typer.Option("--run", metavar="NAME", help="Quasi-static run to use; default all of them. Repeatable."),
     ] = None,
     header: HeaderLines = None,
+    write_calibration: Annotated[
+        str | None,
+        typer.Option(
+            "--write-calibration",
+            metavar="CAL.json",
+            rich_help_panel=CALIBRATION,
+            help="Also the errors of both directions, with their uncertainty, as a calibration of --machine.",
+        ),
+    ] = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            "--machine",
+            "-m",
+            rich_help_panel=CALIBRATION,
+            help="Name of a machine, or path of its .toml file.",
+            autocompletion=machine_names,
+        ),
+    ] = None,
+    add_to: Annotated[
+        str | None,
+        typer.Option(
+            "--add-to",
+            metavar="OLD.json",
+            rich_help_panel=CALIBRATION,
+            help="A calibration of the machine, whose errors along this axis are replaced; all else of it stays.",
+        ),
+    ] = None,
     json: JsonFile = None,
     report: Annotated[
         str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
@@ -66,12 +110,15 @@ def continuous(
     """
     from calibration.continuous.estimate import DIRECTIONS, estimate
     from calibration.continuous.reading import read_all
+    from kinematics.model import encode_model
     from postproc.continuous_summary import show, summary
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
-    check_apart({"--output": output, "--json": json, "--report": report})
-    check_places(data, (output, json, report))
+    places = {"--output": output, "--write-calibration": write_calibration, "--json": json, "--report": report}
+    check_apart(places)
+    check_places((*data, add_to), places.values())
+    _check_calibration(write_calibration, machine, add_to)
     if direction not in DIRECTIONS:
         raise UserError(f"--direction {direction}: expected one of {', '.join(DIRECTIONS)}")
     if spacing_mm is not None and not 0.0 < spacing_mm < float("inf"):
@@ -81,16 +128,49 @@ def continuous(
         quasi = _runs(read.quasi, run or [])
         status.update("joining")
         found = estimate(read.records, quasi, spacing_mm, direction)
-    with whole_results(json, report, output) as (results, shown, file):
+        made = _calibration(found, read, quasi, machine, add_to, header) if write_calibration and machine else None
+    with whole_results(json, report, write_calibration, output) as (results, shown, calibration, file):
         _write_table(found.table(), file)
+        if made is not None:
+            calibration.write(encode_model(made.model))
         write_json(summary(found, read), results)
         if report is not None:
             from calibration.pages.continuous import continuous_page
 
             shown.write(continuous_page(found, read, f"ncomp continuous {' '.join(map(str, data))}"))
-    show(found, read, console if "-" in (json, report, output) else screen)
-    for note in (*read.notes, *found.notes):
+    show(found, read, console if "-" in places.values() else screen)
+    for note in (*read.notes, *found.notes, *(made.notes if made else ())):
         say("note", note)
+    if made is not None:
+        say("calibration", f"{write_calibration}: {', '.join(made.effects)}; {made.nodes} nodes")
+
+
+def _check_calibration(write_calibration: str | None, machine: str | None, add_to: str | None) -> None:
+    """UserError where options of the calibration stand alone."""
+    if write_calibration is not None and machine is None:
+        raise UserError("--write-calibration: --machine is missing, the machine that the calibration is of")
+    for option, value in (("--machine", machine), ("--add-to", add_to)):
+        if value is not None and write_calibration is None:
+            raise UserError(f"{option} {value}: only with --write-calibration CAL.json")
+
+
+def _calibration(
+    found: Estimate, read: Data, quasi: QuasiStatic, name: str, add_to: str | None, header: list[str] | None
+) -> AxisModel:
+    """The estimate as a calibration of the machine; UserError where the data are of another."""
+    from calibration.continuous.axis_model import axis_model, line_of
+    from calibration.readers import read_any
+    from kinematics.model import read_model
+
+    machine = machine_of(name)
+    if read.machine not in ("", machine.name):
+        raise UserError(f"{', '.join(read.fingerprints)}: of machine {read.machine}, --machine is {machine.name}")
+    if read.axis not in machine.names:
+        raise UserError(f"{', '.join(read.fingerprints)}: {machine.name} ({machine.chain}) has no axis {read.axis}")
+    base = None if add_to is None else read_model(Path(add_to), machine)
+    given = header_of(header or [])
+    line = line_of([read_any(path, machine, header=given) for path in read.standing], read.axis)
+    return axis_model(found, read, quasi, machine, line, base)
 
 
 def _runs(quasi: QuasiStatic, wanted: Sequence[str]) -> QuasiStatic:

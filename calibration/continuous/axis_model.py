@@ -1,0 +1,320 @@
+"""The joint estimate of an axis as a calibration: its positioning error as a table, its reversal, their covariance.
+
+The error motion is the mean of both directions where both are known. Its nodes are the fewest rows of the estimate
+between which straight lines stay close, and a pair on both sides of each jump. Its mean is zero, as after
+every fit (`calibration.datum`): a laser's zero is no property of the axis. The reversal is a backlash, and where the
+reversal changes along the axis a table of its differences beside it.
+
+A laser measures along one line. Joined to a calibration of the same machine, the error motion is the reading less what
+the other effects of that calibration do on that line: angular errors by their arm, and squareness.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import msgspec
+import numpy as np
+
+from calibration.continuous.estimate import Estimate, estimate
+from calibration.continuous.reading import Data
+from calibration.continuous.records import QuasiStatic
+from calibration.datum import mean_line
+from calibration.equations import expected, transform
+from calibration.instruments import Interferometer
+from calibration.measurement import Measurement, Target
+from calibration.registration import Registration
+from kinematics.basis import BSpline
+from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, QuantisedCompensation, Reversal
+from kinematics.effects.base import own_component, own_motion
+from kinematics.errors import UserError
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel, Provenance, reference
+from kinematics.state import State
+from kinematics.transforms import Array
+
+NODE_UM, NODE_U = 0.05, 0.5
+"""Straight lines between the nodes stay so close to the estimate: um, and as a share of its median uncertainty."""
+MOST_NODES = 600
+"""Nodes of a table: their covariance stands in the file."""
+CHANGES = 3.0
+"""Times its standard uncertainty, by which the reversal at a position differs from its mean where it changes."""
+JUMP_MM = 0.05
+"""Distance of the nodes beside a jump from it at least."""
+SAME = 1e-6
+"""Positions, mm or degrees, and targets, mm, that are the same."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Where the laser measured: the other axes stood still, and one target hung on the tool."""
+
+    positions: Array
+    """`(axes,)`, mm and rad; that of the measured axis does not count."""
+    target: Array
+    """`(3,)`, mm, from the tool reference point."""
+
+    def text(self, machine: Machine, axis: str) -> str:
+        """For people."""
+        stood = zip(machine.axes, self.positions / machine.scale, strict=True)
+        others = " ".join(f"{each.name} {position:g}" for each, position in stood if each.name != axis)
+        return f"{others}, target {' '.join(f'{value:g}' for value in self.target)} mm from the tool reference point"
+
+
+def line_of(measurements: Sequence[Measurement], axis: str) -> Line:
+    """The one line of all quasi-static readings of the axis; UserError where there are several."""
+    stood, targets = [], []
+    for measurement in measurements:
+        assert measurement.axis is not None
+        rows = measurement.axis == axis
+        positions = measurement.state.positions[rows].copy()
+        positions[:, measurement.machine.index(axis)] = 0.0
+        stood.append(positions)
+        targets.append(measurement.tool[rows])
+    line = Line(np.concatenate(stood)[0], np.concatenate(targets)[0])
+    if np.abs(np.concatenate(stood) - line.positions).max() > SAME or np.ptp(np.concatenate(targets), axis=0).any():
+        names = ", ".join(measurement.source for measurement in measurements)
+        raise UserError(
+            f"{names}: the readings of {axis} lie on more than one line (other axes or target differ); a calibration "
+            "takes those of one line"
+        )
+    return line
+
+
+@dataclass(frozen=True)
+class AxisModel:
+    """The calibration of one axis, and what is to be known of it."""
+
+    model: ErrorModel
+    effects: tuple[str, ...]
+    """Names of those that the estimate made."""
+    nodes: int
+    """Of its table."""
+    notes: tuple[str, ...]
+
+
+def axis_model(
+    found: Estimate, data: Data, quasi: QuasiStatic, machine: Machine, line: Line, base: ErrorModel | None = None
+) -> AxisModel:
+    """The estimate as a calibration; with `base`, that calibration with its errors along this axis replaced.
+
+    quasi: the readings that the estimate was made from.
+    """
+    both = found.both
+    curves = _curves(_with_jumps(found, data, quasi))
+    curves, within = _thinned(curves.scaled(own_motion(machine, data.axis)[2]))
+    effects, matrix = _effects(machine, data.axis, curves, both)
+    values, covariance = matrix @ curves.values, matrix @ curves.covariance @ matrix.T
+    own = _with_values(machine, effects, values, covariance, _provenance(data, base))
+    names, nodes = tuple(effect.name for effect in effects), len(curves.positions)
+    notes = [] if within <= NODE_UM else [f"the calibration follows the table within {within:.2g} um"]
+    if not both:
+        notes.append(f"{found.direction} only: the reversal of {data.axis} is not known, and is not in the calibration")
+    where = line.text(machine, data.axis)
+    if base is None:
+        angles = ", ".join(f"E_{letter}{data.axis}" for letter in "ABC")
+        notes.append(f"{names[0]} is that of the line {where}: {angles} are not known and count as zero")
+        return AxisModel(own, names, nodes, tuple(notes))
+    replaced, model = _joined(own, base, machine, data.axis, line, both)
+    notes.append(f"{', '.join(replaced) or 'nothing'} of {base.id} replaced, on the line {where}")
+    return AxisModel(model, names, nodes, tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Curves:
+    """Error and, where both directions are known, reversal at positions `(n,)`, mm, forward."""
+
+    positions: Array
+    values: Array
+    """`(n,)` or `(2 n,)`: error, then reversal (forward minus backward), um."""
+    covariance: Array
+
+    def scaled(self, factor: float) -> _Curves:
+        """All values times a factor."""
+        return _Curves(self.positions, factor * self.values, factor**2 * self.covariance)
+
+    def at(self, rows: np.ndarray) -> _Curves:
+        """Some of the positions."""
+        n = len(self.positions)
+        both = np.concatenate([rows + k for k in range(0, len(self.values), n)])
+        return _Curves(self.positions[rows], self.values[both], self.covariance[np.ix_(both, both)])
+
+
+def _with_jumps(found: Estimate, data: Data, quasi: QuasiStatic) -> Estimate:
+    """The estimate with rows close to both sides of each jump."""
+    low, high = found.segment
+    places = [
+        jump + side * max(each.shape.grain, JUMP_MM)
+        for each in found.ways.values()
+        for jump in each.jumps.places_mm
+        for side in (-1.0, 1.0)
+    ]
+    inside = [place for place in places if low < place < high]
+    if not inside:
+        return found
+    grid = found.fused.positions
+    near = np.abs(grid[:, None] - inside).min(axis=1) < JUMP_MM
+    return estimate(data.records, quasi, positions=np.unique(np.concatenate([grid[~near], inside])))
+
+
+def _curves(found: Estimate) -> _Curves:
+    """Error motion and reversal at the rows of the table, with their joint covariance."""
+    fused, ways = found.fused, len(found.fused.ways)
+    shares = [[0.5, 0.5], [fused.ways[0], fused.ways[1]]] if ways == 2 else [[1.0]]
+    n = len(fused.positions)
+    mix = np.kron(np.array(shares), np.eye(n))
+    only = next(iter(found.ways.values()))
+    doubts = [found.ways.get(way, only).shape.doubt(fused.positions) for way in fused.ways]
+    spread = fused.covariance + np.diag(np.concatenate(doubts) ** 2)
+    direction = "mean" if ways == 2 else found.direction
+    error, reversal = found.table(direction), found.table("reversal") if ways == 2 else None
+    rows = np.flatnonzero(error.continuous)
+    total = len(error.position)
+    where = np.concatenate([rows + k * total for k in range(ways)])
+    covariance = np.diag(np.square(np.concatenate([error.u, reversal.u] if reversal is not None else [error.u])))
+    scale = np.zeros(ways * total)
+    scale[:total] = found.quasi.u_per_m * 1e-3 * (error.position - found.quasi.target[0])
+    covariance -= np.diag(np.tile(scale[:total] ** 2, ways))
+    covariance[np.ix_(where, where)] = mix @ spread @ mix.T
+    values = np.concatenate([error.error, reversal.error]) if reversal is not None else error.error
+    return _Curves(error.position, values, covariance + np.outer(scale, scale))
+
+
+def _thinned(curves: _Curves) -> tuple[_Curves, float]:
+    """The curves at the fewest positions that hold them, and how far they stray between, um."""
+    n = len(curves.positions)
+    u = np.sqrt(np.maximum(np.diag(curves.covariance), 0.0))
+    tolerance = min(NODE_UM, NODE_U * float(np.median(u)))
+    columns = curves.values.reshape(-1, n).T
+    rows = _nodes(curves.positions, columns, tolerance)
+    while len(rows) > MOST_NODES:
+        tolerance *= 1.5
+        rows = _nodes(curves.positions, columns, tolerance)
+    thin = curves.at(rows)
+    # what lies between nodes strays evenly within the tolerance
+    strays = np.where(np.arange(len(thin.values)) < len(rows), tolerance**2 / 3.0, 0.0)
+    return _Curves(thin.positions, thin.values, thin.covariance + np.diag(strays)), tolerance
+
+
+def _nodes(x: Array, columns: Array, tolerance: float) -> np.ndarray:
+    """Rows between which straight lines stay within a tolerance of columns `(n, k)` (Douglas and Peucker 1973)."""
+    kept, open_ = {0, len(x) - 1}, [(0, len(x) - 1)]
+    while open_:
+        first, last = open_.pop()
+        if last - first < 2:
+            continue
+        share = ((x[first : last + 1] - x[first]) / (x[last] - x[first]))[:, None]
+        straight = columns[first] + share * (columns[last] - columns[first])
+        away = np.abs(columns[first : last + 1] - straight).max(axis=1)
+        middle = first + int(np.argmax(away))
+        if away.max() > tolerance:
+            kept.add(middle)
+            open_ += [(first, middle), (middle, last)]
+    return np.array(sorted(kept))
+
+
+def _effects(machine: Machine, axis: str, curves: _Curves, both: bool) -> tuple[list[Effect], Array]:
+    """The effects without values, and the matrix that makes their parameters of the curves' values."""
+    n, component = len(curves.positions), own_component(axis)
+    basis = BSpline(tuple(curves.positions.tolist()), 1)
+    mean = mean_line(basis).mean
+    centred = np.eye(n) - mean
+    zero = (0.0,) * n
+    note = "ncomp continuous"
+    motion = ErrorMotion(component=component, axis=axis, basis=basis, parameters=zero, u=zero, note=note)
+    if not both:
+        return [motion], centred
+    width = -own_motion(machine, axis)[2] * mean
+    effects: list[Effect] = [motion, Backlash(axis=axis, width=0.0, note="ncomp continuous, minus mean reversal")]
+    rows = [np.concatenate([centred, np.zeros((n, n))], axis=1), np.concatenate([np.zeros(n), width])[None]]
+    changing = np.concatenate([np.zeros((n, n)), centred], axis=1)
+    u = np.sqrt(np.maximum(np.diag(changing @ curves.covariance @ changing.T), 0.0))
+    if np.any(np.abs(changing @ curves.values) > CHANGES * u):
+        rows.append(changing)
+        effects.append(Reversal(component=component, axis=axis, basis=basis, differences=zero, note=note))
+    return effects, np.concatenate(rows)
+
+
+def _provenance(data: Data, base: ErrorModel | None) -> Provenance:
+    inputs, source = dict(data.fingerprints), f"continuous runs and targets of {data.axis}"
+    if base is not None:
+        inputs, source = base.provenance.inputs | inputs, f"{base.provenance.source}; {source}".removeprefix("; ")
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return Provenance(f"ncomp {version('ncomp')}", now, source, inputs)
+
+
+def _with_values(
+    machine: Machine, effects: Sequence[Effect], values: Array, covariance: Array, made: Provenance
+) -> ErrorModel:
+    model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
+    return model.with_parameters(values, _sound(covariance))
+
+
+def _sound(covariance: Array) -> Array:
+    """The covariance, exactly symmetric, and not below zero where rounding took it there."""
+    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2.0)
+    whole = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray((whole + whole.T) / 2.0)
+
+
+def _joined(
+    own: ErrorModel, base: ErrorModel, machine: Machine, axis: str, line: Line, both: bool
+) -> tuple[list[str], ErrorModel]:
+    """Names of the effects of `base` that gave way, and `base` with those of the axis in their place."""
+    gives_way = _gives_way(axis, both)
+    rest = base.part(lambda effect: not gives_way(effect))
+    motion = own.effects[0]
+    assert isinstance(motion, ErrorMotion)
+    nodes = np.array(motion.basis.nodes) if isinstance(motion.basis, BSpline) else np.zeros(0)
+    seen = _along(machine, axis, nodes, line)
+    registration = Registration(zeros={str(seen.groups[0]): 0.0})
+    forward = own_motion(machine, axis)[2]
+    shown = forward * 1e3 * expected(seen, registration, rest.observation(machine, seen.state))[:, 0]
+    design = rest.observation_design(machine, seen.state, transform(seen, registration))[:, 0] * (forward * 1e3)
+    centred = np.eye(len(nodes)) - mean_line(motion.basis).mean
+    n, old = len(own.parameters), len(rest.parameters)
+    lever = np.zeros((n, old))
+    lever[: len(nodes)] = -centred @ design
+    values = own.parameters.copy()
+    values[: len(nodes)] -= centred @ shown
+    kept = np.array(rest.covariance) if rest.covariance is not None else np.diag(_variances(rest))
+    both_ways = np.block([[np.eye(old)], [lever]])
+    covariance = both_ways @ kept.reshape(old, old) @ both_ways.T
+    covariance[old:, old:] += np.array(own.covariance)
+    model = msgspec.structs.replace(base, effects=(*rest.effects, *own.effects), provenance=own.provenance)
+    replaced = [effect.name for effect in base.effects if gives_way(effect)]
+    return replaced, model.with_parameters(np.concatenate([rest.parameters, values]), _sound(covariance))
+
+
+def _variances(model: ErrorModel) -> Array:
+    return np.square([u for effect in model.effects for u in effect.uncertainties])
+
+
+def _gives_way(axis: str, both: bool) -> Callable[[Effect], bool]:
+    """Which effects the estimate holds: the positioning error of the axis, and its reversal where that is known."""
+    own = own_component(axis)
+
+    def gives_way(effect: Effect) -> bool:
+        if isinstance(effect, ErrorMotion | Cyclic) and effect.component == own:
+            return effect.axis == axis
+        if isinstance(effect, Reversal) and effect.component == own:
+            return both and effect.axis == axis
+        if isinstance(effect, Backlash):
+            return both and effect.axis == axis
+        return isinstance(effect, QuantisedCompensation) and effect.axis == axis
+
+    return gives_way
+
+
+def _along(machine: Machine, axis: str, nodes: Array, line: Line) -> Measurement:
+    """The laser's readings at nodes, approached from neither side."""
+    n, i = len(nodes), machine.index(axis)
+    positions = np.tile(line.positions, (n, 1))
+    positions[:, i] = nodes
+    state = State(positions, approach=np.zeros(positions.shape), target=np.full(n, "1"))
+    targets: Mapping[str, Target] = {"1": Target(tuple(line.target.tolist()))}
+    names, run = np.full(n, axis), np.full(n, "1")
+    return Measurement(machine, Interferometer(u_um=1.0), state, np.zeros((n, 1)), targets, axis=names, run=run)
