@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 from kinematics.errors import UserError
 from postproc.commands import (
     check,
+    compare,
     continuous,
     correct,
     diagnose,
@@ -63,6 +64,7 @@ app = typer.Typer(
 app.command(MAIN_JOB, epilog=correct.EPILOG)(correct.correct)
 app.command("verify", epilog=verify.EPILOG)(verify.verify)
 app.command("check", epilog=check.EPILOG)(check.check)
+app.command("compare", epilog=compare.EPILOG)(compare.compare)
 app.command("machines", epilog=machines.EPILOG)(machines.machines)
 app.command("export", epilog=export.EPILOG)(export.export)
 app.command("fit", epilog=fit.EPILOG)(fit.fit)

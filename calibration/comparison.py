@@ -1,0 +1,434 @@
+"""Two calibrations of one machine side by side, error motion by error motion, in the conventions of ISO 230-1.
+
+Every error motion is worked out from all effects that move the machine by position alone, as a function of its own
+axis with the others at home, approached from neither side, over the range that both calibrations know:
+
+| | convention |
+|---|---|
+| positioning and angular error motions of a linear axis | zero at the reference position |
+| straightness | deviation from the end-point or least-squares line, whose slope goes into squareness |
+| angular positioning of a rotary axis | zero at the reference position |
+| radial, axial and tilt error motions of a rotary axis | less their mean, which is the location error, listed apart |
+
+The difference is B minus A. All of it is linear in the errors, so that uncertainties follow from the parameters'
+covariance to first order (GUM); the two calibrations count as independent of one another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from calibration.reference_lines import reference_line
+from calibration.volumetric import VolumetricError, volumetric_error_um
+from kinematics.basis import Interval
+from kinematics.deviation import exact_deviation
+from kinematics.effects import COMPONENTS, Effect
+from kinematics.effects.base import own_component, own_motion, unit_of
+from kinematics.error_transform import place_transform
+from kinematics.errors import UserError
+from kinematics.forward import tool_point
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+
+Straightness = Literal["end-point", "least-squares"]
+POSITIONS = 121
+"""Along an axis."""
+POINTS = 1000
+"""In the common volume, at random with a fixed seed."""
+COVERAGE = 2.0
+"""k of the expanded uncertainty U."""
+LEAST = 1e-9
+"""um and urad: errors below this are none."""
+
+
+class Figure(NamedTuple):
+    """One number of both calibrations; um, or urad (um/m)."""
+
+    name: str
+    title: str
+    unit: str
+    a: float
+    b: float
+    U_a: float
+    U_b: float
+
+    @property
+    def U(self) -> float:
+        """Of the difference, k = 2."""
+        return float(np.hypot(self.U_a, self.U_b))
+
+    def json(self) -> dict[str, Any]:
+        """For programs."""
+        numbers = {"a": self.a, "b": self.b, "difference": self.b - self.a, "U_difference": self.U}
+        return {"name": self.name, "title": self.title, "unit": self.unit, **numbers}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One error motion in both calibrations, in its convention; um or urad."""
+
+    name: str
+    axis: str
+    position_unit: str
+    unit: str
+    convention: str
+    positions: Array
+    """`(n,)`, mm or degrees."""
+    a: Array
+    b: Array
+    U_a: Array
+    U_b: Array
+    known: tuple[bool, bool]
+    """In which of the calibrations it is."""
+
+    @property
+    def difference(self) -> Array:
+        """B minus A `(n,)`."""
+        return self.b - self.a
+
+    @property
+    def U(self) -> Array:
+        """Of the difference, k = 2, `(n,)`."""
+        return np.hypot(self.U_a, self.U_b)
+
+    @property
+    def largest(self) -> int:
+        """Row of the largest difference."""
+        return int(np.argmax(np.abs(self.difference)))
+
+    @property
+    def significant(self) -> bool:
+        """True where the largest difference is more than its U."""
+        return bool(abs(self.difference[self.largest]) > max(self.U[self.largest], LEAST))
+
+    def json(self) -> dict[str, Any]:
+        """For programs."""
+        i = self.largest
+        at = f"position_{self.position_unit}"
+        return {
+            "name": self.name,
+            "axis": self.axis,
+            "unit": self.unit,
+            "convention": self.convention,
+            "in": [name for name, known in zip("ab", self.known, strict=True) if known],
+            "range": {"a": float(np.ptp(self.a)), "b": float(np.ptp(self.b))},
+            "rms_difference": float(np.sqrt(np.mean(self.difference**2))),
+            "largest": {"difference": float(self.difference[i]), at: float(self.positions[i]), "U": float(self.U[i])},
+            "significant": self.significant,
+            "curves": {
+                f"positions_{self.position_unit}": self.positions.tolist(),
+                "a": self.a.tolist(),
+                "b": self.b.tolist(),
+                "U_a": self.U_a.tolist(),
+                "U_b": self.U_b.tolist(),
+            },
+        }
+
+
+class Volume(NamedTuple):
+    """The difference B minus A of the tool point over the volume that both know."""
+
+    bounds: Mapping[str, Interval]
+    """By axis, mm or degrees."""
+    tool_mm: float
+    difference: VolumetricError
+    aligned: VolumetricError
+    """After a rigid alignment of one to the other."""
+    u_rms_um: float
+    """RMS of the standard uncertainty of the difference: so much is to be expected of two that agree."""
+
+    def json(self) -> dict[str, Any]:
+        """For programs."""
+        return {
+            "bounds": {axis: list(ends) for axis, ends in self.bounds.items()},
+            "tool_mm": self.tool_mm,
+            "difference_um": {"rms": self.difference.rms, "p95": self.difference.p95, "max": self.difference.largest},
+            "aligned_um": {"rms": self.aligned.rms, "p95": self.aligned.p95, "max": self.aligned.largest},
+            "u_rms_um": self.u_rms_um,
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All that was compared."""
+
+    machine: Machine
+    reference: Mapping[str, float]
+    """By axis, mm or degrees."""
+    straightness: Straightness
+    motions: tuple[Motion, ...]
+    figures: tuple[Figure, ...]
+    """Squareness, location errors of rotary axes, reversal."""
+    volume: Volume
+    left_out: tuple[str, ...]
+    """What was not compared, and why."""
+
+    def json(self) -> dict[str, Any]:
+        """For programs: U with k = 2; differences are B minus A."""
+        return {
+            "machine": self.machine.name,
+            "difference": "b minus a",
+            "straightness": self.straightness,
+            "reference": dict(self.reference),
+            "error_motions": [motion.json() for motion in self.motions],
+            "figures": [figure.json() for figure in self.figures],
+            "volume": self.volume.json(),
+            "not_compared": list(self.left_out),
+        }
+
+
+class _Seen(NamedTuple):
+    """Error motions of one calibration at positions: values `(n,)`, and their derivatives by the parameters."""
+
+    values: Array
+    design: Array
+
+
+class _Side:
+    """One of the two calibrations: its effects of position and approach."""
+
+    def __init__(self, machine: Machine, model: ErrorModel) -> None:
+        self.machine = machine
+        self.model = model.part(lambda effect: not _left_out(effect))
+        self.intervals = _intervals(machine, self.model)
+
+    def seen(self, i: int, k: int, positions: Array, way: float = 0.0) -> _Seen:
+        """Component k of axis i, um or urad, at its positions, mm and rad, approached that way."""
+        state = _along(self.machine, i, positions, way)
+        values = self.model.errors(self.machine, state)[:, i, k]
+        chosen = np.zeros((len(positions), 1, 6 * (len(self.machine.axes) + 1)))
+        chosen[:, :, 6 * i + k] = 1.0
+        design = self.model.design(self.machine, state, chosen)[:, 0]
+        size = unit_of(COMPONENTS[k])[1]
+        return _Seen(values / size, design / size)
+
+    def U(self, design: Array) -> Array:
+        """Expanded uncertainties `(n,)` of what has these derivatives."""
+        return COVERAGE * self.model.propagated(design[:, None, :])[:, 0]
+
+
+def compare(
+    machine: Machine,
+    models: tuple[ErrorModel, ErrorModel],
+    straightness: Straightness = "end-point",
+    references: Mapping[str, float] | None = None,
+    tool_mm: float = 100.0,
+) -> Comparison:
+    """Two calibrations of the machine; `references`: by axis, mm or degrees, otherwise its home."""
+    sides = (_Side(machine, models[0]), _Side(machine, models[1]))
+    left_out = [
+        f"{effect.name} of {letter}: {_left_out(effect)}"
+        for letter, model in zip("AB", models, strict=True)
+        for effect in model.effects
+        if _left_out(effect)
+    ]
+    motions, slopes, figures = [], {}, []
+    used: dict[str, float] = {}
+    for i, axis in enumerate(machine.axes):
+        for k in range(6):
+            ends = _common(sides, i, k)
+            if ends is None:
+                continue
+            name = f"E_{COMPONENTS[k]}{axis.name}"
+            if ends[0] >= ends[1]:
+                left_out.append(f"{name}: no range that both calibrations know")
+                continue
+            x = np.linspace(*ends, POSITIONS)
+            at = used.setdefault(axis.name, _reference(machine, i, ends, references or {}))
+            positions = np.append(x, at) * machine.scale[i]
+            pair = [side.seen(i, k, positions) for side in sides]
+            rule = _rule(machine, i, k, x, straightness)
+            motions.append(_motion(machine, sides, (i, k), x, pair, rule))
+            if rule.slope is not None:
+                slopes[COMPONENTS[k] + axis.name] = [_Seen(s.values[:-1], s.design[:-1]) for s in pair], rule.slope
+            elif rule.mean:
+                figures.append(_location(sides, name, pair, unit_of(COMPONENTS[k])[0]))
+    figures = [*_squareness(machine, sides, slopes), *figures, *_reversals(machine, sides)]
+    return Comparison(
+        machine,
+        used,
+        straightness,
+        tuple(motions),
+        tuple(figures),
+        _volume(machine, sides, tool_mm),
+        tuple(left_out),
+    )
+
+
+def _left_out(effect: Effect) -> str:
+    """Why an effect is not compared; empty where it is."""
+    if effect.ACTS_ON == "instrument":
+        return "an effect of the instrument"
+    others = [need.replace("_", " ") for need in effect.needs if need != "approach"]
+    others += [f"temperature {sensor}" for sensor in effect.sensors]
+    return f"depends on {', '.join(dict.fromkeys(others))}" if others else ""
+
+
+def _along(machine: Machine, i: int, positions: Array, way: float) -> State:
+    q = np.tile([axis.home for axis in machine.axes] * machine.scale, (len(positions), 1))
+    q[:, i] = positions
+    approach = np.zeros(q.shape)
+    approach[:, i] = way
+    return State(q, approach=approach)
+
+
+def _intervals(machine: Machine, model: ErrorModel) -> dict[tuple[int, int], Interval]:
+    """By axis and component that the model has: where its effects are known, mm or degrees."""
+    found: dict[tuple[int, int], Interval] = {}
+    for effect in model.effects:
+        known = effect.intervals
+        for place, component, _ in effect.columns(machine, _along(machine, 0, np.zeros(1), 1.0)):
+            if not 0 <= place < len(machine.axes):
+                continue
+            axis = machine.axes[place]
+            low, high = known.get(axis.name, axis.travel)
+            before = found.get((place, component), axis.travel)
+            found[place, component] = max(before[0], low), min(before[1], high)
+    return found
+
+
+def _common(sides: Sequence[_Side], i: int, k: int) -> Interval | None:
+    """The range of an error motion that both know, mm or degrees; None where neither has it."""
+    known = [side.intervals[i, k] for side in sides if (i, k) in side.intervals]
+    if not known:
+        return None
+    low, high = max(ends[0] for ends in known), min(ends[1] for ends in known)
+    return (low, high) if np.isfinite([low, high]).all() else (max(low, -180.0), min(high, 180.0))
+
+
+def _reference(machine: Machine, i: int, ends: Interval, references: Mapping[str, float]) -> float:
+    axis = machine.axes[i]
+    at = references.get(axis.name)
+    if at is None:
+        return float(np.clip(axis.home, *ends))
+    if not ends[0] <= at <= ends[1]:
+        raise UserError(
+            f"--reference {axis.name}={at:g}: both calibrations know {axis.name} from {ends[0]:g} to {ends[1]:g} "
+            f"{axis.unit}"
+        )
+    return at
+
+
+class _Rule(NamedTuple):
+    """How an error motion is put into its convention."""
+
+    text: str
+    matrix: Array
+    """`(n, n + 1)` on its values at the positions and, last, at the reference."""
+    slope: Array | None = None
+    """Weights `(n,)` of its slope, per mm, where it is a straightness."""
+    mean: bool = False
+    """True where its mean is a location error."""
+
+
+def _rule(machine: Machine, i: int, k: int, x: Array, straightness: Straightness) -> _Rule:
+    axis, n = machine.axes[i], len(x)
+    own = COMPONENTS[k] == own_component(axis.name)
+    if axis.rotary and not own:
+        return _Rule("less its mean", np.eye(n, n + 1) - np.append(np.full(n, 1.0 / n), 0.0), mean=True)
+    if axis.rotary or own or k >= 3:
+        return _Rule("zero at the reference", np.eye(n, n + 1) - np.eye(1, n + 1, n))
+    line = reference_line(straightness, x, np.zeros(n))
+    matrix = np.concatenate([line.residual_of(x), np.zeros((n, 1))], axis=1)
+    return _Rule(f"from the {straightness} line", matrix, line.slope_of)
+
+
+def _motion(
+    machine: Machine, sides: Sequence[_Side], place: tuple[int, int], x: Array, pair: Sequence[_Seen], rule: _Rule
+) -> Motion:
+    i, k = place
+    axis = machine.axes[i]
+    values = [rule.matrix @ seen.values for seen in pair]
+    U = [side.U(rule.matrix @ seen.design) for side, seen in zip(sides, pair, strict=True)]
+    known = (place in sides[0].intervals, place in sides[1].intervals)
+    name, unit = f"E_{COMPONENTS[k]}{axis.name}", unit_of(COMPONENTS[k])[0]
+    return Motion(name, axis.name, axis.unit, unit, rule.text, x, values[0], values[1], U[0], U[1], known)
+
+
+def _location(sides: Sequence[_Side], name: str, pair: Sequence[_Seen], unit: str) -> Figure:
+    """The mean of an error motion of a rotary axis."""
+    means = [float(seen.values[:-1].mean()) for seen in pair]
+    U = [float(side.U(seen.design[:-1].mean(axis=0)[None])[0]) for side, seen in zip(sides, pair, strict=True)]
+    return Figure(f"{name[:3]}0{name[3:]}", "location of the axis line", unit, *means, *U)
+
+
+SQUARENESS = {("Y", "X"): ("C", -1.0), ("Z", "X"): ("B", 1.0), ("Z", "Y"): ("A", -1.0)}
+"""Squareness of the second axis to the first: the letter of E_C0Y - E_C0X, and its sign in the slopes of both."""
+
+
+def _squareness(machine: Machine, sides: Sequence[_Side], slopes: Mapping[str, Any]) -> Iterator[Figure]:
+    """E_C0Y - E_C0X, E_B0Z - E_B0X and E_A0Z - E_A0Y, of the first linear axis of each letter, um/m."""
+    first: dict[str, str] = {}
+    for axis in machine.axes:
+        if not axis.rotary:
+            first.setdefault(own_component(axis.name), axis.name)
+    for (second, other), (letter, sign) in SQUARENESS.items():
+        if second not in first or other not in first:
+            continue
+        parts = [
+            (slopes[key], sign * own_motion(machine, axis)[2])
+            for key, axis in ((other + first[second], first[second]), (second + first[other], first[other]))
+            if key in slopes
+        ]
+        if not parts:
+            continue
+        found = []
+        for number, side in enumerate(sides):
+            value = sum(1e3 * share * (weights @ pair[number].values) for (pair, weights), share in parts)
+            design = sum(1e3 * share * (weights @ pair[number].design) for (pair, weights), share in parts)
+            found.append((float(value), float(side.U(np.asarray(design)[None])[0])))
+        name = f"E_{letter}0{first[second]} - E_{letter}0{first[other]}"
+        title = f"squareness of {first[second]} to {first[other]}"
+        yield Figure(name, title, "um/m", found[0][0], found[1][0], found[0][1], found[1][1])
+
+
+def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:
+    """Mean reversal of axes, forward minus backward, where either calibration has one."""
+    for i, axis in enumerate(machine.axes):
+        _, k, forward = own_motion(machine, axis.name)
+        ends = _common(sides, i, k)
+        if ends is None or ends[0] >= ends[1]:
+            continue
+        x = np.linspace(*ends, POSITIONS) * machine.scale[i]
+        found = []
+        for side in sides:
+            ahead, behind = side.seen(i, k, x, 1.0), side.seen(i, k, x, -1.0)
+            value = forward * float(np.mean(ahead.values - behind.values))
+            found.append((value, float(side.U((ahead.design - behind.design).mean(axis=0)[None])[0])))
+        if any(abs(value) > LEAST for value, _ in found):
+            unit = unit_of(COMPONENTS[k])[0]
+            title = "mean reversal, forward minus backward"
+            yield Figure(f"B {axis.name}", title, unit, found[0][0], found[1][0], found[0][1], found[1][1])
+
+
+def _volume(machine: Machine, sides: Sequence[_Side], tool_mm: float) -> Volume:
+    """The difference of the tool point at random positions of the volume that both know; other axes at home."""
+    bounds: dict[str, Interval] = {}
+    low, high = (np.array([axis.home for axis in machine.axes]) for _ in range(2))
+    for i, axis in enumerate(machine.axes):
+        known = [ends for k in range(6) if (ends := _common(sides, i, k)) is not None]
+        ends = (max((e[0] for e in known), default=axis.home), min((e[1] for e in known), default=axis.home))
+        if ends[0] < ends[1]:
+            low[i], high[i] = ends
+            bounds[axis.name] = ends
+    q = np.random.default_rng(0).uniform(low, high, (POINTS, len(machine.axes))) * machine.scale
+    tool = (0.0, 0.0, -tool_mm)
+    state = State(q, approach=np.zeros(q.shape))
+    deviations = [exact_deviation(machine, q, side.model.errors(machine, state), tool).position for side in sides]
+    difference = deviations[1] - deviations[0]
+    transform = place_transform(machine, q, tool)[:, :3]
+    u = [side.model.standard_uncertainty(machine, state, transform) * 1e3 for side in sides]
+    expected = float(np.sqrt(np.mean(np.sum(u[0] ** 2 + u[1] ** 2, axis=1))))
+    return Volume(
+        bounds,
+        tool_mm,
+        volumetric_error_um(difference),
+        volumetric_error_um(difference, tool_point(machine, q, tool)),
+        expected,
+    )

@@ -1,0 +1,209 @@
+"""`ncomp compare`: figures worked out by hand from calibrations with simple functions, and what is refused."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import machines
+from kinematics.basis import Polynomial
+from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift
+from kinematics.machine import Machine
+from kinematics.model import ErrorModel, Provenance, reference, write_model
+
+CFRAME, TABLE = machines.load("cframe"), machines.load("head_table")
+MADE = Provenance("test", datetime(2026, 1, 1, tzinfo=UTC))
+
+
+def motion(name, interval, *parameters, u=0.0):
+    basis = Polynomial(interval, len(parameters) - 1)
+    return ErrorMotion(component=name[0], axis=name[1:], basis=basis, parameters=parameters, u=(u,) * len(parameters))
+
+
+def calibration(path: str, machine: Machine, *effects):
+    write_model(ErrorModel(machine=reference(machine), provenance=MADE, effects=effects), Path(path))
+
+
+def compared(command, *options):
+    done = command("compare", "a.json", "b.json", "--json", "-", *options)
+    assert done.status == 0, done.err
+    found = json.loads(done.out)
+    motions = {each["name"]: each for each in found["error_motions"]}
+    figures = {each["name"]: each for each in found["figures"]}
+    return found, motions, figures
+
+
+def test_positioning_is_zero_at_the_reference(command):
+    # A: 7 + 30 u um over 0..600; B: 1 + 60 u over 0..500, u from 0 to 1 over its interval
+    calibration("a.json", CFRAME, motion("XX", (0.0, 600.0), 7.0, 30.0, u=2.0))
+    calibration("b.json", CFRAME, motion("XX", (0.0, 500.0), 1.0, 60.0, u=1.0))
+    found, motions, _ = compared(command, "--reference", "X=100")
+    xx = motions["E_XX"]
+    x = np.array(xx["curves"]["positions_mm"])
+    assert (x[0], x[-1]) == (0.0, 500.0)
+    np.testing.assert_allclose(xx["curves"]["a"], 0.05 * (x - 100.0), atol=1e-9)
+    np.testing.assert_allclose(xx["curves"]["b"], 0.12 * (x - 100.0), atol=1e-9)
+    assert xx["range"] == pytest.approx({"a": 25.0, "b": 60.0})
+    assert xx["largest"]["difference"] == pytest.approx(28.0)
+    assert xx["largest"]["position_mm"] == 500.0
+    # constants drop out; slopes: u 2 um over 600 mm and 1 um over 500 mm, at 400 mm from the reference, k = 2
+    assert xx["largest"]["U"] == pytest.approx(2.0 * np.hypot(2.0 * 400 / 600, 1.0 * 400 / 500))
+    assert xx["significant"] is True
+    assert found["reference"] == {"X": 100.0}
+
+
+@pytest.mark.parametrize(("kind", "largest"), [("end-point", 6.0), ("least-squares", 4.0)])
+def test_straightness_lies_about_its_line(command, kind, largest):
+    # a parabola 24 u (1 - u) has 6 um in the middle above its end points, and 4 um at the ends below its mean line
+    calibration("a.json", CFRAME, motion("YX", (0.0, 600.0), 3.0, 12.0))
+    calibration("b.json", CFRAME, motion("YX", (0.0, 600.0), -4.0, 24.0, -24.0))
+    _, motions, figures = compared(command, "--straightness", kind)
+    yx = motions["E_YX"]
+    assert yx["range"]["a"] == pytest.approx(0.0, abs=1e-9)
+    assert yx["range"]["b"] == pytest.approx(6.0, abs=0.01)
+    assert abs(yx["largest"]["difference"]) == pytest.approx(largest, abs=0.1)
+    square = figures["E_C0Y - E_C0X"]
+    # E_YX rises by 12 um over 600 mm: X leans to +y by 20 um/m, so Y to X is 20 um/m below
+    assert square["a"] == pytest.approx(-20.0)
+    assert square["b"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "figure", "sign"),
+    [
+        ("CY", 20.0, "E_C0Y - E_C0X", 1.0),
+        ("CX", 20.0, "E_C0Y - E_C0X", -1.0),
+        ("BZ", 20.0, "E_B0Z - E_B0X", 1.0),
+        ("BX", 20.0, "E_B0Z - E_B0X", -1.0),
+        ("AZ", 20.0, "E_A0Z - E_A0Y", 1.0),
+        ("AY", 20.0, "E_A0Z - E_A0Y", -1.0),
+    ],
+)
+def test_squareness_has_the_signs_of_the_conventions(command, name, value, figure, sign):
+    calibration("a.json", CFRAME, LocationError(component=name[0], axis=name[1], value=value, u=(3.0,)))
+    calibration("b.json", CFRAME, LocationError(component=name[0], axis=name[1], value=value + 9.0, u=(4.0,)))
+    _, motions, figures = compared(command)
+    assert figures[figure]["a"] == pytest.approx(sign * value)
+    assert figures[figure]["difference"] == pytest.approx(sign * 9.0)
+    assert figures[figure]["U_difference"] == pytest.approx(10.0)
+    assert all(each["rms_difference"] < 1e-9 for each in motions.values())
+
+
+def test_an_axis_against_its_letter_leans_the_same_way(command):
+    text = 'name = "against"\nchain = "w b Y X Z t"\n[axes.X]\ntravel = [0, 600]\ndirection = [-1, 0, 0]\n'
+    Path("against.toml").write_text(text + "[axes.Y]\ntravel = [0, 400]\n[axes.Z]\ntravel = [0, 400]\n")
+    machine = machines.load("against.toml")
+    calibration("a.json", machine, LocationError(component="C", axis="X", value=20.0))
+    calibration("b.json", machine)
+    _, _, figures = compared(command, "--machine", "against.toml")
+    assert figures["E_C0Y - E_C0X"]["a"] == pytest.approx(-20.0)
+    refused = command("compare", "a.json", "b.json")
+    assert refused.status == 2
+    assert "--machine" in refused.err
+
+
+def test_rotary_axes_have_their_location_apart(command):
+    wobble = (-100.0, 100.0)
+    calibration("a.json", TABLE, motion("XC", wobble, 5.0, 8.0), motion("CC", wobble, 2.0, 10.0))
+    calibration("b.json", TABLE, LocationError(component="X", axis="C", value=5.0, u=(1.0,)))
+    _, motions, figures = compared(command)
+    assert figures["E_X0C"]["a"] == pytest.approx(9.0)
+    assert figures["E_X0C"]["b"] == pytest.approx(5.0)
+    assert figures["E_X0C"]["U_difference"] == pytest.approx(2.0)
+    assert motions["E_XC"]["range"] == pytest.approx({"a": 8.0, "b": 0.0}, abs=1e-9)
+    assert motions["E_CC"]["in"] == ["a"]
+    assert motions["E_CC"]["largest"]["difference"] == pytest.approx(
+        5.0 * -motions["E_CC"]["largest"]["position_deg"] / 100
+    )
+
+
+def test_reversal_and_what_is_left_out(command):
+    growth, drift = GrowthWithTime(axis="X", rate=3.0, u=(1.0,)), ThermalDrift(component="Z", rate=9.0, u=(1.0,))
+    calibration("a.json", CFRAME, Backlash(axis="Y", width=8.0, u=(0.3,)), growth)
+    calibration("b.json", CFRAME, Backlash(axis="Y", width=5.0, u=(0.4,)), drift, RangeOffset(4.0, u=(1.0,)))
+    found, motions, figures = compared(command)
+    assert figures["B Y"]["a"] == pytest.approx(-8.0)
+    assert figures["B Y"]["difference"] == pytest.approx(3.0)
+    assert figures["B Y"]["U_difference"] == pytest.approx(1.0)
+    assert motions["E_YY"]["rms_difference"] == 0.0
+    left = "\n".join(found["not_compared"])
+    assert "thermal-scale X of A: depends on time" in left
+    assert "of B: depends on time" in left
+    assert "instrument" in left
+
+
+def test_the_volume_is_that_of_both_and_aligned(command):
+    # a pure squareness is a shear: what no alignment takes away; a common turn of both axes is one
+    calibration("a.json", CFRAME, motion("XX", (0.0, 400.0), 0.0))
+    both = (motion("YX", (0.0, 600.0), 0.0, 12.0), motion("XY", (0.0, 450.0), 0.0, -9.0))
+    calibration("b.json", CFRAME, motion("XX", (0.0, 600.0), 0.0), *both)
+    found, _, _ = compared(command)
+    volume = found["volume"]
+    assert volume["bounds"]["X"] == [0.0, 400.0]
+    assert volume["difference_um"]["max"] > 7.0
+    assert volume["aligned_um"]["max"] < 1e-6
+    assert volume["u_rms_um"] == 0.0
+
+
+def test_terminal_and_page(command):
+    calibration("a.json", CFRAME, motion("XX", (0.0, 600.0), 7.0, 30.0, u=2.0), Backlash(axis="X", width=3.0))
+    calibration("b.json", CFRAME, motion("XX", (0.0, 500.0), 1.0, 60.0, u=1.0), motion("YX", (0.0, 600.0), 0.0, 4.0))
+    done = command("compare", "a.json", "b.json", "--report", "out.html")
+    assert done.status == 0, done.err
+    screen = done.out.decode()
+    for text in ("E_XX", "significant", "in B only", "squareness of Y to X", "reference", "aligned", "U (k=2)"):
+        assert text in screen
+    page = Path("out.html").read_text()
+    for text in ("<svg", "E_YX", "squareness of Y to X", "B minus A", "Axis X", "not known"):
+        assert text in page
+    assert not any(text in page for text in ("<script", "<link", "src="))
+
+
+def test_equal_calibrations_of_every_shipped_machine_do_not_differ(command):
+    for name in machines.names():
+        machine = machines.load(name)
+        effects = [
+            motion(
+                f"{letter}{axis.name}", (max(axis.travel[0], -90.0), min(axis.travel[1], 90.0)), 1.0, 5.0, -3.0, u=1.0
+            )
+            for axis in machine.axes
+            for letter in "XYZABC"
+        ]
+        calibration("a.json", machine, *effects)
+        calibration("b.json", machine, *effects)
+        found, motions, figures = compared(command)
+        assert len(motions) == 6 * len(machine.axes)
+        assert not any(each["significant"] for each in motions.values())
+        assert all(each["difference"] == 0.0 for each in figures.values())
+        assert found["volume"]["difference_um"]["max"] == 0.0
+        assert found["volume"]["u_rms_um"] > 0.0
+
+
+def test_what_can_not_be_compared(command):
+    calibration("a.json", CFRAME, motion("XX", (0.0, 200.0), 1.0, 2.0))
+    calibration("b.json", CFRAME, motion("XX", (300.0, 500.0), 1.0, 2.0))
+    found, motions, _ = compared(command)
+    assert motions == {}
+    assert found["not_compared"] == ["E_XX: no range that both calibrations know"]
+    calibration("g.json", machines.load("gantry"))
+    Path("text.json").write_text("{}")
+    for arguments, says in (
+        (("a.json", "g.json"), "only calibrations of one machine"),
+        (("a.json", "none.json"), "No such file"),
+        (("a.json", "text.json"), "no ncomp calibration"),
+        (("a.json", "b.json", "--machine", "gantry"), "not of gantry"),
+        (("a.json", "b.json", "--straightness", "best"), "end-point or least-squares"),
+        (("a.json", "b.json", "--reference", "X"), "expected AXIS=POSITION"),
+        (("a.json", "b.json", "--reference", "Q=3"), "has no axis Q"),
+        (("a.json", "b.json", "--reference", "X=nan"), "expected AXIS=POSITION"),
+        (("a.json", "a.json", "--reference", "X=1", "--reference", "X=2"), "given twice"),
+        (("a.json", "a.json", "--reference", "X=400"), "from 0 to 200 mm"),
+        (("a.json", "b.json", "--report", "a.json"), "is read here"),
+    ):
+        refused = command("compare", *arguments, *(() if "--report" in arguments else ("--json", "out.json")))
+        assert refused.status == 2, arguments
+        assert says in refused.err
+        assert "Traceback" not in refused.err
+        assert not Path("out.json").exists()
