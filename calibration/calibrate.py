@@ -10,19 +10,20 @@ from importlib.metadata import version
 import msgspec
 import numpy as np
 
+from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, significant_share
 from calibration.datum import to_datum
+from calibration.diagnosis.sanity import Finding, usable
 from calibration.fit import Fit, fit
 from calibration.heldout import HeldOut, held_out
 from calibration.locations import split_locations, transformed
 from calibration.measurement import Measurement
 from calibration.models import moving_axes, stated_bases, with_effects
-from calibration.normal import residuals
-from calibration.outliers import Variance, first_registration
+from calibration.outliers import Variance
 from calibration.resolution import Choice, choose, finer
 from calibration.suspects import Suspect, suspects
 from calibration.visibility import Visibility, visibility
 from kinematics.effects import Effect
-from kinematics.model import ErrorModel, Provenance, no_errors
+from kinematics.model import ErrorModel, Provenance
 
 AUTO = "auto"
 AUTOMATIC_KINDS = ("b-spline", "cubic")
@@ -46,6 +47,10 @@ class Calibration:
     suspects: tuple[Suspect, ...]
     """What the residuals depend on."""
     held_out: HeldOut | None
+    findings: tuple[Finding, ...]
+    """What is odd about the data."""
+    significant_share: float
+    """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
 
 
 def calibrate(
@@ -67,19 +72,34 @@ def calibrate(
     motions as a multiple of the typical one; None leaves it to the evidence where the basis is chosen, else 1.
     valid_days: days for which the calibration states that it holds; None states nothing.
     """
+    findings = usable(measurement)
     choice = _choice(measurement, basis, effects, prior_scale, progress)
     if basis.startswith(AUTO):
         choice = finer(choice, measurement, margin)
     model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
     found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
-    before = _before(found)
+    before = nominal_residuals(found)
     progress("what the data see")
     seen = visibility(found)
+    refuse_few(found, seen)
     progress("held-out residuals")
     held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
-    rms = float(np.sqrt(np.mean(before**2)))
-    largest = float(np.linalg.norm(before, axis=1).max())
-    return Calibration(found, _written(found, valid_days), choice, seen, rms, largest, tuple(suspects(found)), held)
+    refuse_worse(found, before, held)
+    written = _written(found, valid_days)
+    kept = measurement.rows(np.flatnonzero(found.kept))
+    before_um = before * kept.per_micro
+    return Calibration(
+        found,
+        written,
+        choice,
+        seen,
+        float(np.sqrt(np.mean(before_um**2))),
+        float(np.linalg.norm(before_um, axis=1).max()),
+        tuple(suspects(found)),
+        held,
+        tuple(findings),
+        significant_share(written, kept),
+    )
 
 
 def _choice(
@@ -97,13 +117,6 @@ def _choice(
             measurement, kinds, rotary_kind=rotary_kind, effects=effects, prior_scale=prior_scale, progress=progress
         )
     return Choice(stated_bases(basis, axes), prior_scale or 1.0)
-
-
-def _before(found: Fit) -> np.ndarray:
-    """Residuals `(kept, d)`, um and urad, of the nominal machine with a registration of its own."""
-    kept = found.measurement.rows(np.flatnonzero(found.kept))
-    registration, _ = first_registration(kept)
-    return np.asarray(residuals(kept, no_errors(kept.machine), registration) * kept.per_micro)
 
 
 def in_datum(found: Fit) -> ErrorModel:

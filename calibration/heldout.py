@@ -11,10 +11,10 @@ import numpy as np
 
 from calibration.fit import fit
 from calibration.measurement import Measurement
-from calibration.normal import residuals
+from calibration.normal import residuals, whitened, whiteners
 from calibration.outliers import Variance
 from kinematics.errors import UserError
-from kinematics.model import ErrorModel
+from kinematics.model import ErrorModel, no_errors
 from kinematics.transforms import Array
 
 CELLS = 8
@@ -32,6 +32,11 @@ class HeldOut(NamedTuple):
     blocks: int
     what: str
     """What the blocks are."""
+    nominal_rms_um: float
+    """What the nominal machine leaves of the same rows, registered by the others."""
+    gain: float
+    """Mean square of what the nominal machine leaves of them, less that of the fit, in units of the instrument's
+    variance; below zero where the fit predicts worse."""
 
 
 def held_out(
@@ -44,22 +49,33 @@ def held_out(
     """
     good = measurement.rows(np.flatnonzero(kept))
     labels, what = blocks_of(good)
-    missed = np.full((len(good), good.components), np.nan)
+    missed = np.full((2, len(good), good.components), np.nan)
+    nominal = no_errors(good.machine)
     for label in np.unique(labels):
         told = (labels == label) & placed(good, labels != label)
         if not told.any():
             continue
-        try:
-            found = fit(good.rows(np.flatnonzero(labels != label)), model, prior=prior, variance=variance)
-        except UserError:  # the others are no measurement on their own
-            return None
-        # effects with memory need the rows in between
-        missed[told] = residuals(good, found.model, found.registration)[told]
-    missed = (missed * good.per_micro)[~np.isnan(missed[:, 0])]
-    if len(missed) < len(good) / 2:
+        others = good.rows(np.flatnonzero(labels != label))
+        for i, (start, root) in enumerate(((model, prior), (nominal, np.zeros(0)))):
+            try:
+                found = fit(others, start, prior=root, variance=variance)
+            except UserError:  # the others are no measurement on their own
+                return None
+            # effects with memory need the rows in between
+            missed[i, told] = residuals(good, found.model, found.registration)[told]
+    told = ~np.isnan(missed[0, :, 0])
+    if 2 * told.sum() < len(good):
         return None
-    rms, largest = np.sqrt(np.mean(missed**2)), np.linalg.norm(missed, axis=1).max()
-    return HeldOut(float(rms), float(largest), len(np.unique(labels)), what)
+    part = good.rows(told)
+    return summed_up(missed[:, told], whiteners(part), part.per_micro, len(np.unique(labels)), what)
+
+
+def summed_up(missed: Array, whitener: Array, per_micro: Array, blocks: int, what: str) -> HeldOut:
+    """The residuals `(2, n, d)` of the fit and of the nominal machine, mm and rad, in figures."""
+    squares = [float(np.mean(whitened(whitener, residual) ** 2)) for residual in missed]
+    rms = [float(np.sqrt(np.mean((part * per_micro) ** 2))) for part in missed]
+    largest = float(np.linalg.norm(missed[0] * per_micro, axis=1).max())
+    return HeldOut(rms[0], largest, blocks, what, rms[1], squares[1] - squares[0])
 
 
 def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:

@@ -69,6 +69,8 @@ class Solved(NamedTuple):
     def spent(self) -> float:
         """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
         size = len(self.information)
+        if not size:
+            return float(self.registered)
         inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(self.information + np.eye(size)), lower=1)
         return size - float(np.sum(inverse**2)) + self.registered
 

@@ -21,6 +21,8 @@ from typing import Literal
 import numpy as np
 
 from calibration import stations
+from calibration.acceptance import significant_share
+from calibration.diagnosis.sanity import usable
 from calibration.error_curves import (
     Curves,
     Misfit,
@@ -112,6 +114,8 @@ class ThreePoints:
     model: ErrorModel
     points: stations.Points
     notes: tuple[str, ...]
+    significant_share: float
+    """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
     datums: Mapping[str, Array]
     """Targets on the bed by name `(3,)`, mm, machine frame: they hold the frame for a later measurement."""
 
@@ -155,6 +159,7 @@ def identify(
     them; with `datums`, of an earlier measurement, the one in which the targets on the bed lie nearest to theirs.
     """
     _check(measurement)
+    odd = [finding.says for finding in usable(measurement)]
     choice = choice or Choice()
     places, number = _physical_points(measurement)
     series = _all_series(measurement, places, number)
@@ -169,14 +174,16 @@ def identify(
         _refuse_line(measurement, one, points)
         found[measurement.machine.axes[one.column].name] = _identify(measurement.machine, one, points, found, choice)
     _refuse_unknown(choice, found)
-    notes = [] if points.freedom else ["every point was seen once: no repeatability, uncertainty by the sheet alone"]
+    notes = odd + ([] if points.freedom else ["every point was seen once: no repeatability, u by the sheet alone"])
     results = {name: _result(measurement.machine, one, points) for name, one in found.items()}
     notes += _missed(results)
+    model = _model(measurement, found, results, points)
     return ThreePoints(
         results,
-        _model(measurement, found, results, points),
+        model,
         points,
         tuple(notes),
+        significant_share(model, measurement),
         {name: points.positions[number] for name, number in on_bed.items()},
     )
 

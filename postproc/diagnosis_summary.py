@@ -53,6 +53,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "would_show_from": [{"name": name, "size": size, "unit": unit} for name, size, unit in found.smallest],
         "not_tested": [{"name": entry.name, "lacks": entry.lacks} for entry in found.untested],
         "outliers": [found.measurement.where(int(row)) for row in fit.outliers],
+        "significant_share": found.significant_share,
         "calibration": found.model.id,
     }
 

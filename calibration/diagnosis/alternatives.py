@@ -18,7 +18,7 @@ from calibration.models import STILL
 from calibration.normal import residuals
 from calibration.outliers import first_registration
 from calibration.registration import Registration
-from calibration.sight import seen_points
+from calibration.sight import carried, seen_points
 from kinematics.machine import Vector
 from kinematics.model import no_errors
 from kinematics.transforms import Array
@@ -29,6 +29,8 @@ NEAR = 5e-3
 """Share by which a scale may miss one of them."""
 SCALE = 1e-3
 """Share that no machine is out of scale by."""
+ROUNDS = 8
+"""Of registering the points, and moving a target to where they show it."""
 TRIMMED = 50
 """One row of so many, at least one, may be as far off as it likes."""
 
@@ -177,6 +179,33 @@ def _targets(measurement: Measurement) -> Iterator[Alternative]:
             yield Alternative(
                 "targets", f"with the sign of {letter} of all targets reversed", _with_targets(measurement, turned)
             )
+
+
+def misplaced(measurement: Measurement) -> Iterator[Alternative]:
+    """Each target on the tool at the position where the points show it, the others as the file states them.
+
+    Any position is allowed, which other mistakes can imitate: to be tried after `alternatives`.
+    """
+    own = {name: target for name, target in measurement.targets.items() if target.known}
+    if len(own) < 2:
+        return
+    for name, target in own.items():
+        other = measurement
+        for _ in range(ROUNDS):
+            missed, registration = misfit(other)
+            rows = measurement.target_number == list(measurement.targets).index(name)
+            directions = (registration.rotations(other) @ carried(other))[rows, : missed.shape[1]]
+            shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), missed[rows].reshape(-1), rcond=None)
+            x, y, z = np.array(other.targets[name].position) + shift
+            position: Vector = (float(x), float(y), float(z))
+            other = _with_targets(other, {name: replace(target, position=position)})
+        moved = np.linalg.norm(np.array(position) - target.position)
+        by = f"with target {name} at {_mm(position)} instead of {_mm(target.position)}, {moved:.3g} mm away"
+        yield Alternative("targets", by, other)
+
+
+def _mm(position: Vector) -> str:
+    return "(" + ", ".join(f"{value:.5g}" for value in position) + ") mm"
 
 
 def _turned(target: Target, signs: tuple[int, int, int]) -> Target:

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
+from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, significant_share
 from calibration.diagnosis import remainder
 from calibration.diagnosis.base import Base, base_of
 from calibration.diagnosis.dependence import Unexplained
@@ -19,16 +20,16 @@ from calibration.diagnosis.gains import Volume, by_direction, closure, volume
 from calibration.diagnosis.library import Candidate, Untested, changes, library
 from calibration.diagnosis.next_measurement import Move, moves
 from calibration.diagnosis.repeats import Repeats, repeats
-from calibration.diagnosis.sanity import Finding, sanity
+from calibration.diagnosis.sanity import Finding, usable
 from calibration.diagnosis.selection import Accepted, Judged, Selector, Stage, judge
 from calibration.diagnosis.unnamed import add_unnamed
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
 from calibration.diagnosis.whiteness import Test, combined
 from calibration.diagnosis.written import new_calibration
+from calibration.heldout import summed_up
 from calibration.measurement import Measurement
 from calibration.outliers import Variance
 from calibration.visibility import Visibility, visibility
-from kinematics.errors import UserError
 from kinematics.model import ErrorModel
 
 GATE = 0.2
@@ -83,6 +84,12 @@ class Diagnosis:
     volume: Volume
     moves: tuple[Move, ...]
     """Measurements that would tell most, per minute, the best first."""
+
+    @cached_property
+    def significant_share(self) -> float:
+        """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
+        kept = self.after.fit.measurement.rows(np.flatnonzero(self.after.fit.kept))
+        return significant_share(self.model, kept)
 
     @property
     def with_unnamed(self) -> bool:
@@ -162,6 +169,8 @@ def diagnose(
         says = f"the instrument's sheet is in doubt, its noise is taken from repeats: {noise.says}"
         findings.append(Finding("noise", says, False))
     before = selector.bare
+    if calibration is None:
+        refuse_few(before.fit, visibility(before.fit))
     tests = remainder.tests(before.frame)
     found = _Found(selector, before, ())
     if combined(tests, GATE) or len(before.fit.outliers) or base.fine:
@@ -178,6 +187,8 @@ def diagnose(
         tests_after = remainder.tests(after.frame)
     bare = after.frame if not after.accepted else selector.bare.frame
     causes = named(after, bare)
+    if calibration is None:
+        _refuse_worse(after)
     # what no cause explains makes outliers as well
     lost = outliers(after.fit, bare) if left is None else None
     causes += [] if lost is None else [lost]
@@ -208,12 +219,25 @@ def diagnose(
     )
 
 
+def _refuse_worse(stage: Stage) -> None:
+    """UserError where the fitted model leaves, or predicts, larger deviations than the nominal machine."""
+    found, frame = stage.fit, stage.frame
+    before, held = nominal_residuals(found), frame.held_out
+    everywhere = np.full_like(found.residual, np.nan)
+    everywhere[found.kept] = before
+    micro = found.measurement.per_micro[frame.rows]
+    counted = held.counted & found.kept[frame.rows]
+    predicted = np.stack([held.residual_um / micro, everywhere[frame.rows]])[:, counted]
+    if not counted.any():
+        refuse_worse(found, before, None)
+        return
+    figures = summed_up(predicted, frame.white[counted], micro[counted], held.blocks, "cells of space")
+    refuse_worse(found, before, figures)
+
+
 def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
     """The measurement on a clock that begins with it, and what is odd about it; UserError where it can't be used."""
-    findings = sanity(measurement)
-    fatal = [finding.says for finding in findings if finding.fatal]
-    if fatal:
-        raise UserError(f"{measurement.source}: {fatal[0]}")
+    findings = usable(measurement)
     measurement, late = _from_its_start(measurement)
     if late:
         says = f"time_s begins at {late:.10g}: it is counted from the first row, as drift is"

@@ -12,10 +12,19 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from calibration.diagnosis.alternatives import Alternative, alternatives, by_axes, misfit, trimmed_rms, worst_rms
+from calibration.diagnosis.alternatives import (
+    Alternative,
+    alternatives,
+    by_axes,
+    misfit,
+    misplaced,
+    trimmed_rms,
+    worst_rms,
+)
 from calibration.diagnosis.places import place_numbers
 from calibration.measurement import Measurement
 from calibration.outliers import duplicates
+from kinematics.errors import UserError
 from kinematics.transforms import Array
 
 FALLS = 5.0
@@ -43,6 +52,8 @@ BACK = 0.1
 """Share of rows that are earlier than the one before, from which the rows are in no order of time."""
 HOT = 200.0
 """degC that no sensor of a machine tool reads: kelvin, or hundredths."""
+SMALL = 0.05
+"""Share of their travel below which linear axes that move together are asked for their unit."""
 NOTICED = 1e-3
 """mm and mrad: a read-back that differs less from the command is not looked at."""
 
@@ -61,12 +72,22 @@ def sanity(measurement: Measurement) -> list[Finding]:
     """What is wrong, or odd, with a measurement; what forbids its use first, and then little else."""
     copies = duplicates(measurement)
     own = measurement.rows(np.flatnonzero(~copies))
-    mistakes = [*_order(own), *_temperatures(own)]
-    mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
+    mistakes = [*_order(own), *_temperatures(own), *_dead(own)]
     odd = [*_copies(measurement, copies)]
-    if not any(finding.fatal for finding in mistakes):
-        odd += [*_clock(own), *_first_cycle(own), *_read_back(own)]
+    if measurement.across is None:  # the alignment with the path looks for mistakes of points in motion
+        mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
+    if measurement.across is None and not any(finding.fatal for finding in mistakes):
+        odd += [*_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
     return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
+
+
+def usable(measurement: Measurement) -> list[Finding]:
+    """What is odd about a measurement; UserError for what forbids its use."""
+    findings = sanity(measurement)
+    fatal = [finding.says for finding in findings if finding.fatal]
+    if fatal:
+        raise UserError(f"{measurement.source}: {'; '.join(fatal)}")
+    return findings
 
 
 def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
@@ -102,6 +123,34 @@ def _temperatures(measurement: Measurement) -> Iterator[Finding]:
             )
 
 
+def _dead(measurement: Measurement) -> Iterator[Finding]:
+    """Observations that are all the same although the machine moves."""
+    moved = np.ptp(measurement.state.positions, axis=0).any()
+    if moved and len(measurement) >= LEAST and not np.ptp(measurement.observed, axis=0).any():
+        yield Finding(
+            "constant",
+            f"all {len(measurement)} observations are the same although the axes move: the instrument did not measure, "
+            "or the wrong column was read",
+            True,
+        )
+
+
+def _small_volume(measurement: Measurement) -> Iterator[Finding]:
+    """Several linear axes that all move over a small part of their travel: another unit, or a small volume indeed."""
+    machine = measurement.machine
+    span, travel = np.ptp(measurement.state.positions, axis=0), np.ptp(machine.travel, axis=0)
+    moving = np.flatnonzero((span > 0.0) & ~machine.rotary)
+    if len(moving) > 1 and np.all(span[moving] < SMALL * travel[moving]):
+        names = ", ".join(machine.names[i] for i in moving)
+        share = float(np.max(span[moving] / travel[moving]))
+        yield Finding(
+            "volume",
+            f"{names} move over {100 * share:.2g} % of their travel at most: is the unit of the commands right "
+            "(inch or m)? The calibration holds in this small volume only",
+            False,
+        )
+
+
 def _mistakes(measurement: Measurement) -> Iterator[Finding]:
     """Mistakes of points, by undoing them one at a time; else stations and whole measurements that fit nowhere."""
     rows = np.arange(len(measurement))
@@ -112,11 +161,12 @@ def _mistakes(measurement: Measurement) -> Iterator[Finding]:
     before = worst_rms(some, missed)
     if before < SUSPICIOUS:
         return
-    tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in alternatives(some)]
-    best = min((after for after, _ in tried), default=np.inf)
-    if best < before / FALLS and best < PLAUSIBLE:
-        yield _mistake(before, [pair for pair in tried if pair[0] <= TIED * best])
-        return
+    for kinds in (alternatives, misplaced):
+        tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in kinds(some)]
+        best = min((after for after, _ in tried), default=np.inf)
+        if best < before / FALLS and best < PLAUSIBLE:
+            yield _mistake(before, [pair for pair in tried if pair[0] <= TIED * best])
+            return
     lengths = np.linalg.norm(missed, axis=1)
     if float(np.median(lengths)) > HOPELESS:
         yield Finding(

@@ -15,6 +15,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
+    show_insignificant,
     whole_results,
     write_json,
 )
@@ -97,7 +98,9 @@ def diagnose(
     against = "" if calibration is None else f" --calibration {calibration}"
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
     _write(found, str(output), json, report, command)
-    show(found, console if "-" in (json, report, str(output)) else screen)
+    to = console if "-" in (json, report, str(output)) else screen
+    show_insignificant(found.significant_share, to)
+    show(found, to)
 
 
 def _read(

@@ -28,6 +28,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
+    show_insignificant,
     whole_results,
     write_json,
 )
@@ -216,6 +217,8 @@ def summary(found: Calibration) -> dict[str, Any]:
         "outliers": [measurement.where(int(row)) for row in fitted.outliers],
         "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
         "failed_stations": list(fitted.failed),
+        "significant_share": found.significant_share,
+        "sanity": [{"what": finding.what, "says": finding.says} for finding in found.findings],
         "locations": {
             e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
             for e in found.model.effects
@@ -238,6 +241,9 @@ def show(found: Calibration, to: Console) -> None:
     fitted, seen, held = found.fit, found.visibility, found.held_out
     measurement = fitted.measurement
     bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
+    show_insignificant(found.significant_share, to)
+    for finding in found.findings:
+        to.print(f"DATA         {finding.says}")
     to.print(f"data         {measurement.source}: {len(measurement)} rows, {fitted.observations} observations fitted")
     to.print(f"model        {seen.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}")
     to.print(

@@ -13,6 +13,8 @@ import typer
 from kinematics.errors import UserError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from kinematics.machine import Machine
     from kinematics.model import ErrorModel
 
@@ -185,3 +187,15 @@ def write_json(results: dict[str, Any], file: BinaryIO) -> None:
     import json
 
     file.write((json.dumps(results, indent=2) + "\n").encode())
+
+
+def show_insignificant(share: float, to: Console) -> None:
+    """A first line for people where most of the correction does not exceed its uncertainty."""
+    from calibration.acceptance import COVERAGE, MOSTLY
+
+    if share < MOSTLY:
+        to.print(
+            f"NOT SIGNIFICANT  at {100 * (1 - share):.0f} % of the measured positions the correction is smaller than "
+            f"{COVERAGE:g} times its standard uncertainty: this calibration hardly improves the machine. Measure more "
+            "positions, or with a more certain instrument"
+        )

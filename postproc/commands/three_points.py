@@ -15,6 +15,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
+    show_insignificant,
     whole_results,
     write_json,
 )
@@ -109,6 +110,7 @@ def summary(found: ThreePoints) -> dict[str, Any]:
             }
             for name, axis in found.axes.items()
         },
+        "significant_share": found.significant_share,
         "calibration": found.model.id,
     }
 
@@ -149,6 +151,7 @@ def show(found: ThreePoints, to: Console, tables: bool = False) -> None:
     from calibration.three_points_figures import locations, squarenesses, straightnesses
 
     points = found.points
+    show_insignificant(found.significant_share, to)
     if points.freedom:
         to.print(
             f"rounds       chi2/dof {points.chi2 / points.freedom:.3g} by the tracker's sheet; the machine's "

@@ -1,0 +1,91 @@
+"""When a calibration is refused: too few data for its parameters, or predictions worse than without it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from calibration.fit import Fit, fit
+from calibration.heldout import HeldOut
+from calibration.measurement import Measurement
+from calibration.normal import whitened, whiteners
+from calibration.prediction import predictions
+from calibration.visibility import Visibility
+from kinematics.errors import UserError
+from kinematics.model import ErrorModel, no_errors
+from kinematics.transforms import Array
+
+SPARE = 0.2
+"""Share of the observations that must be left over to check the parameters that they determine."""
+COVERAGE = 2.0
+"""k: a correction is significant above so many standard uncertainties."""
+MOSTLY = 0.5
+"""Share of positions at which the correction must be significant."""
+STATES = 1000
+"""Measured states, evenly spread, at which the correction is compared with its uncertainty."""
+
+
+def refuse_few(found: Fit, seen: Visibility) -> None:
+    """UserError where the rows can't determine the parameters of the model, or leave nothing to check them."""
+    measurement, registered = found.measurement, len(found.registration.names)
+    unknown = registered + seen.parameters - seen.by_convention
+    told = _information(measurement.rows(np.flatnonzero(found.kept)))
+    checked = found.observations * (1.0 - SPARE) >= registered + seen.rank_registered
+    if checked and (told >= unknown or measurement.components == 1):
+        return
+    advice = "repeat the runs, or measure more positions"
+    if measurement.components > 1:
+        positions = math.ceil(unknown / (1.0 - SPARE) / measurement.components)
+        advice = f"measure about {positions} positions or more, spread over the travel, or fit a smaller basis"
+    raise UserError(
+        f"{measurement.source}: {np.count_nonzero(found.kept)} rows ({found.observations} observations) are too few "
+        f"for {seen.parameters} parameters of the machine and {registered} of the registration: they determine "
+        f"{registered + seen.rank_registered} of {unknown}, and {100 * SPARE:g} % of the observations must remain to "
+        f"check them; {advice}"
+    )
+
+
+def _information(measurement: Measurement) -> int:
+    """Most parameters that the rows can determine: of a rigid body at each position six at most."""
+    _, position = np.unique(np.round(measurement.state.positions, 6), axis=0, return_inverse=True)
+    targets = np.unique(np.stack([position.reshape(-1), measurement.target_number], axis=1), axis=0)
+    return int(np.minimum(np.bincount(targets[:, 0]) * measurement.components, 6).sum())
+
+
+def nominal_residuals(found: Fit) -> Array:
+    """Residuals `(kept, d)`, mm and rad, of the nominal machine in the kept rows, with a registration of its own."""
+    kept = found.measurement.rows(np.flatnonzero(found.kept))
+    return fit(kept, no_errors(kept.machine), prior=np.zeros(0)).residual
+
+
+def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
+    """UserError for a fit that leaves, or predicts, larger deviations than the nominal machine.
+
+    Larger both as they are and in units of the instrument's uncertainty. before: as `nominal_residuals`.
+    """
+    advice = "Nothing is written: check the data and the model (ncomp diagnose), or measure more"
+    source, kept = found.measurement.source, found.measurement.rows(np.flatnonzero(found.kept))
+    rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
+    if found.rms_um > rms_um and found.chi2 > float(np.sum(whitened(whiteners(kept), before) ** 2)):
+        raise UserError(
+            f"{source}: the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). "
+            f"{advice}"
+        )
+    if held is not None and held.gain < 0.0 and held.rms_um > held.nominal_rms_um:
+        raise UserError(
+            f"{source}: the fit of the others predicts held-out {held.what} worse ({held.rms_um:.3g} um RMS) than the "
+            f"nominal machine does ({held.nominal_rms_um:.3g} um). {advice}"
+        )
+
+
+def significant_share(model: ErrorModel, measurement: Measurement) -> float:
+    """Share of the measured states at which the predicted deviation exceeds COVERAGE standard uncertainties."""
+    on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
+    rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
+    part = measurement.rows(rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), STATES)).astype(int))])
+    significant = 0
+    for block in predictions(model, part.machine, part.state, part.tool if on_tool.any() else np.zeros((len(part), 3))):
+        u = np.where(block.u > 0.0, block.u, np.inf)
+        significant += int(np.count_nonzero(np.any(np.abs(block.deviation) > COVERAGE * u, axis=1)))
+    return significant / len(part)
