@@ -9,7 +9,7 @@ from kinematics.touch_off import TouchOff, touch_off
 from postproc.frames import Frame
 from postproc.program import Block
 from postproc.setup import Origin, Setup
-from postproc.tool_tables.table import tool_key
+from postproc.tool_tables.table import shown_tool, tool_key
 
 
 @dataclass
@@ -121,12 +121,12 @@ class ControlState:
             if origin is Origin.ASSUMED:
                 self.assumed[f"work offset {offset}"] = f"{offset} {text}"
         if frame.tool_name and tool not in self.used_tools:
-            origin, text = self._tool_origin(tool), f"{self.tool_length(tool):g}"
+            origin, text, shown = self._tool_origin(tool), f"{self.tool_length(tool):g}", shown_tool(tool)
             self.used_tools[tool] = _with_origin(text, origin)
             if origin is None:
-                raise block.refuse(f"length of tool T{tool} is not given; " + _how(f"--tool-length T{tool}=mm"))
+                raise block.refuse(f"length of tool {shown} is not given; " + _how(f"--tool-length {shown}=mm"))
             if origin is Origin.ASSUMED:
-                self.assumed[f"tool T{tool}"] = f"T{tool} {text} mm"
+                self.assumed[f"tool {shown}"] = f"{shown} {text} mm"
 
     def _offset_text(self, name: str) -> str:
         return ", ".join(f"{axis} {value:g}" for axis, value in self._offset_values(name).items()) or "0"
@@ -138,7 +138,8 @@ class ControlState:
             parts.append(f"work offset {name} = {_with_origin(self._offset_text(name), self._offset_origin(name))}")
         if frame.tool_name:
             tool = tool_key(frame.tool_name)
-            parts.append(f"tool T{tool} = {_with_origin(f'{self.tool_length(tool):g} mm', self._tool_origin(tool))}")
+            length = _with_origin(f"{self.tool_length(tool):g} mm", self._tool_origin(tool))
+            parts.append(f"tool {shown_tool(tool)} = {length}")
         return " and ".join(parts)
 
     def assumption(self) -> str:
@@ -156,12 +157,12 @@ class ControlState:
     def unused(self) -> list[str]:
         """Notes on work offsets and tool lengths that were given for this run and not used: misspelt, perhaps."""
         offsets = sorted(self.setup.work_offsets.keys() - self.used_offsets.keys())
-        tools = sorted(self.setup.given_tools - self.used_tools.keys(), key=int)
+        tools = sorted(self.setup.given_tools - self.used_tools.keys(), key=lambda tool: (len(tool), tool))
         datums = sorted(self.setup.obtained.keys() - self.used_offsets.keys())
         return [
             *(f"work offset {name} was given and is not used" for name in offsets),
             *(f"the datum of {name} was given and is not used" for name in datums),
-            *(f"tool length T{number} was given and is not used" for number in tools),
+            *(f"tool length {shown_tool(tool)} was given and is not used" for tool in tools),
         ]
 
 

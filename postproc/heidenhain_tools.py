@@ -72,11 +72,7 @@ class Tools:
     def _named(self, block: Block, word: Word) -> str:
         """The tool that a word names, as tables have it."""
         text = block.text[word.at : word.end]
-        key = text.strip('"').upper() if text.startswith('"') else f"{value_of(block, word):.10g}"
-        if not key.isdecimal() and not self.control.state.knows(key):
-            what = "named" if text.startswith('"') else "indexed"
-            raise block.refuse(f"tool {text}: lengths of {what} tools come from a tool table (--tool-table)")
-        return key
+        return text.strip('"').upper() if text.startswith('"') else f"{value_of(block, word):.10g}"
 
     def radius(self) -> float | NotKnown:
         """Of the tool in the spindle, mm, with its oversize; or why it is not known."""

@@ -12,6 +12,7 @@ from kinematics.transforms import Array
 from postproc.conditions import Conditions
 from postproc.lines import ranges, shortened
 from postproc.significance import Significance
+from postproc.tool_tables.table import shown_tool
 from postproc.used_datums import UsedDatums
 
 
@@ -119,14 +120,14 @@ class Report:
         split = f"; {self.split_moves} moves split" if self.split_moves else ""
         where = "play is taken up or moves are split" if self.split_moves else "play is taken up"
         added = f"{split}; {self.added_blocks} blocks added where {where}" if self.added_blocks else ""
-        tools = ", ".join(f"T{name}: {value}" for name, value in self.tools.items()) or "none called: length 0"
+        tools = ", ".join(f"{shown_tool(tool)}: {length}" for tool, length in self.tools.items())
         facts = [
             ("program", f"{program['name']}  ({program['dialect']}, {self.blocks} blocks)"),
             ("machine", f"{machine['name']}  {machine['chain']}"),
             ("calibration", f"{calibration['id']}{age}"),
             ("work offsets", "; ".join(f"{name}: {value}" for name, value in self.work_offsets.items())),
             *self.datums.facts(self.work_offsets),
-            ("tool lengths", f"{tools} (mm)"),
+            ("tool lengths", f"{tools or 'none called: length 0'} (mm)"),
             ("conditions", self.conditions.text()),
             ("moves", f"{self.moves} read, {self.corrected} corrected in {self.changed_blocks} blocks{added}"),
         ]

@@ -11,7 +11,7 @@ from kinematics.errors import UserError
 from kinematics.machine import EVERY_OTHER, Machine
 from kinematics.touch_off import Datum, read_datum
 from postproc.numbers import given_number, given_once
-from postproc.tool_tables.table import ToolTable, tool_key
+from postproc.tool_tables.table import ToolTable, is_number, shown_tool, tool_key
 
 NO_OFFSET = frozenset(("G53", "G500"))
 """Names of frames that are the machine's own: no work offset."""
@@ -143,12 +143,13 @@ def parse_datum(text: str, machine: Machine) -> tuple[str, Datum]:
 
 
 def parse_tool_length(text: str) -> tuple[str, float]:
-    """`T1=120.5` as number and length, mm; UserError says what is wrong with it."""
-    name, _, value = text.partition("=")
-    number = name.strip().upper().lstrip("T")
-    if not number.isdecimal() or not value.strip():
-        raise UserError(f"--tool-length {text}: expected T1=mm")
-    return str(int(number)), given_number(value, f"--tool-length {text}")
+    """`T1=120.5` or `MILL_10=120.5` as number or name and length, mm; UserError says what is wrong with it."""
+    given, _, value = text.rpartition("=")
+    name = tool_key(given)
+    if not name or not value.strip():
+        raise UserError(f"--tool-length {text}: expected T1=mm, or NAME=mm for a tool that has a name")
+    number = name.removeprefix("T")
+    return tool_key(number) if is_number(number) else name, given_number(value, f"--tool-length {text}")
 
 
 def make_setup(
@@ -168,7 +169,9 @@ def make_setup(
             if axis not in machine.names and value:
                 raise UserError(f"tool table: work offset {name}: no axis {axis} on machine {machine.name}")
     given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
-    lengths = given_once(map(parse_tool_length, tool_lengths), "--tool-length T")
+    named = [parse_tool_length(text) for text in tool_lengths]
+    given_once(((shown_tool(tool), length) for tool, length in named), "--tool-length ")
+    lengths = dict(named)
     return Setup(
         machine,
         {**table.work_offsets, **given},

@@ -55,8 +55,8 @@ from postproc.siemens_vectors import turn_to_vector
 
 BY_CONTROL = -1.0
 """In the place of a G code: a circle that the control works out is in force."""
-OLDER_TOLERANCE_MODE = 100
-"""Second arguments of CYCLE832 from here on say more than a kind of machining, digit by digit."""
+OLDER_TOLERANCE_MODE = range(100, 1_000_000)
+"""Second arguments of CYCLE832 whose second last digit switches TRAORI; in others it is for the orientation."""
 STANDING = LIMITS | {DWELL}
 """The tool stays where it is, whatever the words of the block."""
 
@@ -260,7 +260,7 @@ class SiemensInterpreter:
             mode = whole(given[1], self.scope) if len(given) > 1 and given[1] != EMPTY else 0
         except NotKnown as reason:
             raise block.refuse(f"second argument of CYCLE832: {reason}") from None
-        if mode >= OLDER_TOLERANCE_MODE and mode // 10 % 10 != int(self.tcp):
+        if mode in OLDER_TOLERANCE_MODE and mode // 10 % 10 != int(self.tcp):
             raise block.refuse(f"CYCLE832 with {mode}, whose second last digit switches TRAORI on or off")
 
     def _take_mode(self, code: float) -> bool:

@@ -26,6 +26,12 @@ from postproc.siemens_data import PARTS, ControlData, chained, translation, unsc
 NAMES = frozenset("XYZABCUVWE") | PARTS
 """Of axes, and of what a frame consists of: they may be the index of a variable."""
 CONSTANTS = {"TRUE": 1.0, "FALSE": 0.0, "$PI": math.pi}
+MACHINING = {
+    "_OFF": 0.0, "_FINISH": 1.0, "_SEMIFIN": 2.0, "_ROUGH": 3.0,
+    "_ORI_FINISH": 11.0, "_ORI_SEMIFIN": 12.0, "_ORI_ROUGH": 13.0,
+    "_TOP_SURFACE_SMOOTH_OFF": 1e6, "_TOP_SURFACE_SMOOTH_ON": 2e6,
+}  # fmt: skip
+"""Names of the control for the second argument of CYCLE832; SINUMERIK ONE, NC programming 12/2019, p. 1108."""
 DATA = ("$P_UIFR", "$TC_")
 """Tables of the control that a program may fill."""
 EITHER_WAY = "read with comparisons last, and with comparisons first"
@@ -135,6 +141,8 @@ class SiemensVariables:
         here = self.levels[-1]
         if name in CONSTANTS and not indices:
             return CONSTANTS[name]
+        if name in MACHINING and name not in here.kinds:
+            return MACHINING[name]
         if name.startswith("$"):
             raise NotKnown(f"{shown} belongs to the control")
         if name in SETTINGS:

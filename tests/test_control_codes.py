@@ -185,6 +185,20 @@ def test_traori_by_number():
     assert "first" in refusal(siemens, text.format("TRAORI(1,0,0,1)"), machine="dmu50")
 
 
+@pytest.mark.parametrize("mode", ["_ROUGH", "_SEMIFIN", "_FINISH", "_OFF", "_ORI_FINISH", "_TOP_SURFACE_SMOOTH_ON+_FINISH",
+                                  "11", "2000001", "1000013"])  # fmt: skip
+@pytest.mark.parametrize("transformation", ["", "TRAORI\n"])
+def test_the_tolerance_cycle_by_names_and_with_top_surface_switches_nothing(mode, transformation):
+    """SINUMERIK ONE, NC programming 12/2019, p. 1108: tens for the orientation tolerance, millions for Top Surface."""
+    text = f"G0 X100 Y0 Z50 B0 C90\n{transformation}CYCLE832(0.01,{mode},0.5)\nG1 X100 Y0 Z50 C90 F500\nM30\n"
+    assert len(siemens(text, machine="dmu50")) == 2
+
+
+def test_a_declared_variable_has_its_own_value():
+    text = "DEF INT _ROUGH=112111\nCYCLE832(0.01,_ROUGH)\nG0 X1\nM30\n"
+    assert "TRAORI" in refusal(siemens, text, machine="dmu50")
+
+
 @pytest.mark.parametrize("name", ["TOROTOF", "PAROTOF", "TOFRAMEOF"])
 def test_ends_of_rotations_in_a_plane(name):
     plane = 'G0 X0 Y0 Z300\nCYCLE800(1,"",0,57,0,0,0,20,0,0,0,0,0,-1)\n'

@@ -36,6 +36,28 @@ ALONE = ("--machine", "own.toml", "--calibration", "none")
 
 # ---- refused, given, zero on purpose
 
+NAMED = {
+    "p.h": ("0", 'BEGIN PGM P MM\nTOOL CALL "Mill_10" Z S1000\nL X+1 Y+2 Z+3 R0 FMAX\nL X+20 F500\nEND PGM P MM\n'),
+    "p.mpf": ("G54", 'G54\nT="Mill_10"\nM6 D1\nG0 X1 Y2 Z3\nG1 X20 F500\nM30\n'),
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_tool_that_has_a_name(name, command):
+    offset, text = NAMED[name]
+    Path(name).write_text(text)
+    given = (name, *ALONE, "--work-offset", f"{offset}=0,0,100", "-o", "out", "--json", "-")
+    done = command(*given)
+    assert done.status == 2
+    assert "length of tool MILL_10 is not given; give it by --tool-length MILL_10=mm, " in done.err
+    for option, length in ((("--tool-length", "mill_10=80.5"), "80.5"), (("--set-up-zero",), "0 (--set-up-zero)")):
+        done = command(*given, *option)
+        assert done.status == 0
+        assert json.loads(done.out)["tools"] == {"MILL_10": length}
+    assert "tool MILL_10 is assumed" in command(name, "--machine", "dmu50", "-o", "out").err
+    twice = ("--tool-length", "Mill_10=80", "--tool-length", "MILL_10=80")
+    assert "--tool-length MILL_10 is given twice" in command(*given, *twice).err
+
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_a_work_offset_that_nobody_gave_is_refused(name, command):

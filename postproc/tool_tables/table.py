@@ -55,6 +55,11 @@ def is_number(tool: str) -> bool:
     return _NUMBER.fullmatch(tool) is not None
 
 
+def shown_tool(key: str) -> str:
+    """A tool as options and messages write it: T5, or its name."""
+    return f"T{key}" if is_number(key) else key
+
+
 def joined(tables: Mapping[Path, ToolTable]) -> ToolTable:
     """Several tables as one; UserError for what two of them say."""
     found: dict[str, dict[str, object]] = {}
