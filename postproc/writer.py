@@ -75,6 +75,8 @@ class Writer:
         ]
         self._by_letter = sorted(corrected, key=self._letter)
         self._all_by_letter = sorted(range(len(machine.axes)), key=self._letter)
+        self._turned_by_vector = np.flatnonzero(machine.rotary).tolist()
+        """Axes that a block may turn without a word for them, by a tool vector."""
         self._layout = Layout()
         self._held: list[float] | None = None
         self._frame: Frame | None = None
@@ -267,6 +269,8 @@ class Writer:
         for axis in motions.arcs[row].plane[:2] if dropped else ():
             named.add(axis)
             held[axis] = wanted[axis]
+        for axis in (axis for axis in self._turned_by_vector if axis not in named and not said[axis]):
+            held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
         if row in motions.polars:
             named.update(self._write_polar(motions, row, wanted, held, editor))
         elif arc is None and isinstance(editor, WordEditor) and int(motions.block[row]) in motions.polar_ends:

@@ -54,7 +54,7 @@ def test_a_tool_that_has_a_name(name, command):
         done = command(*given, *option)
         assert done.status == 0
         assert json.loads(done.out)["tools"] == {"MILL_10": length}
-    assert "tool MILL_10 is assumed" in command(name, "--machine", "dmu50", "-o", "out").err
+    assert "tool MILL_10 are assumed" in command(name, "--machine", "dmu50", "-o", "out").err
     twice = ("--tool-length", "Mill_10=80", "--tool-length", "MILL_10=80")
     assert "--tool-length MILL_10 is given twice" in command(*given, *twice).err
 
