@@ -104,7 +104,7 @@ CASES = [
     Case("heidenhain", POSITIONING, [ROUND[5]], machine="head_table", sign="error", leaves=0.5),
     Case("heidenhain-kinematics", f"{POSITIONING} {STRAIGHTNESS} {ANGULAR}", SQUARENESS, sign="error", leaves=0.1),
     Case("heidenhain-kinematics", "XX BX", ROUND, machine="head_table", sign="correction", leaves=0.1),
-    Case("fanuc", POSITIONING, PLAY, sign="correction", leaves=1.0),
+    Case("fanuc", POSITIONING, PLAY, sign="correction", settings=("bidirectional=true",), leaves=1.0),
     Case(
         "fanuc",
         POSITIONING,

@@ -185,13 +185,16 @@ def _json(exported: Exported, left: list[Left], errors: dict[str, Any], files: l
 def _show(exported: Exported, left: list[Left], errors: dict[str, Any], output: Path, *, to_screen: bool) -> None:
     from rich.table import Table
 
-    from postproc.tables.sheet import STAGES, table_rows
+    from postproc.tables.sheet import STAGES, shift_warning, table_rows
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
     to = screen if to_screen else console
     if exported.whole.demonstration:
         say("demonstration calibration", "it describes no real machine; don't load its tables")
+    warning = shift_warning(exported.datum, errors["volume"]["tool_point_um"])
+    if warning:
+        say("zero shift", warning)
     carried = Table("table", "points", "from", "to", "largest value", title=f"what {exported.format.name} carries")
     for row in table_rows(exported):
         carried.add_row(*row)

@@ -10,6 +10,8 @@ from kinematics.errors import UserError
 from postproc.table_readers.source import Source, increasing, numbers, refusal
 
 _WORD = re.compile(r"N(\d+)(?:A(\d+))?P([+-]?[\d.]+);?")
+TEXT = 10000
+"""What is added to a point number in the text."""
 NEEDED = (3620, 3621, 3622, 3624)
 
 
@@ -35,12 +37,18 @@ def read(source: Source) -> list[Effect]:
         if not low <= reference <= high:
             raise UserError(f"{files[0]}: axis {axis}: reference point {reference} is not in {low} ... {high}")
         home = source.machine.axes[source.machine.index(axis)].home
-        up = _sums(files[0], points, 10000, low, reference, high)
+        up = _sums(files[0], points, low, reference, high)
         down = up
         if 3626 in parameters:
             start = int(parameters[3626])
+            if parameters.get(3623, 1.0) != 1.0:
+                raise UserError(f"{files[0]}: axis {axis}: 3627 beside a magnification (3623) has no known size")
+            if start <= high and low <= start + high - low:
+                raise UserError(
+                    f"{files[0]}: axis {axis}: points of negative travel from {start} on overlap {low} ... {high}"
+                )
             amount = parameters.get(3627, 0.0)
-            shifted = _sums(files[0], points, 20000, start, start + reference - low, start + high - low)
+            shifted = _sums(files[0], points, start, start + reference - low, start + high - low)
             down = [value + amount for value in shifted]
         positions = [home + (n - reference) * parameters[3624] for n in range(low, high + 1)]
         found += source.own(axis, [(x, step * u, step * d) for x, u, d in zip(positions, up, down, strict=True)])
@@ -76,16 +84,16 @@ def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int,
     return said, points
 
 
-def _sums(name: str, points: Mapping[int, float], base: int, low: int, reference: int, high: int) -> list[float]:
+def _sums(name: str, points: Mapping[int, float], low: int, reference: int, high: int) -> list[float]:
     """Amounts at the points low ... high: running sums, 0 at the reference."""
-    lacking = next((n for n in range(low + 1, high + 1) if base + n not in points), None)
+    lacking = next((n for n in range(low + 1, high + 1) if TEXT + n not in points), None)
     if lacking is not None:
-        raise UserError(f"{name}: no value of point {lacking} (N{base + lacking})")
+        raise UserError(f"{name}: no value of point {lacking} (N{TEXT + lacking})")
     found = {reference: 0.0}
     for n in range(reference + 1, high + 1):
-        found[n] = found[n - 1] + points[base + n]
+        found[n] = found[n - 1] + points[TEXT + n]
     for n in range(reference, low, -1):
-        found[n - 1] = found[n] - points[base + n]
+        found[n - 1] = found[n] - points[TEXT + n]
     return [found[n] for n in range(low, high + 1)]
 
 

@@ -11,6 +11,7 @@ from kinematics.errors import UserError
 from postproc.table_readers.source import Source, increasing, numbers, refusal
 
 _OLD = re.compile(r"BEGIN\s+(\S+)\s+DATUM:\s*(\S+)\s+DISTANCE:\s*(\S+)")
+_COLUMN = re.compile(r"\b([XYZABCUVW]\d?)\.\.C([1-6])\b")
 _OWN = {"X": "X", "Y": "Y", "Z": "Z", "U": "X", "V": "Y", "W": "Z", "A": "A", "B": "B", "C": "C"}
 
 
@@ -44,8 +45,7 @@ def read(source: Source) -> list[Effect]:
 
 def read_kinematics(source: Source) -> list[Effect]:
     """Error motions of columns C1 ... C6 that the kinematics' rows name, and the positioning errors."""
-    texts = [text for name, text in source.files.items() if not name.lower().endswith((".com", ".cma"))]
-    named = {(m[1], m[2]) for text in texts for m in re.finditer(r"\b([XYZABCUVW]\d?)\.\.C([1-6])\b", text)}
+    named = _named_columns(source)
     sign = 1.0 if source.value_is == "error" else -1.0
     found: list[Effect] = []
     for file in (name for name in source.files if name.lower().endswith(".com")):
@@ -60,6 +60,32 @@ def read_kinematics(source: Source) -> list[Effect]:
             um = tuple(sign * size * v for v in values)
             found.append(source.motion(component, axis, com.positions, um))
     return found
+
+
+def _named_columns(source: Source) -> set[tuple[str, str]]:
+    """Axis and number of the columns that rows of the kinematics name, on the side of the axis where errors stand."""
+    found: set[tuple[str, str]] = set()
+    for name, text in source.files.items():
+        if name.lower().endswith((".com", ".cma")):
+            continue
+        passed: set[str] = set()
+        for line, row in enumerate(text.splitlines(), 1):
+            moved = re.search(r"\bMachAxis\s+(\S+)", row)
+            passed |= {moved[1]} if moved else set()
+            column = _COLUMN.search(row)
+            if column:
+                _check_side(source, column[1], column[1] in passed, (name, line, row))
+                found.add((column[1], column[2]))
+    return found
+
+
+def _check_side(source: Source, name: str, behind: bool, place: tuple[str, int, str]) -> None:
+    """UserError for an error that the control takes up on the other side of its axis than ISO 230-1 counts it."""
+    axis = source.machine.axes[source.machine.index(name)]
+    moves_with_tool = (axis.side == "tool" and not axis.rotary) or (axis.side != "tool" and axis.rotary)
+    if behind == moves_with_tool:
+        side = "before" if moves_with_tool else "behind"
+        raise refusal(*place, f"the errors of {name} on this machine are read from rows {side} MachAxis {name} only")
 
 
 def _assigned(source: Source) -> list[tuple[str, str]]:

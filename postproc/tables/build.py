@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from kinematics.transforms import Array
-from postproc.tables.limits import Limits, check_terms
+from postproc.tables.limits import TURN, Limits, check_terms
 from postproc.tables.nodes import choose_nodes, fitted
 from postproc.tables.target import Target, closes, evenly, spread_out
 from postproc.tables.terms import Curve, Surface, Term, added
@@ -190,6 +190,8 @@ class _Writer:
         if not together:
             return
         closing = closes(source)
+        if closing and limits.turns:
+            limits = replace(limits, points=(limits.points - 1) // (2 * limits.turns) + 1)
         curves = np.concatenate([curves for _, curves in together], axis=1)
         nodes = choose_nodes(x, curves, limits, source.home, closing=closing)
         for part, own in together:
@@ -199,6 +201,7 @@ class _Writer:
         output, source = (self._target.machine.axes[i] for i in (part.output, part.sources[0]))
         if closing:
             values[[0, -1]] = values[[0, -1]].mean(axis=0)
+            nodes, values = written_out(nodes, values, limits.turns)
         if limits.through_origin:
             slope = (values[-1] - values[0]) / (nodes[-1] - nodes[0])
             nodes = np.array([2 * nodes[0] - nodes[-1], 2 * nodes[-1] - nodes[0]])  # it goes on straight
@@ -279,6 +282,15 @@ class _Writer:
                 here = here * (_along(factor, part.places[0]) if axis == source else mean)
             total += here if part.output == part.sources[0] else here - here.mean()
         return total
+
+
+def written_out(nodes: Array, values: Array, turns: int | None) -> tuple[Array, Array]:
+    """Nodes `(k,)` of a turn and values `(k, ways)` again for so many turns to either side; unchanged for None."""
+    if turns is None:
+        return nodes, values
+    every = [nodes[:-1] + TURN * k for k in range(-turns, turns)]
+    ends = nodes[-1:] + TURN * (turns - 1)
+    return np.concatenate([*every, ends]).round(9), np.concatenate([*[values[:-1]] * (2 * turns), values[-1:]])
 
 
 def _along(factor: Curve | Surface, x: Array) -> Array:

@@ -16,10 +16,11 @@ from kinematics.transforms import Array
 from postproc.tables.build import Carries
 from postproc.tables.format import Content, Format, Own, Settings, lettered, number, own_table
 from postproc.tables.limits import Limits
+from postproc.tables.target import closes
 from postproc.tables.terms import Curve
 
-POSITIVE, NEGATIVE = 10000, 20000
-"""What is added to a point number in the text, for data of both directions and of negative travel."""
+TEXT = 10000
+"""What is added to a point number in the text."""
 STRAIGHT = 4
 """Points of a straightness compensation."""
 
@@ -34,7 +35,7 @@ class FanucSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=T
     points: Annotated[int, Meta(ge=2, le=1024)] = 128
     first: Annotated[int, Meta(ge=0, le=1023)] = 0
     total: Annotated[int, Meta(ge=2, le=6000)] = 1024
-    bidirectional: bool = True
+    bidirectional: bool = False
     straightness: bool = False
 
 
@@ -42,25 +43,24 @@ def write(content: Content) -> dict[str, str]:
     """`pitch.csv` for the screen, `pitch.txt` as a data file, `straightness.csv`."""
     settings: FanucSettings = content.settings
     step = _step(settings)
-    table, data, pitch = ["axis,parameter,value"], [], ["axis,point,position,positive travel,negative travel"]
+    table, data, pitch = ["axis,parameter,value"], [], ["axis,point,position,travel,value"]
     point = settings.first
     for k, axis in enumerate(lettered(content.machine), 1):
         own = own_table(content.terms, axis)
         if own is None:
             continue
-        if point + len(own.nodes) > settings.total:
-            raise UserError(f"fanuc: points up to {point + len(own.nodes) - 1}, and {settings.total} are there")
         said = _parameters(content, axis, own, point)
         table += [f"{axis.name},{name},{value}" for name, value in said.items()]
         data += [f"N{name}A{k}P{value}" for name, value in said.items()]
-        up, down = (_increments(content, axis, values, step) for values in (own.forward, own.backward))
-        for n, position in enumerate(own.nodes.tolist()):
-            back = down[n] if own.both_ways else ""
-            pitch.append(f"{axis.name},{point + n},{number(position, 4)},{up[n]},{back}")
-            data.append(f"N{POSITIVE + point + n}P{up[n]}")
-        if own.both_ways:
-            data += [f"N{NEGATIVE + point + n}P{value}" for n, value in enumerate(down)]
-        point += len(own.nodes)
+        ways = {"positive": own.forward, "negative": own.backward} if own.both_ways else {"both": own.forward}
+        for travel, values in ways.items():
+            rows = zip(own.nodes.tolist(), _increments(content, axis, values, step), strict=True)
+            for n, (position, value) in enumerate(rows, point):
+                pitch.append(f"{axis.name},{n},{number(position, 4)},{travel},{value}")
+                data.append(f"N{TEXT + n}P{value}")
+            point += len(own.nodes)
+        if point > settings.total:
+            raise UserError(f"fanuc: points up to {point - 1}, and {settings.total} are there")
     files = {
         "pitch.csv": "\n".join([*pitch, ""]),
         "parameters.csv": "\n".join([*table, ""]),
@@ -77,21 +77,32 @@ def _step(settings: FanucSettings) -> float:
 
 def _parameters(content: Content, axis: Axis, own: Own, first: int) -> dict[str, str]:
     settings: FanucSettings = content.settings
-    interval = float(own.nodes[1] - own.nodes[0])
-    home = first + round((axis.home - own.nodes[0]) / interval)
+    count, interval = len(own.nodes), float(own.nodes[1] - own.nodes[0])
+    home = first + _reference(axis, own.nodes, interval)
     said = {
         "03620": str(home),
         "03621": str(first),
-        "03622": str(first + len(own.nodes) - 1),
+        "03622": str(first + count - 1),
         "03623": str(settings.magnification),
         "03624": number(interval, 4),
     }
-    if axis.rotary:
+    if closes(axis):
         said["03625"] = "360.0"
     if own.both_ways:
         amount = float(np.interp(axis.home, own.nodes, own.backward - own.forward))
-        said |= {"03626": str(first), "03627": str(round(content.factor * amount / _step(settings)))}
+        said |= {"03626": str(first + count), "03627": str(round(content.factor * amount / _step(settings)))}
     return said
+
+
+def _reference(axis: Axis, nodes: Array, interval: float) -> int:
+    """Index of the point at the reference position; UserError where none, or not the first of a turn, lies there."""
+    share = (axis.home - float(nodes[0])) / interval
+    if abs(share - round(share)) > 1e-6 or (closes(axis) and round(share) != 0):
+        raise UserError(
+            f"fanuc, axis {axis.name}: the points of an axis that turns without end begin at its reference position, "
+            f"here {axis.home:g}, and these at {nodes[0]:g}"
+        )
+    return round(share)
 
 
 def _increments(content: Content, axis: Axis, values: Array, step: float) -> list[int]:
@@ -104,7 +115,7 @@ def _increments(content: Content, axis: Axis, values: Array, step: float) -> lis
             f"fanuc, axis {axis.name}: an increment of {max(map(abs, steps))}, and none may exceed {largest}: "
             "raise the magnification, or take a shorter interval (--set magnification=, --set interval=)"
         )
-    return [steps[-1] if curve[0] == curve[-1] and axis.rotary else 0, *steps]
+    return [steps[-1] if closes(axis) else 0, *steps]
 
 
 def _straightness(content: Content, step: float) -> str:
@@ -119,6 +130,8 @@ def _straightness(content: Content, step: float) -> str:
 
 
 def _limits(settings: FanucSettings) -> Limits:
+    if settings.bidirectional and settings.magnification != 1:
+        raise UserError("--set bidirectional=true: no source says whether 3627 is magnified; say --set magnification=1")
     if settings.straightness and settings.interval is None:
         raise UserError(
             "--set straightness=true: its points are those of the pitch tables; say --set interval= as well"
@@ -149,12 +162,15 @@ FORMAT = Format(
     meaning="""\
 The value of point n is what the correction (or error, by --sign) gains over the section that ends at point n, in
 detection units times the magnification (3623): the running sum from the reference point (3620) is the amount at a
-position. The whole curve is rounded, and then differences are taken, so rounding does not add up. Positive and
-negative travel have data of their own where 3605#0 BDP is 1 (3626: first point of negative travel, 3627: amount
-at the reference position when it is approached from the other side). Between points the amount is taken as
-linear: with the interpolated option; without it, it steps by an increment. Beyond the ends nothing changes.
+position. The whole curve is rounded, and then differences are taken, so rounding does not add up. One set of points
+serves both directions, with the mean of the two; play belongs into 1851. With --set bidirectional=true (3605#0 BDP
+1) points of negative travel follow behind those of positive travel (3626: the first of them, 3627: amount at the
+reference position when it is approached against the direction of the return, which is taken as positive).
+Between points the amount is taken as linear: with the interpolated option; without it, it steps by an increment.
+Beyond the ends nothing changes.
 Straightness: amounts of a second axis at four points of the first, straight between them (5711, 5721, 5731, 5761
-and following).""",
+and following). Rotary axes with ends are written as axes of the linear type (1006#1); the points of one that turns
+without end begin at its reference position (3625).""",
     loading="""\
 Enter parameters.csv and pitch.csv on the screens; pitch.txt is the same as a data file, from common knowledge of
 its layout: compare what the control shows with pitch.csv. Never as a G10 L50 program: it means parameters on one
@@ -162,6 +178,8 @@ series and pitch data on another. Switch the control off and on, and return to t
 anything moves.""",
     certainty="""\
 Increments, point numbers, parameters 3620 ... 3627, the closing sum of a rotary axis: FANUC parameter manuals
-0i-PB and 15i and A-77810E. Sign: common knowledge says correction; no source that was read does: it is as given
+0i-PB and 15i and A-77810E. A-77810E names 3626 as a point number beside 3620 ... 3622; that both sets are numbered
+in one range, as they are here, it does not say in the part that was read: bidirectional tables are experimental.
+Sign: common knowledge says correction; no source that was read does: it is as given
 by --sign. Text of pitch.txt and straightness parameters: common knowledge; experimental.""",
 )

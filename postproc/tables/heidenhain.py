@@ -5,7 +5,7 @@ Columns: technical manuals (MANUALplus 620, iTNC 530 HSCI, TNC 407); text layout
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -24,6 +24,8 @@ from postproc.tables.terms import Curve
 
 DECIMALS, ANGLE_DECIMALS = 4, 7
 COMPTAB_ROWS = 100
+CMA = "config.cma"
+"""Standard name of the assignment table."""
 
 
 class ComSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -42,7 +44,7 @@ class KinematicsSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 def write(content: Content) -> dict[str, str]:
-    """`axis_x.com` ..., and `config.cma`, which says which axis each is a function of."""
+    """`AXIS_X.COM` ..., and `config.cma`, which names each, as it is on disk, for the axis it is a function of."""
     if content.settings.layout == "old" and content.settings.backlash:
         raise UserError("--set backlash=true: the old layout has no column BACKLASH")
     files: dict[str, str] = {}
@@ -52,12 +54,12 @@ def write(content: Content) -> dict[str, str]:
             nodes, cells = columns
             table = _new if content.settings.layout == "new" else _old
             files[_com(content, source)] = table(content, source, nodes, cells)
-    files["config.cma"] = _assignment(content, files)
+    files[CMA] = _assignment(content, files)
     return files
 
 
 def _com(content: Content, axis: Axis) -> str:
-    return f"axis{'_' if content.settings.layout == 'new' else '-'}{axis.name.lower()}.com"
+    return f"AXIS{'_' if content.settings.layout == 'new' else '-'}{axis.name}.COM"
 
 
 def _columns(content: Content, source: Axis) -> tuple[Array, dict[str, Array]] | None:
@@ -74,7 +76,7 @@ def _columns(content: Content, source: Axis) -> tuple[Array, dict[str, Array]] |
 
 def _new(content: Content, source: Axis, nodes: Array, cells: Mapping[str, Array]) -> str:
     names = ["AXISPOS", "BACKLASH", *(axis.name for axis in lettered(content.machine))]
-    lines = [f"BEGIN {_com(content, source).upper()} MM", f"{'NR':<5}" + "".join(f"{name:<14}" for name in names)]
+    lines = [f"BEGIN {_com(content, source)} MM", f"{'NR':<5}" + "".join(f"{name:<14}" for name in names)]
     for k, position in enumerate(nodes.tolist()):
         row = [_signed(position), *(_signed(cells[name][k]) if name in cells else "" for name in names[1:])]
         lines.append(f"{k:<5}" + "".join(f"{cell:<14}" for cell in row))
@@ -85,7 +87,7 @@ def _old(content: Content, source: Axis, nodes: Array, cells: Mapping[str, Array
     names = [axis.name for axis in lettered(content.machine)]
     distance = (nodes[-1] - nodes[0]) / (len(nodes) - 1)
     lines = [
-        f"BEGIN {_com(content, source).upper()}  DATUM:{_signed(nodes[0])} DISTANCE:{_signed(distance)}",
+        f"BEGIN {_com(content, source)}  DATUM:{_signed(nodes[0])} DISTANCE:{_signed(distance)}",
         f"{'NR':<20}" + "".join(f"{name:<11}" for name in names),
     ]
     for k, position in enumerate(nodes.tolist()):
@@ -98,8 +100,8 @@ def _assignment(content: Content, files: Mapping[str, str]) -> str:
     axes = [axis for axis in lettered(content.machine) if _com(content, axis) in files]
     new = content.settings.layout == "new"
     head = f"{'NR':<5}" + (f"{'ACTIVE':<8}" if new else "") + "".join(f"{axis.name:<16}" for axis in axes)
-    row = f"{'0':<5}" + (f"{'*':<8}" if new else "") + "".join(f"{_com(content, axis).upper():<16}" for axis in axes)
-    return "\n".join(["BEGIN CONFIG.CMA", head.rstrip(), row.rstrip(), "[END]", ""])
+    row = f"{'0':<5}" + (f"{'*':<8}" if new else "") + "".join(f"{_com(content, axis):<16}" for axis in axes)
+    return "\n".join([f"BEGIN {CMA}", head.rstrip(), row.rstrip(), "[END]", ""])
 
 
 def _signed(value: float, decimals: int = DECIMALS) -> str:
@@ -107,19 +109,18 @@ def _signed(value: float, decimals: int = DECIMALS) -> str:
 
 
 def write_kinematics(content: Content) -> dict[str, str]:
-    """`axis_x.com` with columns C1 ... C6, and `kinematics.txt`: the rows to put into the kinematics description."""
+    """`AXIS_X.COM` with columns C1 ... C6, and `kinematics.txt`: the rows to put into the kinematics description."""
     files: dict[str, str] = {}
     rows = []
     comptab = 0
-    for axis in lettered(content.machine):
+    for axis in reversed(content.machine.axes):  # the description begins at the tool
         tables = [table for table in content.motions if table.axis == axis.name]
-        if not tables:
-            continue
-        files[f"axis_{axis.name.lower()}.com"] = _with_components(content, axis, tables)
         own = own_component(axis.name)
         across = [table for table in tables if table.component != own]
+        if tables:
+            files[f"AXIS_{axis.name}.COM"] = _with_components(content, axis, tables)
         comptab += len(across)
-        rows += list(_rows(content, axis, across))
+        rows += _rows(axis, across)
     if comptab > COMPTAB_ROWS - len(content.machine.axes):
         raise UserError(f"heidenhain-kinematics: {comptab} rows with COMPTAB, and {COMPTAB_ROWS} less the axes fit")
     head = f"{'NR':<4}{'DOC':<18}{'KEY':<10}{'AXIS':<6}{'COORD':<16}{'COMPTAB':<10}"
@@ -128,16 +129,22 @@ def write_kinematics(content: Content) -> dict[str, str]:
     return files
 
 
-def _rows(content: Content, axis: Axis, tables: Sequence[MotionTable]) -> Iterator[str]:
-    """Errors before the axis, and behind it the inverse of what they are at its origin."""
+def errors_before(axis: Axis) -> bool:
+    """True where the errors of an axis stand nearer to the tool than its motion.
+
+    They belong to the moving component of a linear axis, and to the bed's side of a rotary axis (docs/conventions.md).
+    """
+    return (axis.side == "tool") != axis.rotary
+
+
+def _rows(axis: Axis, tables: Sequence[MotionTable]) -> list[str]:
+    """The axis, and its errors on the side of it where they stand."""
+    moved = [f"{'':<18}{'MachAxis':<10}{axis.name:<6}"]
+    errors = []
     for table in tables:
         column = f"{axis.name}..C{COMPONENTS.index(table.component) + 1}"
-        yield f"{table.name.replace('_', ''):<18}{'Trans':<10}{table.component:<6}{'':<16}{column:<10}"
-    yield f"{'':<18}{'MachAxis':<10}{axis.name:<6}"
-    for table in tables:
-        origin = -float(np.interp(0.0, table.nodes, _values(content, table)))
-        told = _signed(origin, ANGLE_DECIMALS if table.angular else DECIMALS)
-        yield f"{f'-E{table.component}{axis.name} where {axis.name}=0':<18}{'Trans':<10}{table.component:<6}{told:<16}"
+        errors.append(f"{table.name.replace('_', ''):<18}{'Trans':<10}{table.component:<6}{'':<16}{column:<10}")
+    return [*errors, *moved] if errors_before(axis) else [*moved, *errors]
 
 
 def _values(content: Content, table: MotionTable) -> Array:
@@ -209,14 +216,19 @@ KINEMATICS = Format(
     parameters="heidenhain",
     meaning="""\
 Columns C1 ... C6 of the table of an axis are its error motions X Y Z A B C by ISO 230-1, mm and degrees; its
-positioning error stands in the column of the axis itself (axis compensation), not in C. kinematics.txt: Trans
-rows before MachAxis take them up; rows behind it take off what they are at the axis' origin. The control corrects
-the position of the tool centre point. Directions and reference points as in ncomp (docs/conventions.md).""",
+positioning error stands in the column of the axis itself (axis compensation), not in C. kinematics.txt names the
+axes from the tool on. Trans rows take the errors up, before MachAxis where the errors stand nearer to the tool than
+the motion (linear axes that carry the tool, rotary axes that carry the workpiece), behind it where they stand nearer
+to the workpiece (linear axes that carry the workpiece, rotary axes that carry the tool). Values are counted from
+the nominal machine: no row takes off what they are at the axis' origin. The control corrects the position of the
+tool centre point. Directions and reference points as in ncomp, tool relative to workpiece in every row
+(docs/conventions.md).""",
     loading="""\
 Copy the .COM files, name them in the .CMA table; put the rows of kinematics.txt around the MachAxis rows of the
 machine's own kinematics description, whose order begins at the tool; licence KinematicsComp. By the machine
 builder.""",
     certainty="""\
-Columns, rows and their limits: iTNC 530 HSCI technical manual. Units of the angular columns (degrees), sign and
-text layout: no source; experimental. The sign is as given by --sign.""",
+Columns, rows and their limits: iTNC 530 HSCI technical manual, whose example has rows before MachAxis. That rows
+may stand behind it, units of the angular columns (degrees), sign and text layout: no source; experimental. The sign
+is as given by --sign.""",
 )

@@ -52,6 +52,8 @@ class Limits:
     """Size that no value may exceed, mm or degrees."""
     steepest: float = float("inf")
     """Largest difference of two neighbouring values, mm or degrees."""
+    turns: int | None = None
+    """Turns to either side that a table of an axis that turns without end is written out for; None: it repeats."""
     zero_at_home: bool = False
     """True when the value (forward) at the reference position must be 0, or the axis would jump when it is homed."""
 

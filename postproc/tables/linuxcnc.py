@@ -15,11 +15,15 @@ DECIMALS = 7
 
 
 class LinuxCncSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """COMP_FILE_TYPE, most rows of a file, and the letters of the joints from 0 (default: X Y Z A B C U V W)."""
+    """COMP_FILE_TYPE, most rows of a file, letters of the joints from 0 (default: X Y Z A B C U V W), and turns.
+
+    `turns`: to either side, that the table of a joint that turns without end covers.
+    """
 
     type: Literal[0, 1] = 1
     points: Annotated[int, Meta(ge=2, le=256)] = 256
     joints: str = ""
+    turns: Annotated[int, Meta(ge=1, le=60)] = 2
 
 
 def write(content: Content) -> dict[str, str]:
@@ -51,11 +55,19 @@ def _joints(content: Content) -> list[str]:
     return list(given) if given else named
 
 
+def _limits(settings: LinuxCncSettings) -> Limits:
+    if settings.points < 2 * settings.turns + 1:
+        raise UserError(f"--set points={settings.points}: {settings.turns} turns to either side take more rows")
+    return Limits(
+        points=settings.points, resolution=10.0**-DECIMALS, spacing_step=1e-7, finest=2e-7, turns=settings.turns
+    )
+
+
 FORMAT = Format(
     name="linuxcnc",
     title="LinuxCNC COMP_FILE",
     settings=LinuxCncSettings,
-    limits=lambda settings: Limits(points=settings.points, resolution=10.0**-DECIMALS, spacing_step=1e-7, finest=2e-7),
+    limits=_limits,
     carries=lambda _: Carries(both_ways=True),
     write=write,
     sign="correction",
@@ -69,8 +81,9 @@ nothing is compensated from start-up until the joint has first moved.""",
     loading="""\
 Copy the files beside the INI file and add the lines of linuxcnc.ini to its [JOINT_n] sections; restart LinuxCNC.
 BACKLASH of a joint with a table is ignored by LinuxCNC: the table holds both directions. The files must hold no
-comment and no blank line: LinuxCNC stops reading there without a word. Rotary joints: the table does not repeat;
-it covers the travel of the machine file.""",
+comment and no blank line: LinuxCNC stops reading there without a word. Rotary joints: the table does not repeat. It
+covers the travel of the machine file; of a joint that turns without end, as many turns to either side as said with
+--set turns= (2). Beyond, the end value holds, which is wrong there: keep such a joint within these turns.""",
     certainty="""\
 Confirmed: LinuxCNC's source, and its simulator (2.9.0~pre1), which loads these files in ncomp's own tests and
 moves its joints as they say.""",

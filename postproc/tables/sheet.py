@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from postproc.tables.parameters import parameter_rows
 STAGES = {
     "before": "without compensation",
     "after_tables": "with these tables",
-    "after_tables_and_datum_shift": "with these tables and the zero of the axes shifted by the constants above",
+    "after_tables_and_datum_shift": "with these tables and the zero of the axes shifted as said at the top",
     "after_nc_correction": "with corrected programs and no tables",
     "after_tables_and_nc_correction_of_the_rest": "with these tables and programs corrected for the rest",
 }
@@ -35,6 +35,9 @@ def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> 
     yield "from the spindle nose. Positions are in machine coordinates."
     if whole.demonstration:
         yield "**Demonstration calibration: it describes no real machine. Do not load these tables.**"
+    warning = shift_warning(exported.datum, volume["tool_point_um"])
+    if warning:
+        yield from ["", f"**Zero shift: {warning}.**"]
     meant = "the error (actual minus commanded)" if exported.content.sign == "error" else "the correction (added)"
     told = "known for this format" if form.sign else "as said by --sign; no source confirms it"
     yield from ["", "## What the numbers mean", "", f"Values are {meant}: {told}.", "", form.meaning]
@@ -43,9 +46,6 @@ def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> 
     yield from (
         f"| {row.name} | {row.points} | {row.first} | {row.last} | {row.largest} |" for row in table_rows(exported)
     )
-    if exported.datum:
-        yield from ["", "Constants that the tables must not hold, as corrections: shift the zero of the axis, or leave"]
-        yield "them to the work offset: " + ", ".join(f"{axis} {value:.6f}" for axis, value in exported.datum.items())
     rows = parameter_rows(whole, exported.content, form.parameters)
     if rows:
         yield from [
@@ -63,6 +63,22 @@ def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> 
     yield from ["", "Not in the tables (RMS at the tool point, um):", ""]
     yield from (f"- {item.name}: {_size(item.rms_um)}, {item.why}" for item in left)
     yield "- the orientation of the tool: RMS " + f"{volume['tool_axis_urad']['after_tables']['rms']:.2f} urad"
+
+
+def shift_warning(datum: Mapping[str, float], point_um: Mapping[str, Mapping[str, float]]) -> str:
+    """What the tables leave without a shift of the axes' zeros, and the shift; empty where none is needed."""
+    if not datum:
+        return ""
+    before, alone, both = (
+        point_um[stage]["rms"] for stage in ("before", "after_tables", "after_tables_and_datum_shift")
+    )
+    worse = ", which is worse than no tables" if alone >= before else ""
+    shift = ", ".join(f"{axis} {value:+.6f}" for axis, value in datum.items())
+    return (
+        f"the tables are 0 at the reference position and alone leave {alone:.1f} of {before:.1f} um RMS{worse}; "
+        f"with the zeros of the axes shifted by {shift} (mm, degrees, added to commands) they leave {both:.1f} um. "
+        "Programs corrected with the rest (--rest) hold this shift already: do not shift the zeros for them"
+    )
 
 
 def _size(value: float) -> str:

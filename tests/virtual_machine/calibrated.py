@@ -1,6 +1,6 @@
 """The error motions that a calibration file describes, worked out from its text (docs/effects.md) a second time.
 
-Only the effects of the machine's geometry: error motions in every basis, and location errors.
+Only the effects of the machine's geometry, error motions in every basis and location errors; and play.
 """
 
 from __future__ import annotations
@@ -24,12 +24,17 @@ class Calibrated:
 
     effects: tuple[Mapping[str, Any], ...]
 
-    def errors(self, chain: Chain, positions: Array) -> Array:
-        """`(n, axes, 6)`, mm and rad, at positions `(n, axes)`, mm and degrees."""
+    def errors(self, chain: Chain, positions: Array, ways: Array | None = None) -> Array:
+        """`(n, axes, 6)`, mm and rad, at positions `(n, axes)`, mm and degrees, come to in ways `(n, axes)`, 1 or -1."""
         result = np.zeros((*positions.shape, 6))
         for effect in self.effects:
-            i, k = chain.index(effect["axis"]), "XYZABC".index(effect["component"])
+            i = chain.index(effect["axis"])
             axis, x = chain.axes[i], positions[:, i]
+            if effect["kind"] == "backlash" and ways is not None:
+                forward = np.sign(axis.frame[:, axis.own % 3] @ axis.direction)
+                result[:, i, axis.own] -= 0.5 * forward * effect["width"] * MICRO[axis.own] * ways[:, i]
+                continue
+            k = "XYZABC".index(effect["component"])
             if effect["kind"] == "error-motion":
                 result[:, i, k] += MICRO[k] * _curve(effect["basis"], effect["parameters"], x)
             elif effect["kind"] == "location" and (axis.rotary or k < 3):

@@ -138,6 +138,11 @@ def applied(poses: Array, points: Array) -> Array:
     return np.asarray((poses @ np.concatenate([points, np.ones((len(points), 1))], axis=1)[:, :, None])[:, :3, 0])
 
 
+def turned_about(point: Array, vectors: Array) -> Array:
+    """Homogeneous transforms `(n, 4, 4)` of turns by rotation vectors `(n, 3)`, rad, about a point."""
+    return _about(point, _rotated(vectors))
+
+
 def rotations(vectors: Array) -> Array:
     """Rotation matrices `(n, 3, 3)` of rotation vectors `(n, 3)`, rad, by unit quaternions."""
     half = 0.5 * np.linalg.norm(vectors, axis=1, keepdims=True)

@@ -1,0 +1,166 @@
+"""Every export, applied to the virtual machine as its control would: what is left is as the sheet says.
+
+The files are written by the command; the control (`virtual_machine.controls`) shares no code with it. Their values are
+read back by the command too, and written a second time.
+"""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import pytest
+from programs import FIVE_AXES, THREE_AXES, load
+from virtual_machine.calibrated import read_calibration
+from virtual_machine.chain import load as chain_of
+from virtual_machine.chain import nominal_points, tool_points
+from virtual_machine.controls import control
+
+from kinematics.basis import BSpline
+from kinematics.effects import Backlash, ErrorMotion
+from kinematics.model import no_errors, read_model, write_model
+from kinematics.state import State
+from postproc.tables.formats import FORMATS
+
+SETTINGS = {"fanuc": ("--set", "largest=100", "--set", "total=6000")}
+TOOL = np.array([0.0, 0.0, -80.0])
+ENDLESS = (0.0, 360.0)
+KNOTS = 6
+
+
+def bounds(axis):
+    """Travel, or one turn of an endless axis, mm or degrees."""
+    return axis.travel if np.isfinite(axis.travel).all() else ENDLESS
+
+
+def calibration(machine, path):
+    """All error motions at random, linear between a few knots, closed over a full turn; and play of two axes."""
+    rng = np.random.default_rng([ord(letter) for letter in machine.name])
+    effects = []
+    for axis in machine.axes:
+        knots = np.linspace(*bounds(axis), KNOTS)
+        for component in "XYZABC":
+            values = np.cumsum(rng.normal(0.0, 8.0, KNOTS))
+            if axis.rotary:
+                values -= np.linspace(0.0, values[-1] - values[0], KNOTS)
+            parameters = tuple(values.tolist())
+            basis = BSpline(tuple(knots.tolist()), 1)
+            effects.append(ErrorMotion(component, axis.name, basis, parameters, u=(1.0,) * KNOTS))
+    effects += [Backlash("X", 14.0), Backlash(machine.axes[0].name if machine.axes[0].name != "X" else "Z", 9.0)]
+    write_model(msgspec.structs.replace(no_errors(machine), effects=tuple(effects)), path)
+
+
+class Written(NamedTuple):
+    """An export: its machine, its folder, and what it told."""
+
+    machine: str
+    format: str
+    folder: Path
+    told: dict
+
+
+def exported(command, machine, format, source, name, sign="error", *more):
+    """`ncomp export` of a calibration file."""
+    options = () if FORMATS[format].sign else ("--sign", sign)
+    done = command("export", "-m", machine, "--format", format, "-c", source, "-o", name, "--tool-mm", 80,
+                   *options, *SETTINGS.get(format, ()), *more, "--json", f"{name}.out.json")  # fmt: skip
+    assert done.status == 0, done.err
+    return Written(machine, format, Path(name), json.loads(Path(f"{name}.out.json").read_text()))
+
+
+def imported(command, written, name, sign="error"):
+    """`ncomp import` of an export."""
+    options = () if FORMATS[written.format].sign else ("--sign", sign)
+    done = command("import", written.folder, "-m", written.machine, "--format", written.format, "-o", name,
+                   *options, *SETTINGS.get(written.format, ()))  # fmt: skip
+    assert done.status == 0, done.err
+    return read_model(Path(name), load(written.machine))
+
+
+def places(chain, turns=0, n=4000):
+    """Commands `(n, axes)`, mm and degrees, in the volume (endless axes some turns on), and ways."""
+    rng = np.random.default_rng(11)
+    low, high = np.array([bounds(axis) for axis in chain.axes]).T
+    commands = rng.uniform(low, high, (n, len(low)))
+    endless = np.array([np.isinf(axis.travel[1]) for axis in chain.axes])
+    commands += 360.0 * endless * rng.integers(-turns, turns + 1, commands.shape)
+    return commands, rng.choice([-1.0, 1.0], commands.shape)
+
+
+def missed(chain, truth, motors, commands, ways):
+    """Tool point error `(n,)`, um, of the virtual machine with its motors there."""
+    targets, zero = np.broadcast_to(TOOL, (len(commands), 3)), np.zeros((len(commands), 6))
+    errors = truth.errors(chain, motors, ways)
+    actual = tool_points(chain, chain.to_radians(motors), errors, zero, targets)
+    return 1e3 * np.linalg.norm(actual - nominal_points(chain, chain.to_radians(commands), targets), axis=1)
+
+
+def rms(sizes):
+    return float(np.sqrt(np.mean(sizes**2)))
+
+
+def check_left(written, source, sign="error"):
+    """What is left by the control is what was told, with and without the zeros shifted."""
+    chain, truth = chain_of(written.machine), read_calibration(Path(source))
+    moves = control(written.format, written.folder, chain, sign, TOOL)
+    told = written.told["errors"]["volume"]["tool_point_um"]
+    commands, ways = places(chain)
+    shift = np.array([written.told["datum_shift"].get(name, 0.0) for name in chain.names])
+    with_tables = moves(commands, ways)
+    stages = {"before": commands, "after_tables": with_tables}
+    if shift.any():
+        stages["after_tables_and_datum_shift"] = with_tables + shift
+    assert set(told) - {"after_nc_correction", "after_tables_and_nc_correction_of_the_rest"} == set(stages)
+    for stage, motors in stages.items():
+        left = missed(chain, truth, motors, commands, ways)
+        assert rms(left) == pytest.approx(told[stage]["rms"], rel=0.05, abs=0.02), stage
+        assert left.max() == pytest.approx(told[stage]["max"], rel=0.15, abs=0.1), stage
+
+
+def check_round_trip(command, written, sign="error"):
+    """What is read back is written again: both readings take the same errors away."""
+    machine = load(written.machine)
+    first = imported(command, written, "first.json", sign)
+    again = exported(command, written.machine, written.format, "first.json", "again", sign)
+    second = imported(command, again, "second.json", sign)
+    commands, ways = places(machine)
+    state = State(commands * machine.scale, ways)
+    errors = [model.errors(machine, state) for model in (first, second)]
+    assert np.abs(errors[0]).max() > 1e-3
+    assert np.sqrt(np.mean((errors[1] - errors[0]) ** 2)) < 2e-4
+    assert again.told["errors"]["volume"]["tool_point_um"]["after_tables"]["rms"] < 0.6
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_a_c_frame_is_left_as_the_sheet_says(command, format):
+    calibration(load("cframe"), Path("cal.json"))
+    check_left(exported(command, "cframe", format, "cal.json", "tables"), "cal.json")
+
+
+def test_fanuc_by_direction(command):
+    """Points of negative travel are others than those of positive travel."""
+    calibration(load("cframe"), Path("cal.json"))
+    written = exported(command, "cframe", "fanuc", "cal.json", "tables", "correction", "--set", "bidirectional=true")
+    assert (written.folder / "pitch.csv").read_text().count(",negative,") > 2
+    check_left(written, "cal.json", "correction")
+
+
+def test_the_shift_of_the_zeros_is_told_first(command):
+    """Tables that are 0 at the reference position leave more without it than there was."""
+    calibration(load("trunnion_ac"), Path("cal.json"))
+    done = command("export", "-m", "trunnion_ac", "--format", "mitsubishi", "-c", "cal.json", "-o", "tables")
+    assert done.status == 0, done.err
+    assert done.err.startswith("zero shift: the tables are 0 at the reference position")
+    sheet = Path("tables/sheet.md").read_text()
+    assert sheet.index("**Zero shift:") < sheet.index("## What the numbers mean")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", [*THREE_AXES, *FIVE_AXES])
+@pytest.mark.parametrize("format", FORMATS)
+def test_every_machine_is_left_as_the_sheet_says_and_read_again(command, machine, format):
+    calibration(load(machine), Path("cal.json"))
+    written = exported(command, machine, format, "cal.json", "tables", "correction")
+    check_left(written, "cal.json", "correction")
+    check_round_trip(command, written, "correction")
