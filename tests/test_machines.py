@@ -327,3 +327,15 @@ def test_linear_axes_that_do_not_span_space_are_refused(machine):
     with pytest.raises(UserError) as refusal:
         _ = machine.translators
     assert str(refusal.value) == "machine test: its linear axes do not span space, so it can't place a tool point"
+
+
+def test_an_arm_of_revolute_axes_is_refused_in_one_sentence(command, tmp_path):
+    names = ("C1", "B1", "B2", "A1", "B3", "A2")
+    axes = "".join(
+        f"axes.{name} = {{ travel = [-90, 90], point = [{100 * i}, 0, 400] }}\n" for i, name in enumerate(names)
+    )
+    (tmp_path / "robot.toml").write_text(f'name = "robot"\nchain = "w b {" ".join(names)} t"\n{axes}')
+    done = command("machines", "robot.toml")
+    assert done.status == 2
+    assert "rotary axes only" in done.err
+    assert "Traceback" not in done.err

@@ -456,3 +456,11 @@ def _tomllib(text: str) -> dict:
 def _positions(path: Path) -> np.ndarray:
     moves = re.findall(r"G[01] X(\S+) Y(\S+) Z(\S+)", path.read_text())
     return np.array(moves, float)
+
+
+@pytest.mark.parametrize("stations", [1, 2, 4])
+def test_every_station_costs_its_time(stations):
+    """All points in sight: each place of the tracker takes as long as one alone."""
+    places = [[-1500, 1500, 300], [6500, 1500, 300], [2500, -1500, 400], [2500, 4500, 400]]
+    alone = paper_case().setup().minutes
+    assert paper_case(tracker=places[:stations]).setup().minutes == pytest.approx(stations * alone)

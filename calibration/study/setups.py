@@ -87,7 +87,7 @@ def laid_out(
         raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker, which can't stand there")
     registration = start(nominal, np.ones(len(nominal), bool))
     # rows out of reach cost no time
-    minutes = plan.minutes if len(rows) == len(state) else minutes * len(rows) / len(state)
+    minutes *= len(rows) / len(state)
     return Setup(nominal, registration, poses, *_weights(nominal, weighting), minutes, tuple(notes))
 
 
