@@ -10,7 +10,7 @@ from calibration.fit import Fit, fit
 from calibration.heldout import HeldOut
 from calibration.measurement import Measurement
 from calibration.normal import whitened, whiteners
-from calibration.prediction import predictions
+from calibration.prediction import Seen, relative_at_most
 from calibration.visibility import Visibility
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel, no_errors
@@ -22,8 +22,6 @@ COVERAGE = 2.0
 """k: a correction is significant above so many standard uncertainties."""
 MOSTLY = 0.5
 """Share of positions at which the correction must be significant."""
-STATES = 1000
-"""Measured states, evenly spread, at which the correction is compared with its uncertainty."""
 
 
 def refuse_few(found: Fit, seen: Visibility) -> None:
@@ -79,13 +77,19 @@ def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
         )
 
 
-def significant_share(model: ErrorModel, measurement: Measurement) -> float:
-    """Share of the measured states at which the predicted deviation exceeds COVERAGE standard uncertainties."""
+def seen_by(model: ErrorModel, measurement: Measurement) -> Seen:
+    """Predicted deviations at measured states, evenly spread, of the target that most rows on the tool have."""
     on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
-    part = measurement.rows(rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), STATES)).astype(int))])
-    significant = 0
-    for block in predictions(model, part.machine, part.state, part.tool if on_tool.any() else np.zeros((len(part), 3))):
-        u = np.where(block.u > 0.0, block.u, np.inf)
-        significant += int(np.count_nonzero(np.any(np.abs(block.deviation) > COVERAGE * u, axis=1)))
-    return significant / len(part)
+    usual = np.bincount(measurement.target_number[rows]).argmax()
+    position = list(measurement.targets.values())[usual].position if on_tool.any() else (0.0, 0.0, 0.0)
+    return relative_at_most(model, measurement.machine, measurement.state.rows(rows), np.tile(position, (len(rows), 1)))
+
+
+def significant_share(seen: Seen) -> float:
+    """Share of the states at which a component of the deviation exceeds COVERAGE standard uncertainties.
+
+    Relative to the mean of all: a common shift is no error of a part whose zero was touched off on the machine.
+    """
+    u = np.where(seen.u > 0.0, seen.u, np.inf)
+    return float(np.mean(np.any(np.abs(seen.deviation) > COVERAGE * u, axis=1)))

@@ -10,7 +10,7 @@ from importlib.metadata import version
 import msgspec
 import numpy as np
 
-from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, significant_share
+from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
 from calibration.datum import to_datum
 from calibration.diagnosis.sanity import Finding, usable
 from calibration.fit import Fit, fit
@@ -19,6 +19,7 @@ from calibration.locations import split_locations, transformed
 from calibration.measurement import Measurement
 from calibration.models import moving_axes, stated_bases, with_effects
 from calibration.outliers import Variance
+from calibration.prediction import Seen
 from calibration.resolution import Choice, choose, finer
 from calibration.suspects import Suspect, suspects
 from calibration.visibility import Visibility, visibility
@@ -49,8 +50,13 @@ class Calibration:
     held_out: HeldOut | None
     findings: tuple[Finding, ...]
     """What is odd about the data."""
-    significant_share: float
-    """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
+    seen: Seen
+    """Predicted deviations at the measured states relative to their mean, with uncertainties."""
+
+    @property
+    def significant_share(self) -> float:
+        """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
+        return significant_share(self.seen)
 
 
 def calibrate(
@@ -98,7 +104,7 @@ def calibrate(
         tuple(suspects(found)),
         held,
         tuple(findings),
-        significant_share(written, kept),
+        seen_by(written, kept),
     )
 
 

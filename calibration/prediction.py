@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from calibration.measurement_file import KEYS, KINDS, OBSERVED, uncertainty_keys
 from calibration.places import Places, allow_columns, check_machine, note_unknown_keys, read_places, state_columns
 from calibration.table import Table, read_table
@@ -24,6 +26,8 @@ from kinematics.transforms import Array, blocks
 
 ADDED = ("dx_um", "dy_um", "dz_um", "u_dx_um", "u_dy_um", "u_dz_um")
 """Columns of a prediction."""
+STATES = 1000
+"""States that are compared with each other."""
 MM = 1e3
 """In um."""
 
@@ -45,6 +49,53 @@ class Predicted(NamedTuple):
     deviation: Array
     u: Array
     """Standard uncertainties, k = 1."""
+
+
+class Seen(NamedTuple):
+    """Deviations at several states relative to their mean, and the shift that all have in common; um."""
+
+    deviation: Array
+    """`(n, 3)`, less the mean."""
+    u: Array
+    """Standard uncertainties `(n, 3)` of these differences, k = 1."""
+    u_shift: Array
+    """Standard uncertainties `(3,)` of the mean: of a shift common to all states, which a work offset that is touched
+    off on the machine takes up, and which data of one tool vector do not show."""
+
+    @property
+    def u_between(self) -> Array:
+        """RMS over the states `(3,)` of the uncertainties of the differences, um."""
+        mean: Array = (self.u**2).mean(axis=0)
+        return mean**0.5
+
+    def __str__(self) -> str:
+        between, shift = (", ".join(f"{u:.2g}" for u in values) for values in (self.u_between, self.u_shift))
+        return (
+            f"{between} um (k=1, x y z) of the deviation between positions; {shift} um of a shift common to all, which "
+            "a zero touched off on the machine takes up"
+        )
+
+    def json(self) -> dict[str, list[float]]:
+        """Standard uncertainties in x, y and z, um, for programs."""
+        return {"between_positions": self.u_between.tolist(), "common_shift": self.u_shift.tolist()}
+
+
+def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Seen:
+    """Deviations at states relative to their mean, tool `(n, 3)`, mm; all states at once."""
+    deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
+    design = model.design(machine, state, place_transform(machine, state.positions, tool)[:, :3])
+    mean = design.mean(axis=0, keepdims=True)
+    return Seen(
+        (deviation - deviation.mean(axis=0)) * MM,
+        model.propagated(design - mean) * MM,
+        model.propagated(mean)[0] * MM,
+    )
+
+
+def relative_at_most(model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = STATES) -> Seen:
+    """As `relative`, at most so many of the states, evenly spread."""
+    rows = np.unique(np.linspace(0, len(state) - 1, min(len(state), most)).astype(int))
+    return relative(model, machine, state.rows(rows), tool[rows])
 
 
 def read_points(path: Path, machine: Machine) -> Points:

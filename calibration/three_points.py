@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from calibration import stations
-from calibration.acceptance import significant_share
+from calibration.acceptance import seen_by, significant_share
 from calibration.diagnosis.sanity import usable
 from calibration.error_curves import (
     Curves,
@@ -183,7 +183,7 @@ def identify(
         model,
         points,
         tuple(notes),
-        significant_share(model, measurement),
+        significant_share(seen_by(model, measurement)),
         {name: points.positions[number] for name, number in on_bed.items()},
     )
 

@@ -1,8 +1,10 @@
 """Paths planned for on-the-fly calibration, what they would see, their programs, and virtual readings along them."""
 
+import csv
 import json
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -348,3 +350,52 @@ def test_on_the_fly_agrees_with_points_at_rest():
     apart = aligned(found[0] - found[1], points) / np.sqrt(variance)
     assert np.mean(np.abs(apart) < 1.96) > 0.85
     assert np.sqrt(np.mean(apart**2)) < 1.5
+
+
+def test_uncertainty_of_what_one_tool_vector_shows_apart_from_the_shift_that_it_does_not(command, tmp_path):
+    """The correction between positions is known as it errs; the shift common to all, within the unseen tilt."""
+    (tmp_path / "mill.toml").write_text(
+        'name = "mill"\nchain = "w b Y X Z t"\n'
+        + "".join(f"axes.{axis} = {{ travel = [0, {end}] }}\n" for axis, end in (("X", 500), ("Y", 400), ("Z", 300)))
+    )
+    options = (
+        "--path",
+        "path.nc",
+        "--target",
+        "t=40,0,-100",
+        "--feed",
+        "6000",
+        "--rate",
+        "50",
+        "--tracker=-800,-900,300",
+    )
+    noise = ("-u", "u_range_um=0.3", "-u", "u_angle_um=1", "-u", "u_angle_um_per_m=1")
+    machine = ("--machine", "mill.toml")
+    assert not command(
+        "plan", *machine, "--strategy", "on-the-fly", "--length-m", 8, "-o", "p.csv", "--nc", "path.nc"
+    ).status
+    assert not command("simulate", *machine, *options, *noise, "-o", "d.csv", "--truth", "truth.json").status
+    done = command(
+        "fit", "d.csv", *machine, "--path", "path.nc", "-o", "cal.json", "--no-hold-out", "--json", "fit.json"
+    )
+    assert not done.status, done.err
+    grid = [(x, y, z) for x in (0, 125, 250, 375, 500) for y in (0, 200, 400) for z in (0, 150, 300)]
+    rows = "".join(f"{x},{y},{z},t\n" for x, y, z in grid)
+    (tmp_path / "grid.csv").write_text(f"# machine: mill\n# target.t: 40 0 -100\nX,Y,Z,target\n{rows}")
+    found = [_deviations(command, machine, name) for name in ("cal.json", "truth.json")]
+    away = aligned((found[0] - found[1]) * 1e-3, np.array(grid, float)) * 1e3
+    done = command("predict", "grid.csv", *machine, "-c", "cal.json", "-o", "o.csv", "--json", "u.json")
+    u = json.loads((tmp_path / "u.json").read_text())["u_um"]
+    between, shift = np.array(u["between_positions"]), np.array(u["common_shift"])
+    assert np.linalg.norm(between) < 3.0 * float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
+    assert np.linalg.norm(between) > 0.3 * float(np.sqrt(np.mean(np.sum(away**2, axis=1))))
+    assert shift.max() > 3.0 * between.max()
+    own = json.loads((tmp_path / "fit.json").read_text())["u_um"]
+    assert np.linalg.norm(own["between_positions"]) < 2.0 * np.linalg.norm(between)
+
+
+def _deviations(command, machine, calibration):
+    done = command("predict", "grid.csv", *machine, "-c", calibration, "-o", "grid_out.csv")
+    assert not done.status, done.err
+    lines = [line for line in Path("grid_out.csv").read_text().splitlines() if not line.startswith("#")]
+    return np.array([[float(row[f"d{xyz}_um"]) for xyz in "xyz"] for row in csv.DictReader(lines)])

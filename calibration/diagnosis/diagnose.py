@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, significant_share
+from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
 from calibration.diagnosis import remainder
 from calibration.diagnosis.base import Base, base_of
 from calibration.diagnosis.dependence import Unexplained
@@ -89,7 +89,7 @@ class Diagnosis:
     def significant_share(self) -> float:
         """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
         kept = self.after.fit.measurement.rows(np.flatnonzero(self.after.fit.kept))
-        return significant_share(self.model, kept)
+        return significant_share(seen_by(self.model, kept))
 
     @property
     def with_unnamed(self) -> bool:

@@ -218,6 +218,7 @@ def summary(found: Calibration) -> dict[str, Any]:
         "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
         "failed_stations": list(fitted.failed),
         "significant_share": found.significant_share,
+        "u_um": found.seen.json(),
         "sanity": [{"what": finding.what, "says": finding.says} for finding in found.findings],
         "locations": {
             e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
@@ -257,6 +258,7 @@ def show(found: Calibration, to: Console) -> None:
         table.add_row(f"held out ({held.blocks} {held.what})", f"{held.rms_um:.2f}", f"{held.max_um:.2f}")
     to.print(table)
     to.print(f"noise        {_noise(fitted)}")
+    to.print(f"uncertainty  {found.seen}")
     locations = [effect for effect in found.model.effects if isinstance(effect, LocationError)]
     if locations:
         lines = Table("location error", "value", "u (k=1)", "", caption="tool relative to workpiece, right-handed")

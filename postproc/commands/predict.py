@@ -50,7 +50,7 @@ def predict(
     standard uncertainties (k = 1) u_dx_um, u_dy_um, u_dz_um. All other columns stay as they are; effects of the
     measuring instrument are not in it.
     """
-    from calibration.prediction import predictions, read_points
+    from calibration.prediction import predictions, read_points, relative_at_most
     from postproc.prediction_summary import Summary
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
@@ -68,12 +68,15 @@ def predict(
         for block in predictions(model, found, read.places.state, read.places.tool):
             summary.add(block)
             file.write("".join(_lines(read, block)).encode())
-        write_json(summary.json() | {"calibration": _identity(model), "notes": notes}, results)
+        seen = relative_at_most(model, found, read.places.state, read.places.tool)
+        write_json(summary.json() | {"u_um": seen.json(), "calibration": _identity(model), "notes": notes}, results)
     if model.demonstration:
         say("demonstration calibration", "it describes no real machine")
     for note in notes:
         say("note", note)
-    _show(summary, console if "-" in (json, output) else screen)
+    to = console if "-" in (json, output) else screen
+    _show(summary, to)
+    to.print(f"uncertainty {seen}")
 
 
 def _identity(model: ErrorModel) -> str:
