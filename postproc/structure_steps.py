@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
-from postproc.expressions import Expression, Scope, evaluate, number, whole
+from postproc.expressions import Expression, NotKnown, Scope, evaluate, number, whole
 from postproc.program import Block
 from postproc.statements import Again, Begin, Else, End, Leave
 from postproc.structures import find_structures
@@ -28,6 +28,8 @@ class StructureSteps:
         """`passes` gives, by the block that opens a loop, how often the present subprogram has still to run it;
         `leave` ends the subprogram."""
         self.structures, self.scope, self.passes, self.leave = find_structures(blocks), scope, passes, leave
+        self.after_break = False
+        """A WHILE with a break in it has ended, and no DO since."""
         self.turns: dict[type, Callable[[int, Block, Any], int | None]] = {
             Begin: self._begin,
             Else: self._else,
@@ -55,6 +57,8 @@ class StructureSteps:
                 runs = self._counting(step)
             case kind:
                 runs = kind != "SUB"
+        if not runs and step.kind == "WHILE" and at in self.structures.left:
+            self.after_break = True
         return None if runs else end + 1
 
     def _else(self, at: int, _: Block, __: Else) -> int:
@@ -71,7 +75,7 @@ class StructureSteps:
             case "DO" if step.until is not None:
                 again = not self._holds(step.until)
             case "DO":
-                again = self._holds(step.again)
+                again = self._again(step.again)
             case "REPEAT":
                 self.passes()[begin] -= 1
                 again = self.passes()[begin] > 0
@@ -82,8 +86,21 @@ class StructureSteps:
                 again = False
         return begin + 1 if again else None
 
+    def _again(self, condition: Expression | None) -> bool:
+        """Whether a DO of O-words runs once more; NotKnown where LinuxCNC 2.9 ends it for the break of a WHILE."""
+        again = self._holds(condition)
+        if again and self.after_break:
+            raise NotKnown(
+                "behind a while loop with a break LinuxCNC 2.9 leaves the next do loop after its first pass: "
+                "what other versions do is not known"
+            )
+        self.after_break = False
+        return again
+
     def _leave_loop(self, at: int, _: Block, __: Leave) -> int:
-        return self.structures.end[self.structures.begin[at]] + 1
+        begin = self.structures.begin[at]
+        self.after_break = cast(Begin, self.structures.steps[begin]).kind == "WHILE"
+        return self.structures.end[begin] + 1
 
     def _next_pass(self, at: int, _: Block, __: Again) -> int:
         return self.structures.end[self.structures.begin[at]]

@@ -22,6 +22,8 @@ class Structures:
     """Of a Begin or an Else: the block that closes it."""
     following: dict[int, int] = field(default_factory=dict)
     """Of a Begin or an Else: the next Else, or the End."""
+    left: set[int] = field(default_factory=set)
+    """Blocks that open a loop in which a Leave stands for it."""
 
 
 def find_structures(blocks: Sequence[Block]) -> Structures:
@@ -34,6 +36,7 @@ def find_structures(blocks: Sequence[Block]) -> Structures:
         for step in _inner(block.code.before + block.code.after):
             if isinstance(step, (Leave, Again)):
                 found.begin[i] = _loop(found, open_, block, step.key)
+                found.left |= {found.begin[i]} if isinstance(step, Leave) else set()
             elif isinstance(step, (Begin, Else, End)):
                 _pair(found, open_, i, block, step)
     if open_:

@@ -49,6 +49,12 @@ RUNS = {
         "#1=0\no1 while [#1 lt 9]\n#1=[#1+1]\no2 if [#1 eq 2]\no1 continue\no2 endif\no3 if [#1 gt 3]\no1 break\no3 endif\n"
         "X#1\no1 endwhile\n", [1, 3],
     ),
+    "loops behind a break": (
+        "#1=0\no1 while [#1 lt 3]\n#1=[#1+1]\no2 if [#1 eq 2]\no1 break\no2 endif\nX#1\no1 endwhile\n"
+        "o3 do\nX#1\no3 while [#1 gt 9]\no4 do\nX#1\n#1=[#1+1]\no4 while [#1 lt 4]\n"
+        "o5 do\nX7.\no5 break\no5 while [1 eq 1]\no6 do\nX#1\n#1=[#1+1]\no6 while [#1 lt 6]\n",
+        [1, 2, 2, 3, 7, 4, 5],
+    ),
     "returning": ("o1 sub\nX1.\no2 if [#1 eq 1]\no1 return\no2 endif\nX2.\no1 endsub\no1 call [1]\no1 call [2]\n", [1, 1, 2]),
     "recursion": ("o1 sub\no2 if [#1 gt 0]\nX#1\no1 call [#1-1]\no2 endif\nX[#1*10]\no1 endsub\no1 call [2]\n", [2, 1, 0, 10, 20]),
 }  # fmt: skip
@@ -210,6 +216,14 @@ def test_turned_coordinates(angle):
     verdict = verify(motions, read(written, machine), model)
     assert verdict.before.largest > 20.0
     assert verdict.after.largest < 0.2
+
+
+@pytest.mark.parametrize("limit", [2, 9])
+def test_a_do_loop_behind_a_while_loop_with_a_break(limit):
+    """LinuxCNC 2.9 leaves it after its first pass, whether the break was reached or not."""
+    loop = f"#1=0\no1 while [#1 lt 3]\n#1=[#1+1]\no2 if [#1 eq {limit}]\no1 break\no2 endif\nX#1\no1 endwhile\n"
+    with pytest.raises(UserError, match="behind a while loop with a break"):
+        read(HEAD + loop + "o4 do\nX#1\n#1=[#1+1]\no4 while [#1 lt 9]\n", load("gantry"))
 
 
 @pytest.mark.parametrize(
