@@ -61,9 +61,9 @@ def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = CO
         correction = correct(motions, select(model, classes), orientation, conditions, judge.approach)
         commanded = correction.corrected[judged]
         left = Left(choice)
-        point_um, axis_urad, _ = missed(machine, model, commanded, nominal, tool, states, shift)
-        left.position.add(point_um)
-        left.tilt.add(axis_urad)
+        found = missed(machine, model, commanded, nominal, tool, states, shift)
+        left.position.add(found.point_um)
+        left.tilt.add(found.axis_urad)
         left.turning.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)
         rows.append(left)
     return rows

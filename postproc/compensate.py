@@ -96,6 +96,10 @@ class Missed(NamedTuple):
     axis_urad: Array
     absolute_um: Array
     """From the nominal tool point of the true work offset: the absolute error."""
+    wanted: Array
+    """Nominal tool points `(n, 3)`, mm, workpiece frame."""
+    apart: Array
+    """The absolute error as a vector `(n, 3)`, mm."""
 
 
 def missed(
@@ -113,10 +117,11 @@ def missed(
     position (`datum_shifts`).
     """
     actual, wanted = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
-    apart = actual.apply(tool) - wanted.apply(tool)
+    there = wanted.apply(tool)
+    apart = actual.apply(tool) - there
     leaning = np.linalg.norm(actual.rotation[:, :, 2] - wanted.rotation[:, :, 2], axis=1)
     point, absolute = (np.linalg.norm(vector, axis=1) for vector in (apart - shift, apart))
-    return Missed(point * 1e3, leaning * 1e6, absolute * 1e3)
+    return Missed(point * 1e3, leaning * 1e6, absolute * 1e3, there, apart)
 
 
 def _arc_middles(

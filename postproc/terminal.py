@@ -76,8 +76,8 @@ def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> 
         to.print("accepted")
 
 
-def show_verdict(verdict: Verdict, to: Console, by: str = "") -> None:
-    """The result of a verification, and by which model."""
+def show_verdict(verdict: Verdict, to: Console, by: str = "", *, best_fit: bool = False) -> None:
+    """The result of a verification, and by which model; with the errors of the part aligned best fit on request."""
     absolute = verdict.absolute
     title = "; ".join(filter(None, ("relative to the datum" if verdict.relative else "", by)))
     table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points", title=title)
@@ -86,6 +86,9 @@ def show_verdict(verdict: Verdict, to: Console, by: str = "") -> None:
     if verdict.relative:
         _row(table, "absolute, at ends", absolute.before, absolute.after)
         _row(table, "absolute, along", absolute.path_before, absolute.path_after)
+    if best_fit:
+        before, after = (fit.json() for fit in verdict.best_fit)
+        table.add_row("best fit, along", "", f"{before['rms']:.3f}", "", f"{after['rms']:.3f}", str(before["count"]))
     to.print(table)
     parts = Table("what makes it (before)", "max um", "RMS um")
     ranked = sorted(verdict.contributions.items(), key=lambda item: -item[1].rms)

@@ -18,6 +18,7 @@ from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.added_blocks import Tag, begin_of, tag_of
+from postproc.best_fit import BestFit
 from postproc.compensate import COLD, missed
 from postproc.conditions import Conditions
 from postproc.datum import datum_shifts, poses, touched
@@ -63,6 +64,8 @@ class Verdict:
     absolute: Absolute = field(default_factory=Absolute)
     relative: bool = False
     """A work offset was touched off, so that errors relative to the datum are not the absolute ones."""
+    best_fit: tuple[BestFit, BestFit] = field(default_factory=lambda: (BestFit(), BestFit()))
+    """Of the errors along feed moves before and after, all aligned as one part."""
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""
@@ -75,6 +78,9 @@ class Verdict:
             "absolute_along_feed_moves_um": {
                 "before": self.absolute.path_before.json(),
                 "after": self.absolute.path_after.json(),
+            },
+            "best_fit_along_feed_moves_um": {
+                when: fit.json() for when, fit in zip(("before", "after"), self.best_fit, strict=True)
             },
             "contributions_before_um": {name: statistic.json() for name, statistic in self.contributions.items()},
         }
@@ -155,12 +161,15 @@ def _judge(
     places = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.judged, ends)]
     for share, i, rows, statistics in places:
         wanted = nominal.in_machine(nominal.along(share))[rows]
-        for motions, approach, (relative, from_offset) in zip(texts, directions, statistics, strict=True):
+        columns = zip(texts, directions, statistics, verdict.best_fit, strict=True)
+        for motions, approach, (relative, from_offset), best_fit in columns:
             q = motions.in_machine(motions.along(share))[rows]
             states = conditions.states(where(approach, i, rows))
             found = missed(machine, model, q, wanted, tool[rows], states, shift[rows])
             relative.add(found.point_um)
             from_offset.add(found.absolute_um)
+            if i >= 0:
+                best_fit.add(found.wanted, found.apart)
 
 
 def merged(parts: list[Motions]) -> Motions:

@@ -17,7 +17,7 @@ from kinematics.basis import Legendre
 from kinematics.effects import Backlash, ErrorMotion, LocationError
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
-from kinematics.model import write_model
+from kinematics.model import no_errors, write_model
 from kinematics.touch_off import Datum, read_datum, touch_off
 from postproc import execution as execution_module
 from postproc.conditions import Conditions
@@ -330,9 +330,42 @@ def test_judged_by_a_second_calibration_as_truth(command):
     for text, when in ((FLAT, "before"), (Path("out.nc").read_text(), "after")):
         ends, _ = shop.cut(text, FLAT, touched)
         assert both["block_ends_um"][when]["max"] == pytest.approx(ends.max(), abs=1e-3)
+        best = both["best_fit_along_feed_moves_um"][when]
+        assert 0.0 < best["rms"] < both["along_feed_moves_um"][when]["rms"]
+    shown = command("verify", "part.nc", "out.nc", *setup, "--align", "true.json")
+    assert "best fit, along" in shown.out.decode()
     refused = command("verify", "part.nc", "out.nc", *setup, "--align", "no.json")
     assert refused.status == 2
     assert "no.json: No such file" in refused.err
+
+
+def test_best_fit_takes_off_what_a_measuring_machine_aligns(command):
+    """A squareness is half a turn and half a shear; a table that lies askew is a turn alone."""
+    machine = machines.load("gantry")
+    Path("part.nc").write_text("G21 G90 G54 T1 M6\nG43 H1\nG1 X0. Y0. Z0. F900\nX400.\nY400.\nX0.\nY0.\nX400. Y400.\n")
+    setup = ("-m", "gantry", "--work-offset", "G54=100,100,-300", "--tool-length", "T1=80", "-c", "none")
+    found = {}
+    for name, effects in {
+        "turned": (
+            LocationError(component="C", axis="X", value=50.0),
+            LocationError(component="C", axis="Y", value=50.0),
+        ),
+        "sheared": (
+            LocationError(component="C", axis="X", value=50.0),
+            LocationError(component="C", axis="Y", value=-50.0),
+        ),
+    }.items():
+        write_model(msgspec.structs.replace(no_errors(machine), effects=effects), Path("true.json"))
+        done = command("verify", "part.nc", "part.nc", *setup, "--align", "true.json", "--json", "-")
+        assert done.status == 0, done.err
+        found[name] = json.loads(done.out)
+        assert found[name]["along_feed_moves_um"]["before"]["max"] > 10.0
+    turned, sheared = (found[name]["best_fit_along_feed_moves_um"]["before"] for name in ("turned", "sheared"))
+    assert turned["rms"] < 1e-3
+    assert turned["turn_urad"] == pytest.approx([0.0, 0.0, 50.0], abs=1e-2)
+    # at (200, 200) from the middle of a square a shear of 50 urad each way moves by 10 um along both axes
+    assert sheared["turn_urad"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-2)
+    assert sheared["rms"] > 5.0
 
 
 def test_a_touch_off_that_can_not_have_been(command):

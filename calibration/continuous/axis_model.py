@@ -28,6 +28,7 @@ from calibration.instruments import Interferometer
 from calibration.measurement import Measurement, Target
 from calibration.registration import Registration
 from kinematics.basis import BSpline
+from kinematics.covariance import propagated
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, QuantisedCompensation, Reversal
 from kinematics.effects.base import own_component, own_motion
 from kinematics.errors import UserError
@@ -107,8 +108,8 @@ def axis_model(
     curves = _curves(_with_jumps(found, data, quasi))
     curves, within = _thinned(curves.scaled(own_motion(machine, data.axis)[2]))
     effects, matrix = _effects(machine, data.axis, curves, both)
-    values, covariance = matrix @ curves.values, matrix @ curves.covariance @ matrix.T
-    own = _with_values(machine, effects, values, covariance, _provenance(data, base))
+    covariance = propagated(matrix, curves.covariance)
+    own = _with_values(machine, effects, matrix @ curves.values, covariance, _provenance(data, base))
     names, nodes = tuple(effect.name for effect in effects), len(curves.positions)
     notes = [] if within <= NODE_UM else [f"the calibration follows the table within {within:.2g} um"]
     if not both:
@@ -250,14 +251,7 @@ def _with_values(
     machine: Machine, effects: Sequence[Effect], values: Array, covariance: Array, made: Provenance
 ) -> ErrorModel:
     model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
-    return model.with_parameters(values, _sound(covariance))
-
-
-def _sound(covariance: Array) -> Array:
-    """The covariance, exactly symmetric, and not below zero where rounding took it there."""
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2.0)
-    whole = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    return np.asarray((whole + whole.T) / 2.0)
+    return model.with_parameters(values, covariance)
 
 
 def _joined(
@@ -281,12 +275,12 @@ def _joined(
     values = own.parameters.copy()
     values[: len(nodes)] -= centred @ shown
     kept = np.array(rest.covariance) if rest.covariance is not None else np.diag(_variances(rest))
-    both_ways = np.block([[np.eye(old)], [lever]])
-    covariance = both_ways @ kept.reshape(old, old) @ both_ways.T
-    covariance[old:, old:] += np.array(own.covariance)
+    whole = np.zeros((old + n, old + n))
+    whole[:old, :old], whole[old:, old:] = kept.reshape(old, old), own.covariance
+    covariance = propagated(np.block([[np.eye(old), np.zeros((old, n))], [lever, np.eye(n)]]), whole)
     model = msgspec.structs.replace(base, effects=(*rest.effects, *own.effects), provenance=own.provenance)
     replaced = [effect.name for effect in base.effects if gives_way(effect)]
-    return replaced, model.with_parameters(np.concatenate([rest.parameters, values]), _sound(covariance))
+    return replaced, model.with_parameters(np.concatenate([rest.parameters, values]), covariance)
 
 
 def _variances(model: ErrorModel) -> Array:

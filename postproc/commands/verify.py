@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 EPILOG = (
     "Examples:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`\n\n"
     "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --old old.json`\n\n"
+    "`ncomp verify part.nc part_c.nc --machine gantry --calibration cal.json --align after.json`  would the machine "
+    "as it was measured afterwards have cut the part right?\n\n"
     "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --accept calibration`  corrected with "
     "another one"
 )
@@ -56,7 +58,7 @@ def verify(
         typer.Option(
             "--align",
             metavar="TRUE.json",
-            help="A second calibration as truth: the errors by its model, aligned at the datum touched off by it.",
+            help="A second calibration as truth: errors by its model, aligned at its own datum, and best fit.",
         ),
     ] = None,
     dialect: DialectName = "auto",
@@ -135,7 +137,7 @@ def verify(
     show_facts(datums.facts(setup.obtained), to)
     for key, (by, option) in judges.items():
         title = ", ".join(filter(None, (f"by {by.id}", option))) if len(judges) > 1 else ""
-        show_verdict(verdicts[key], to, title)
+        show_verdict(verdicts[key], to, title, best_fit=align is not None)
     if table:
         show_classes(table, to)
 
