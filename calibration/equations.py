@@ -15,8 +15,7 @@ from calibration.measurement import Measurement
 from calibration.registration import Registration, rigid
 from calibration.sight import carried, seen_points, seen_transform
 from kinematics.deviation import exact_deviation
-from kinematics.error_transform import place_transform
-from kinematics.forward import axis_frames
+from kinematics.error_transform import place_transform, pose_slopes
 from kinematics.model import Observation
 from kinematics.transforms import Array, by_turn, turn
 
@@ -139,13 +138,12 @@ def _lines(measurement: Measurement) -> Array:
     """Directions `(n, 6)` that an interferometer measures in: of the axis' motion, or its turn, workpiece frame."""
     machine = measurement.machine
     assert measurement.axis is not None
-    frames = axis_frames(machine, measurement.state.positions)
+    slopes = pose_slopes(machine, measurement.state.positions)
     lines = np.zeros((len(measurement), 6))
     for name in np.unique(measurement.axis).tolist():
         i, rows = machine.index(name), measurement.axis == name
         part = slice(3, 6) if machine.axes[i].rotary else slice(0, 3)
-        along = turn(frames[i].rotation, machine.axes[i].unit_direction)
-        lines[rows, part] = np.broadcast_to(along, (len(measurement), 3))[rows]
+        lines[rows, part] = slopes[rows, part, i]
     return lines
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.measurement import Measurement
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import place_transform, pose_slopes
 from kinematics.forward import forward
 from kinematics.machine import NDArrayBool
 from kinematics.transforms import Array
@@ -55,6 +55,21 @@ def seen_transform(measurement: Measurement, tool: Array) -> Array:
             part = place_transform(machine, positions, target)[:, :3]
         transform[sight.rows] = part * np.repeat(sight.seen, 6)
     return transform
+
+
+def seen_slopes(measurement: Measurement, tool: Array) -> Array:
+    """Derivatives `(n, 3, axes)` of `seen_points` by the positions of the axes, without errors; per mm and per rad."""
+    machine = measurement.machine
+    slopes = np.empty((len(measurement), 3, len(machine.axes)))
+    for sight in _sights(measurement):
+        positions, target = _positions(measurement, sight), tool[sight.rows]
+        if sight.against:
+            back = forward(machine, positions).inverse()
+            part = -back.rotation @ pose_slopes(machine, positions, back.apply(target))[:, :3]
+        else:
+            part = pose_slopes(machine, positions, target)[:, :3]
+        slopes[sight.rows] = part * sight.seen[:-1]
+    return slopes
 
 
 def carried(measurement: Measurement) -> Array:

@@ -7,11 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from kinematics.error_transform import pose_slopes
 from kinematics.errors import UserError
-from kinematics.forward import axis_frames, forward, tool_point
+from kinematics.forward import forward, tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import Array, turn
+from kinematics.transforms import Array
 
 CONVERGED = 1e-8
 """mm and rad."""
@@ -113,9 +114,8 @@ def correct_orientation(machine: Machine, errors: Errors, nominal: Array, movabl
     free = movable[:, rotary].astype(float)
     for _ in range(MAX_ROUNDS):
         actual = forward(machine, q, errors(q)).rotation[:, :, 2]
-        frames = axis_frames(machine, q)
-        lines = [turn(frames[i].rotation, machine.axes[i].unit_direction) for i in rotary]
-        slopes = np.stack([np.cross(line, actual) for line in lines], axis=2) * free[:, None, :]
+        lines = pose_slopes(machine, q)[:, 3:, rotary]
+        slopes = np.cross(lines, actual[:, :, None], axis=1) * free[:, None, :]
         gradient = np.einsum("nci,nc->ni", slopes, actual - target) + DAMPING**2 * (q - nominal)[:, rotary]
         hessian = slopes.swapaxes(1, 2) @ slopes + DAMPING**2 * np.eye(len(rotary))
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0] * free

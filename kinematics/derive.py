@@ -1,4 +1,4 @@
-"""Derives a chain's forward kinematics and first-order error transform with sympy, as NumPy source.
+"""Derives a chain's forward kinematics, its derivatives and first-order error transform with sympy, as NumPy source.
 
     python -m kinematics.derive dmu50 gantry    writes kinematics/derived/dmu50.py, gantry.py and the index __init__.py
     python -m kinematics.derive --all           all shipped machines
@@ -96,6 +96,29 @@ def tool_axis(machine: Machine, let: Let) -> Matrix:
     for i, rotation in reversed(list(enumerate(links(machine, let).rotations))):
         axis = let(f"axis_{machine.names[i]}", rotation * axis)
     return axis
+
+
+def slopes(machine: Machine, let: Let) -> Matrix:
+    """Derivatives (6, axes) of the nominal pose by the axis positions: tool point, then rotation vector.
+
+    A step along, or about, its own line is the error of an axis in that direction: E_i + w_i x arm_i, carried to the
+    workpiece as in `error_transform`.
+    """
+    sp = _sympy()
+    chain = links(machine, let)
+    before = sp.eye(3)
+    columns = []
+    for axis, rotation, arm in zip(machine.axes, chain.rotations, chain.arms, strict=True):
+        after = let(f"to_w_{axis.name}", before * rotation)
+        view = before if axis.side == "tool" else after
+        line = let(f"line_{axis.name}", view * _unit(axis))
+        if axis.rotary:
+            swing = let(f"swing_{axis.name}", _unit(axis).cross(arm))
+            columns.append(sp.Matrix([*let(f"moved_{axis.name}", view * swing), *line]))
+        else:
+            columns.append(sp.Matrix([*line, 0, 0, 0]))
+        before = after
+    return sp.Matrix.hstack(*columns)
 
 
 def error_transform(machine: Machine, let: Let) -> Matrix:
@@ -296,7 +319,7 @@ def source(machine: Machine) -> str:
         axes=len(machine.axes),
         hash=machine.chain_hash,
     )
-    parts = (_tool_point_source, _tool_axis_source, _error_transform_source, _deviation_source)
+    parts = (_tool_point_source, _tool_axis_source, _slopes_source, _error_transform_source, _deviation_source)
     return header + "".join(part(machine) for part in parts)
 
 
@@ -341,18 +364,32 @@ def _tool_axis_source(machine: Machine) -> str:
     return _function("tool_axis(q)", "Nominal tool axes `(n, 3)`, unit vectors from the tip to the spindle.", body)
 
 
-def _error_transform_source(machine: Machine) -> str:
+def _slopes_source(machine: Machine) -> str:
+    body = _matrix_source(machine, slopes, len(machine.axes))
+    doc = f"""Derivatives `(n, 6, {len(machine.axes)})` of the nominal pose by the axis positions.
+
+    Rows: tool point x y z, then the rotation vector. Columns: {" ".join(machine.names)}, per mm or per rad.
+    """
+    return _function("slopes(q, tool)", doc, body)
+
+
+def _matrix_source(machine: Machine, derivation: Callable[[Machine, Let], Matrix], columns: int) -> list[str]:
+    """Code that fills a matrix J `(n, 6, columns)`, without the entries that are always zero."""
     sheet = _Sheet()
-    J, numbers = error_transform(machine, sheet.let), error_transform(machine, _somewhere(machine))
-    columns = 6 * len(machine.axes)
+    J, numbers = derivation(machine, sheet.let), derivation(machine, _somewhere(machine))
     entries = {f"J[{r}, {c}]": J[r, c] for c in range(columns) for r in range(6) if abs(numbers[r, c]) > 1e-30}
-    body = [
+    return [
         _unpacked(machine),
         _TOOL,
         f"J = np.zeros((6, {columns}, np.broadcast({machine.names[0]}, tx).size))",
         *sheet.lines(entries),
         "return J.transpose(2, 0, 1)",
     ]
+
+
+def _error_transform_source(machine: Machine) -> str:
+    columns = 6 * len(machine.axes)
+    body = _matrix_source(machine, error_transform, columns)
     doc = f"""J `(n, 6, {columns})`, deviation = J . errors.
 
     Rows: position x y z, then the rotation vector. Columns: axis by axis in chain order ({" ".join(machine.names)}),

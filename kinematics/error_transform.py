@@ -40,6 +40,9 @@ class Derived(Protocol):
     def tool_axis(self, q: ArrayLike) -> Array:
         """Nominal tool axes `(n, 3)`, unit vectors from the tip to the spindle, workpiece frame."""
 
+    def slopes(self, q: ArrayLike, tool: ArrayLike) -> Array:
+        """Derivatives `(n, 6, axes)` of the nominal pose by the axis positions."""
+
     def error_transform(self, q: ArrayLike, tool: ArrayLike) -> Array:
         """J `(n, 6, axes * 6)`."""
 
@@ -50,6 +53,14 @@ class Derived(Protocol):
 def error_names(machine: Machine) -> list[str]:
     """Names, by ISO 230-1, of the columns of J: E_XC, E_YC, ... axis by axis in chain order."""
     return [f"E_{component}{axis}" for axis in machine.names for component in COMPONENTS]
+
+
+def pose_slopes(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+    """Derivatives `(n, 6, axes)` of the nominal pose by the axis positions, per mm and rad, workpiece frame.
+
+    Rows: tool point x y z (mm), then rotation vector (rad); q and tool as `error_transform` takes them.
+    """
+    return derived(machine).slopes(q, tool)
 
 
 def error_transform(machine: Machine, q: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:

@@ -27,7 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinematics.forward import axis_frames
+from kinematics.error_transform import pose_slopes
+from kinematics.forward import axis_frames, forward
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array, rotation_about, turn
 
@@ -327,13 +328,9 @@ def _search(machine: Machine, goal: _Goal, q: Array, travel: Array) -> Array | N
 
 def _linearised(machine: Machine, goal: _Goal, q: Array) -> tuple[Array, Array]:
     """What is missing of tool point and tool axis at q `(axes,)`, `(6,)` mm, and its decrease per axis, `(6, axes)`."""
-    *before, pose = axis_frames(machine, q[None])
+    pose = forward(machine, q[None])
     point, tool_axis = pose.apply(goal.tool)[0], turn(pose.rotation, TOOL_AXIS)[0]
-    links = list(zip(before, machine.axes, strict=True))
-    lines = np.concatenate([turn(link.rotation, axis.unit_direction) for link, axis in links])
-    centres = np.concatenate([link.apply(axis.point) for link, axis in links])
-    rotary = machine.rotary[:, None]
-    moves = np.where(rotary, np.cross(lines, point - centres), lines)
-    tilts = np.where(rotary, np.cross(lines, tool_axis), 0.0)
+    slopes = pose_slopes(machine, q, goal.tool)[0]
+    moves, tilts = slopes[:3].T, np.cross(slopes[3:].T, tool_axis)
     residual = np.concatenate([goal.position - point, ARM * (goal.axis - tool_axis)])
     return residual, np.hstack([moves, ARM * tilts]).T

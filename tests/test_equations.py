@@ -1,11 +1,14 @@
 """The observation equations: derivatives against differences, for every place of instrument and target."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from measured import THREE, measured, pose_of, positions, truth
 
 import machines
 from calibration import equations
+from calibration.diagnosis.alternatives import by_axes
 from calibration.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement import Measurement, Target, with_moves
 from calibration.registration import Registration, rigid
@@ -124,3 +127,27 @@ def test_targets_come_in_any_order_of_names():
     measurement = measured(machine, positions(machine, 10, rng), targets, truth(machine, rng), rng)
     for row in range(10):
         assert tuple(measurement.tool[row]) == targets[str(measurement.state.target[row])].position
+
+
+def test_by_axes_against_differences(case):
+    """Derivatives by the positions of the axes, for targets on tool, table and bed, seen from the table and the bed."""
+    measurement, registration = case
+    found, nothing = by_axes(measurement, registration), no_effects(measurement)
+    if measurement.axis is not None:
+        return
+    q = measurement.state.positions
+    for i in range(q.shape[1]):
+        seen = [
+            equations.expected(moved_to(measurement, q + way * STEP * np.eye(q.shape[1])[i]), registration, nothing)
+            for way in (1, -1)
+        ]
+        np.testing.assert_allclose(found[:, :, i], (seen[0] - seen[1]) / (2 * STEP), atol=1e-6)
+
+
+def moved_to(measurement, positions):
+    return replace(measurement, state=replace(measurement.state, positions=positions))
+
+
+def no_effects(measurement):
+    n, axes = measurement.state.positions.shape
+    return Observation(np.zeros((n, axes + 1, 6)), np.zeros((n, 3)))

@@ -84,6 +84,15 @@ def assert_agrees_with_exact(machine: Machine, seed: int) -> None:
         slope = (stacked(ahead) - stacked(behind)) / (2 * h)
         assert np.abs(J[:, :, column] - slope).max() < 1e-8 * size
 
+    slopes = error_transform.pose_slopes(machine, q, tool)
+    for axis in range(len(machine.axes)):
+        ahead, behind = (forward(machine, q + way * h * np.eye(len(machine.axes))[axis]) for way in (1, -1))
+        moved = (ahead.apply(tool) - behind.apply(tool)) / (2 * h)
+        assert np.abs(slopes[:, :3, axis] - moved).max() < 1e-8 * size
+        turned = (ahead.rotation - behind.rotation) @ forward(machine, q).inverse().rotation / (2 * h)
+        vector = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=1)
+        assert np.abs(slopes[:, 3:, axis] - vector).max() < 1e-8
+
     direct = stacked(error_transform.first_order_deviation(machine, q, errors, tool))
     assert np.abs(direct - np.einsum("nij,nj->ni", J, errors.reshape(6, -1))).max() < 1e-12 * size
 

@@ -18,7 +18,7 @@ from calibration.models import STILL
 from calibration.normal import residuals
 from calibration.outliers import first_registration
 from calibration.registration import Registration
-from calibration.sight import carried, seen_points
+from calibration.sight import carried, seen_points, seen_slopes
 from kinematics.machine import Vector
 from kinematics.model import no_errors
 from kinematics.transforms import Array
@@ -78,21 +78,11 @@ def trimmed_rms(lengths: Array) -> float:
 
 def by_axes(measurement: Measurement, registration: Registration) -> Array:
     """Derivatives `(n, d, axes)` of what is observed by the positions of the axes, per mm and rad."""
-    n, axes = measurement.state.positions.shape
     if measurement.axis is not None:
         own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
         return np.asarray(own[:, None, :], float)
-    step = np.where(measurement.machine.rotary, 1e-6, 1e-3)
-    tool = registration.tool(measurement)
-    result = np.empty((n, measurement.instrument.components, axes))
-    for i in range(axes):
-        there, back = (
-            seen_points(_with_positions(measurement, measurement.state.positions + way * np.eye(axes)[i]), None, tool)
-            for way in (step[i], -step[i])
-        )
-        moved = registration.rotations(measurement) @ (there - back)[:, :, None] / (2 * step[i])
-        result[:, :, i] = moved[:, : result.shape[1], 0]
-    return result
+    slopes = registration.rotations(measurement) @ seen_slopes(measurement, registration.tool(measurement))
+    return np.asarray(slopes[:, : measurement.instrument.components])
 
 
 def _units(measurement: Measurement) -> Iterator[Alternative]:

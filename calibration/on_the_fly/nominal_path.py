@@ -10,7 +10,7 @@ import numpy as np
 
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement, Target
-from calibration.sight import seen_points
+from calibration.sight import seen_points, seen_slopes
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.state import State
@@ -24,8 +24,6 @@ CORNER_DEG = 1.0
 """A path that turns by more has a corner there."""
 STANDS = 1e-6
 """mm: a target that moves less stands."""
-NEAR = 0.05
-"""mm to either side of a point, between which its tangent is taken."""
 
 
 @dataclass(frozen=True)
@@ -122,14 +120,12 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
     """The way of a target along a path, by exact kinematics; UserError where it hardly moves."""
     vertices, places = _pieces(path)
 
-    def seen(positions: Array) -> Array:
+    def at(positions: Array) -> Measurement:
         state = State(positions, target=np.full(len(positions), "1"))
-        blank = Measurement(
-            path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on
-        )
-        return seen_points(blank, None, blank.tool)
+        return Measurement(path.machine, LaserTracker(), state, np.zeros((len(positions), 3)), {"1": target}, stands_on)
 
-    chords = np.diff(seen(vertices), axis=0)
+    corner = at(vertices)
+    chords = np.diff(seen_points(corner, None, corner.tool), axis=0)
     lengths = np.linalg.norm(chords, axis=1)
     lengths[lengths < STANDS] = 0.0
     arc = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -142,11 +138,12 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
     piece = moving[np.clip(np.searchsorted(arc[moving], s, side="right") - 1, 0, len(moving) - 1)]
     slopes = (np.diff(vertices, axis=0)[piece]) / lengths[piece][:, None]
     positions = vertices[piece] + (s - arc[piece])[:, None] * slopes
-    tangents = (seen(positions + NEAR * slopes) - seen(positions - NEAR * slopes)) / (2.0 * NEAR)
+    there = at(positions)
+    tangents = np.einsum("nca,na->nc", seen_slopes(there, there.tool), slopes)
     corners, usable = _corners(chords, lengths, arc, path.counts[1:][places])
     way = np.interp(_places_of(piece, arc, s, lengths), np.arange(len(vertices)), _way(path, places))
     return TargetPath(
-        length / count, positions, slopes, seen(positions),
+        length / count, positions, slopes, seen_points(there, None, there.tool),
         tangents / np.linalg.norm(tangents, axis=1, keepdims=True), way, corners, usable,
     )  # fmt: skip
 

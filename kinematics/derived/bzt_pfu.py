@@ -37,6 +37,20 @@ def tool_axis(q):
     return axis.T
 
 
+def slopes(q, tool):
+    """Derivatives `(n, 6, 3)` of the nominal pose by the axis positions.
+
+    Rows: tool point x y z, then the rotation vector. Columns: Y X Z, per mm or per rad.
+    """
+    Y, X, Z = np.ascontiguousarray(np.asarray(q, float).T)
+    tx, ty, tz = np.asarray(tool, float).T
+    J = np.zeros((6, 3, np.broadcast(Y, tx).size))
+    J[1, 0] = 1
+    J[0, 1] = 1
+    J[2, 2] = 1
+    return J.transpose(2, 0, 1)
+
+
 def error_transform(q, tool):
     """J `(n, 6, 18)`, deviation = J . errors.
 

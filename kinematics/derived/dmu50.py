@@ -62,6 +62,64 @@ def tool_axis(q):
     return axis.T
 
 
+def slopes(q, tool):
+    """Derivatives `(n, 6, 5)` of the nominal pose by the axis positions.
+
+    Rows: tool point x y z, then the rotation vector. Columns: C B X Y Z, per mm or per rad.
+    """
+    C, B, X, Y, Z = np.ascontiguousarray(np.asarray(q, float).T)
+    tx, ty, tz = np.asarray(tool, float).T
+    J = np.zeros((6, 5, np.broadcast(C, tx).size))
+    tip_Z_z = Z + tz
+    tip_Y_y = Y + ty
+    tip_X_x = X + tx
+    cos_B = np.cos(B)
+    sin_B = np.sin(B)
+    rot_B_xy = 0.7071067811865476*sin_B
+    rot_B_yy = 0.5*cos_B + 0.5
+    rot_B_yz = 0.5*cos_B - 0.5
+    arm_B_z = tip_Z_z - 154.996
+    turned_B_x = arm_B_z*rot_B_xy + cos_B*tip_X_x + rot_B_xy*tip_Y_y
+    turned_B_y = arm_B_z*rot_B_yz - rot_B_xy*tip_X_x + rot_B_yy*tip_Y_y
+    cos_C = np.cos(C)
+    sin_C = np.sin(C)
+    turned_C_x = cos_C*turned_B_x - sin_C*turned_B_y
+    turned_C_y = cos_C*turned_B_y + sin_C*turned_B_x
+    to_w_B_xx = cos_B*cos_C + rot_B_xy*sin_C
+    to_w_B_xy = cos_C*rot_B_xy - rot_B_yy*sin_C
+    to_w_B_xz = cos_C*rot_B_xy - rot_B_yz*sin_C
+    to_w_B_yx = cos_B*sin_C - cos_C*rot_B_xy
+    to_w_B_yy = cos_C*rot_B_yy + rot_B_xy*sin_C
+    to_w_B_yz = cos_C*rot_B_yz + rot_B_xy*sin_C
+    line_B_x = 0.7071067811865476*to_w_B_xy - 0.7071067811865476*to_w_B_xz
+    line_B_y = 0.7071067811865476*to_w_B_yy - 0.7071067811865476*to_w_B_yz
+    line_B_z = -0.7071067811865476*rot_B_yy + 0.7071067811865476*rot_B_yz
+    swing_B_x = 0.7071067811865476*arm_B_z + 0.7071067811865476*tip_Y_y
+    swing_B_y = -0.7071067811865476*tip_X_x
+    moved_B_x = swing_B_x*to_w_B_xx + swing_B_y*to_w_B_xy + swing_B_y*to_w_B_xz
+    moved_B_y = swing_B_x*to_w_B_yx + swing_B_y*to_w_B_yy + swing_B_y*to_w_B_yz
+    moved_B_z = -rot_B_xy*swing_B_x + rot_B_yy*swing_B_y + rot_B_yz*swing_B_y
+    J[0, 0] = -turned_C_y
+    J[1, 0] = turned_C_x
+    J[5, 0] = 1
+    J[0, 1] = moved_B_x
+    J[1, 1] = moved_B_y
+    J[2, 1] = moved_B_z
+    J[3, 1] = line_B_x
+    J[4, 1] = line_B_y
+    J[5, 1] = line_B_z
+    J[0, 2] = to_w_B_xx
+    J[1, 2] = to_w_B_yx
+    J[2, 2] = -rot_B_xy
+    J[0, 3] = to_w_B_xy
+    J[1, 3] = to_w_B_yy
+    J[2, 3] = rot_B_yz
+    J[0, 4] = to_w_B_xz
+    J[1, 4] = to_w_B_yz
+    J[2, 4] = rot_B_yy
+    return J.transpose(2, 0, 1)
+
+
 def error_transform(q, tool):
     """J `(n, 6, 30)`, deviation = J . errors.
 

@@ -55,6 +55,39 @@ def tool_axis(q):
     return axis.T
 
 
+def slopes(q, tool):
+    """Derivatives `(n, 6, 5)` of the nominal pose by the axis positions.
+
+    Rows: tool point x y z, then the rotation vector. Columns: X Y Z C B, per mm or per rad.
+    """
+    X, Y, Z, C, B = np.ascontiguousarray(np.asarray(q, float).T)
+    tx, ty, tz = np.asarray(tool, float).T
+    J = np.zeros((6, 5, np.broadcast(X, tx).size))
+    cos_B = np.cos(B)
+    sin_B = np.sin(B)
+    arm_B_z = tz - 150
+    turned_B_x = arm_B_z*sin_B + cos_B*tx
+    turned_B_z = arm_B_z*cos_B - sin_B*tx
+    cos_C = np.cos(C)
+    sin_C = np.sin(C)
+    turned_C_x = cos_C*turned_B_x - sin_C*ty
+    turned_C_y = cos_C*ty + sin_C*turned_B_x
+    moved_B_x = cos_C*turned_B_z
+    moved_B_y = sin_C*turned_B_z
+    J[0, 0] = 1
+    J[1, 1] = 1
+    J[2, 2] = 1
+    J[0, 3] = -turned_C_y
+    J[1, 3] = turned_C_x
+    J[5, 3] = 1
+    J[0, 4] = moved_B_x
+    J[1, 4] = moved_B_y
+    J[2, 4] = -turned_B_x
+    J[3, 4] = -sin_C
+    J[4, 4] = cos_C
+    return J.transpose(2, 0, 1)
+
+
 def error_transform(q, tool):
     """J `(n, 6, 30)`, deviation = J . errors.
 

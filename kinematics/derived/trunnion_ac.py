@@ -53,6 +53,50 @@ def tool_axis(q):
     return axis.T
 
 
+def slopes(q, tool):
+    """Derivatives `(n, 6, 5)` of the nominal pose by the axis positions.
+
+    Rows: tool point x y z, then the rotation vector. Columns: C A X Y Z, per mm or per rad.
+    """
+    C, A, X, Y, Z = np.ascontiguousarray(np.asarray(q, float).T)
+    tx, ty, tz = np.asarray(tool, float).T
+    J = np.zeros((6, 5, np.broadcast(C, tx).size))
+    tip_Z_z = Z + tz
+    tip_Y_y = Y + ty
+    tip_X_x = X + tx
+    cos_A = np.cos(A)
+    sin_A = np.sin(A)
+    arm_A_z = tip_Z_z - 100
+    turned_A_y = -arm_A_z*sin_A + cos_A*tip_Y_y
+    cos_C = np.cos(C)
+    sin_C = np.sin(C)
+    turned_C_x = cos_C*tip_X_x - sin_C*turned_A_y
+    turned_C_y = cos_C*turned_A_y + sin_C*tip_X_x
+    to_w_A_xy = -cos_A*sin_C
+    to_w_A_xz = sin_A*sin_C
+    to_w_A_yy = cos_A*cos_C
+    to_w_A_yz = -cos_C*sin_A
+    moved_A_x = -arm_A_z*to_w_A_xy + tip_Y_y*to_w_A_xz
+    moved_A_y = -arm_A_z*to_w_A_yy + tip_Y_y*to_w_A_yz
+    J[0, 0] = -turned_C_y
+    J[1, 0] = turned_C_x
+    J[5, 0] = 1
+    J[0, 1] = moved_A_x
+    J[1, 1] = moved_A_y
+    J[2, 1] = turned_A_y
+    J[3, 1] = cos_C
+    J[4, 1] = sin_C
+    J[0, 2] = cos_C
+    J[1, 2] = sin_C
+    J[0, 3] = to_w_A_xy
+    J[1, 3] = to_w_A_yy
+    J[2, 3] = sin_A
+    J[0, 4] = to_w_A_xz
+    J[1, 4] = to_w_A_yz
+    J[2, 4] = cos_A
+    return J.transpose(2, 0, 1)
+
+
 def error_transform(q, tool):
     """J `(n, 6, 30)`, deviation = J . errors.
 

@@ -53,6 +53,50 @@ def tool_axis(q):
     return axis.T
 
 
+def slopes(q, tool):
+    """Derivatives `(n, 6, 5)` of the nominal pose by the axis positions.
+
+    Rows: tool point x y z, then the rotation vector. Columns: C B X Y Z, per mm or per rad.
+    """
+    C, B, X, Y, Z = np.ascontiguousarray(np.asarray(q, float).T)
+    tx, ty, tz = np.asarray(tool, float).T
+    J = np.zeros((6, 5, np.broadcast(C, tx).size))
+    tip_Z_z = Z + tz
+    tip_Y_y = Y + ty
+    tip_X_x = X + tx
+    cos_B = np.cos(B)
+    sin_B = np.sin(B)
+    arm_B_z = tip_Z_z - 100
+    turned_B_x = arm_B_z*sin_B + cos_B*tip_X_x
+    cos_C = np.cos(C)
+    sin_C = np.sin(C)
+    turned_C_x = cos_C*turned_B_x - sin_C*tip_Y_y
+    turned_C_y = cos_C*tip_Y_y + sin_C*turned_B_x
+    to_w_B_xx = cos_B*cos_C
+    to_w_B_xz = cos_C*sin_B
+    to_w_B_yx = cos_B*sin_C
+    to_w_B_yz = sin_B*sin_C
+    moved_B_x = arm_B_z*to_w_B_xx - tip_X_x*to_w_B_xz
+    moved_B_y = arm_B_z*to_w_B_yx - tip_X_x*to_w_B_yz
+    J[0, 0] = -turned_C_y
+    J[1, 0] = turned_C_x
+    J[5, 0] = 1
+    J[0, 1] = moved_B_x
+    J[1, 1] = moved_B_y
+    J[2, 1] = -turned_B_x
+    J[3, 1] = -sin_C
+    J[4, 1] = cos_C
+    J[0, 2] = to_w_B_xx
+    J[1, 2] = to_w_B_yx
+    J[2, 2] = -sin_B
+    J[0, 3] = -sin_C
+    J[1, 3] = cos_C
+    J[0, 4] = to_w_B_xz
+    J[1, 4] = to_w_B_yz
+    J[2, 4] = cos_B
+    return J.transpose(2, 0, 1)
+
+
 def error_transform(q, tool):
     """J `(n, 6, 30)`, deviation = J . errors.
 
