@@ -10,7 +10,8 @@ import numpy as np
 
 from calibration.datum import gauge, null_space
 from calibration.fit import Fit
-from kinematics.effects import Effect
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects.base import own_component
 from kinematics.transforms import Array
 
 WHOLE = 1e-6
@@ -74,26 +75,35 @@ def visibility(fit: Fit) -> Visibility:
 
 
 def _named(fit: Fit, null: Array, conventional: Array) -> list[Blind]:
-    """The null directions that are not conventional, by the effects they lie in: one, two, then the rest together."""
+    """The null directions that are not conventional, by the effects they lie in.
+
+    One effect, two, the positioning errors of all linear axes, then the rest together.
+    """
     effects, columns = fit.model.effects, fit.model.slices
     found: list[Blind] = []
     explained = conventional
-    for number in (1, 2):
-        for members in combinations(range(len(effects)), number):
-            part = np.concatenate([np.arange(columns[i].start, columns[i].stop) for i in members])
-            inside = _inside(null, part)
-            new = _beyond(inside, explained)
-            if new.shape[1]:
-                explained = np.concatenate([explained, new], axis=1)
-                # a whole effect that is not seen holds conventional directions as well
-                directions = len(part) if inside.shape[1] == len(part) else new.shape[1]
-                found.append(_blind(fit, [effects[i] for i in members], directions, len(part)))
+    along = tuple(i for i, effect in enumerate(effects) if _along_itself(effect))
+    groups = [*combinations(range(len(effects)), 1), *combinations(range(len(effects)), 2), along]
+    for members in filter(None, groups):
+        part = np.concatenate([np.arange(columns[i].start, columns[i].stop) for i in members])
+        inside = _inside(null, part)
+        new = _beyond(inside, explained)
+        if new.shape[1]:
+            explained = np.concatenate([explained, new], axis=1)
+            # a whole effect that is not seen holds conventional directions as well
+            directions = len(part) if inside.shape[1] == len(part) else new.shape[1]
+            found.append(_blind(fit, [effects[i] for i in members], directions, len(part)))
     others = _beyond(null, explained)
     if others.shape[1]:
         weight = np.linalg.norm(others, axis=1)
         mixed = [effect for effect, part in zip(effects, columns, strict=True) if weight[part].max(initial=0.0) > PART]
         found.append(_blind(fit, mixed, others.shape[1], sum(len(effect.parameters) for effect in mixed)))
     return found
+
+
+def _along_itself(effect: Effect) -> bool:
+    """True for the positioning error of a linear axis; of all of them together a path may not show a common course."""
+    return isinstance(effect, ErrorMotion) and not effect.angular and effect.component == own_component(effect.axis)
 
 
 def _inside(null: Array, part: np.ndarray) -> Array:
@@ -119,7 +129,7 @@ def _blind(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int
     elif len(effects) == 2:
         reason = f"only together, not apart ({directions} of {parameters} shapes)"
     else:
-        reason = f"{directions} combinations of them not seen"
+        reason = f"{directions} {'combination' if directions == 1 else 'combinations'} of them not seen"
     return Blind(names, directions, parameters, reason, _remedy(fit, effects))
 
 
@@ -130,7 +140,10 @@ def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
     used = np.unique(measurement.target_number)
     spread = np.linalg.matrix_rank(vectors - vectors[:1]) if len(vectors) else 0
     if measurement.across is not None and not any(effect.angular for effect in effects):
-        return "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly)"
+        return (
+            "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly); another tool "
+            "vector would not"
+        )
     if measurement.instrument.components < 3:
         return "a measurement in all three directions of space would show it"
     if any(effect.angular for effect in effects) and spread < 2:

@@ -251,6 +251,29 @@ def test_errors_are_found_within_their_uncertainties():
     assert np.abs(aligned(wanted, points)).max() * 1e3 > 30.0
 
 
+def test_the_remedy_of_the_blind_mode_is_another_path_even_where_angles_are_not_seen():
+    """Corner to corner only, bases of different sizes: unseen angles stand beside the mode, not in it."""
+    corners = [
+        (0, 0, 0),
+        (1, 1, 1),
+        (1, 0, 1),
+        (0, 1, 0),
+        (0, 1, 1),
+        (1, 0, 0),
+        (0, 0, 0),
+        (0, 0, 1),
+        (1, 1, 0),
+        (0, 1, 0),
+    ]
+    low, high = FIXED.travel
+    path = path_of(FIXED, low + np.array(corners) * (high - low))
+    readings, _ = followed(path, truth_of(4))
+    found = calibrate(on_path(readings, path).measurement, basis="X=cubic:12,Y=cubic:4,Z=cubic:3", hold_out=False)
+    along = [blind for blind in found.visibility.blind if {"E_XX", "E_YY", "E_ZZ"} <= set(blind.effects)]
+    assert along
+    assert all("lines that are not alike about the middle" in blind.remedy for blind in along)
+
+
 def test_the_diagonals_blind_mode_is_reported_and_a_polyline_has_none():
     readings, _ = followed(diagonals(), truth_of())
     m = on_path(readings, diagonals()).measurement
@@ -259,7 +282,9 @@ def test_the_diagonals_blind_mode_is_reported_and_a_polyline_has_none():
     found = fit(m, model, prior=prior)
     seen = visibility(found)
     assert (seen.parameters, seen.rank_registered) == (216, 155)
-    assert [set(blind.effects) for blind in seen.blind][-1] == {"E_XX", "E_YY", "E_ZZ"}
+    (mode,) = [blind for blind in seen.blind if set(blind.effects) == {"E_XX", "E_YY", "E_ZZ"}]
+    assert "lines that are not alike about the middle" in mode.remedy
+    assert "another tool vector would not" in mode.remedy
     said = common_odd_mode(m, found.registration)
     assert said is not None
     assert said.startswith("E_XX, E_YY and E_ZZ in proportion to their travels, of one common course that is odd")
