@@ -109,7 +109,7 @@ def read_points(path: Path, machine: Machine) -> Points:
     again = [name for name in ADDED if name in table.names]
     if again:
         raise UserError(f"{table.head} column {again[0]}: these points bear a prediction already")
-    observed = dict.fromkeys(name for names in OBSERVED.values() for name in names)
+    observed = dict.fromkeys(name for names in (*OBSERVED.values(), ["scatter_um"]) for name in names)
     allow_columns(table, [*state_columns(machine), *observed])
     places = read_places(table, machine, notes)
     for name, target in places.targets.items():

@@ -83,7 +83,12 @@ class Chain:
 
 def load(name: str) -> Chain:
     """A machine of the folder machines/."""
-    text = tomllib.loads((MACHINES / f"{name}.toml").read_text(encoding="utf-8"))
+    return read((MACHINES / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def read(toml: str) -> Chain:
+    """The machine that the text of a machine file describes."""
+    text = tomllib.loads(toml)
     before, after = text["chain"].removeprefix("w").removesuffix("t").split("b")
     axes = []
     for letter in [*before.split(), *after.split()]:
@@ -126,6 +131,13 @@ def tool_poses(chain: Chain, q: Array, errors: Array, tool: Array) -> Array:
 def tool_points(chain: Chain, q: Array, errors: Array, tool: Array, targets: Array) -> Array:
     """Points `(n, 3)`, mm, workpiece frame, of targets `(n, 3)` on the tool; the rest as in `tool_poses`."""
     return applied(tool_poses(chain, q, errors, tool), targets)
+
+
+def bed_poses(chain: Chain, q: Array, errors: Array) -> Array:
+    """Homogeneous transforms `(n, 4, 4)` from the bed to the workpiece; q and errors as in `tool_poses`."""
+    sides = [i for i, axis in enumerate(chain.axes) if axis.on_workpiece_side]
+    part = Chain(chain.name, tuple(chain.axes[i] for i in sides))
+    return tool_poses(part, q[:, sides], errors[:, sides], np.zeros((len(q), 6)))
 
 
 def nominal_points(chain: Chain, q: Array, targets: Array) -> Array:

@@ -1,0 +1,80 @@
+"""Machines and designs that ncomp's planning does not make: what `fit` writes helps, and does not claim too much."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+from virtual_machine import strange
+
+from kinematics.errors import UserError
+from kinematics.transforms import Array
+from postproc.cli import app
+
+CLAIMED_TOO_MUCH = 2.0
+"""What is left, in standard uncertainties, RMS over the volume that was measured."""
+
+
+def command(*arguments: str) -> None:
+    """UserError of a refusal; any other exception is a fault."""
+    result = CliRunner().invoke(app, list(arguments))
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+
+
+def length(vectors: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
+
+
+def examined(folder: Path, kind: str, seed: int, rotary: int) -> tuple[float, float, float]:
+    """Volumetric error before and after, best aligned, and its uncertainty as claimed, um RMS, where it was measured."""
+    rng = np.random.default_rng(seed)
+    toml = strange.machine_file(rng, rotary)
+    design = strange.design_of(kind, toml, rng)
+    truth = strange.truth_of(design, rng)
+    (folder / "strange.toml").write_text(toml)
+    (folder / "data.csv").write_text(strange.sheet(design, strange.readings(design, truth, rng)))
+    machine, calibration = ("--machine", str(folder / "strange.toml")), str(folder / "cal.json")
+    command("fit", str(folder / "data.csv"), *machine, "-o", calibration, "--no-hold-out")
+    positions = strange.scattered(design.chain, rng, design.ranges, 200)
+    (folder / "points.csv").write_text(strange.points_file(design, positions))
+    predicted = folder / "predicted.csv"
+    command("predict", str(folder / "points.csv"), *machine, "--calibration", calibration, "-o", str(predicted))
+    lines = [line for line in predicted.read_text().splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(lines))
+    found, u = (np.array([[float(row[f"{name}{c}_um"]) for c in "xyz"] for row in rows]) for name in ("d", "u_d"))
+    points, true = strange.deviations(design, truth, positions, strange.TARGETS["t1"])
+    before, after = strange.left_over(points, true * 1e3), strange.left_over(points, true * 1e3 - found)
+    return length(before), length(after), length(u)
+
+
+def check(before: float, after: float, u: float, share: float) -> None:
+    assert after < share * before
+    assert after < CLAIMED_TOO_MUCH * u
+
+
+def test_inches_on_a_strange_three_axis_chain(tmp_path: Path) -> None:
+    check(*examined(tmp_path, "inches", 2, rotary=0), share=0.2)
+
+
+def test_one_line_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="on one line only"):
+        examined(tmp_path, "line", 1, rotary=1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 4, 5])
+@pytest.mark.parametrize("kind", ["whole-turn", "part-of-turn", "inches", "within"])
+def test_many_positions_on_strange_machines(tmp_path: Path, kind: str, seed: int) -> None:
+    check(*examined(tmp_path, kind, seed, rotary=2), share=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 6])
+@pytest.mark.parametrize("kind", ["one-at-a-time", "bed", "table-only", "few"])
+def test_poor_designs_claim_little_and_make_nothing_worse(tmp_path: Path, kind: str, seed: int) -> None:
+    check(*examined(tmp_path, kind, seed, rotary=1), share=1.0)
