@@ -15,7 +15,9 @@ from calibration.measurement import Measurement
 from calibration.registration import Registration, rigid
 from calibration.sight import carried, seen_points, seen_transform
 from kinematics.deviation import exact_deviation
+from kinematics.effects import COMPONENTS
 from kinematics.error_transform import place_transform, pose_slopes
+from kinematics.forward import axis_frames
 from kinematics.model import Observation
 from kinematics.transforms import Array, by_turn, turn
 
@@ -30,7 +32,9 @@ def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
     """
     names, groups = np.unique(measurement.groups).tolist(), measurement.groups
     if isinstance(measurement.instrument, Interferometer):
-        return Registration(zeros={name: _mean_zero(measurement, (groups == name), trusted) for name in names})
+        across = dict.fromkeys(np.unique(groups[measurement.straightness]).tolist(), 0.0)
+        zeros = {name: _mean_zero(measurement, (groups == name), trusted) for name in names}
+        return Registration(zeros=zeros, slopes=across)
     planar = measurement.instrument.components == 2
     points = seen_points(measurement, None, measurement.tool)
     observed = _in_space(measurement, points)
@@ -62,7 +66,8 @@ def expected(measurement: Measurement, registration: Registration, effects: Obse
         position, turned = exact_deviation(machine, q, effects.errors, measurement.tool)
         along = np.concatenate([position, turned], axis=1)
         zeros = np.array([registration.zeros.get(group, np.nan) for group in measurement.groups.tolist()])
-        return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros)[:, None])
+        slopes = np.array([registration.slopes.get(group, 0.0) for group in measurement.groups.tolist()])
+        return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros + slopes * _own(measurement))[:, None])
     points = seen_points(measurement, effects.errors, registration.tool(measurement))
     return _counted(measurement, registration.seen(measurement, points) + effects.shift)
 
@@ -87,7 +92,9 @@ def registration_design(measurement: Measurement, registration: Registration) ->
     """Derivatives `(n, d, parameters)` by the registration, at the machine's nominal points."""
     n, groups = len(measurement), measurement.groups
     if isinstance(measurement.instrument, Interferometer):
-        return np.stack([np.equal(groups, group).astype(float)[:, None] for group in registration.zeros], axis=2)
+        zeros = [np.equal(groups, group).astype(float)[:, None] for group in registration.zeros]
+        slopes = [np.where(groups == group, _own(measurement), 0.0)[:, None] for group in registration.slopes]
+        return np.stack([*zeros, *slopes], axis=2)
     points = registration.seen(measurement, seen_points(measurement, None, registration.tool(measurement)))
     columns = []
     for group, centre in registration.centres.items():
@@ -135,7 +142,10 @@ def _counted(measurement: Measurement, vectors: Array) -> Array:
 
 
 def _lines(measurement: Measurement) -> Array:
-    """Directions `(n, 6)` that an interferometer measures in: of the axis' motion, or its turn, workpiece frame."""
+    """Directions `(n, 6)` that an interferometer measures in, of a displacement or a turn, workpiece frame.
+
+    Those of the axis' motion or turn; of an error motion that is named, of its error frame.
+    """
     machine = measurement.machine
     assert measurement.axis is not None
     slopes = pose_slopes(machine, measurement.state.positions)
@@ -144,7 +154,30 @@ def _lines(measurement: Measurement) -> Array:
         i, rows = machine.index(name), measurement.axis == name
         part = slice(3, 6) if machine.axes[i].rotary else slice(0, 3)
         lines[rows, part] = slopes[rows, part, i]
+    return lines if measurement.component is None else _named_lines(measurement, lines, measurement.component)
+
+
+def _named_lines(measurement: Measurement, lines: Array, component: np.ndarray) -> Array:
+    """The directions `(n, 6)`, those of error motions that are named replaced by the axes of the error frame."""
+    machine = measurement.machine
+    assert measurement.axis is not None
+    frames = axis_frames(machine, measurement.state.positions)
+    for name, letter in np.unique(np.stack([measurement.axis, component], axis=1).astype(str), axis=0).tolist():
+        if not letter:
+            continue
+        i, k = machine.index(name), COMPONENTS.index(letter)
+        rows = np.flatnonzero((measurement.axis == name) & (component == letter))
+        along = turn(frames[i].rotation, machine.axes[i].error_frame[:, k % 3])
+        lines[rows] = 0.0
+        lines[rows[:, None], 3 * (k // 3) + np.arange(3)] = np.broadcast_to(along, (len(lines), 3))[rows]
     return lines
+
+
+def _own(measurement: Measurement) -> Array:
+    """Positions `(n,)` of the measured axis, mm or rad."""
+    assert measurement.axis is not None
+    columns = [measurement.machine.index(name) for name in measurement.axis.tolist()]
+    return np.asarray(measurement.state.positions[np.arange(len(measurement)), columns])
 
 
 def _along_axes(measurement: Measurement, instrument: Interferometer) -> Array:
@@ -156,8 +189,13 @@ def _along_axes(measurement: Measurement, instrument: Interferometer) -> Array:
     _, first, run = np.unique(measurement.groups, return_index=True, return_inverse=True)
     away = np.abs(position - position[first[run]])
     metres = np.where(machine.rotary[column], 0.0, away * 1e-3)
-    size = np.where(machine.rotary[column], 1e-6, 1e-3)
-    return np.asarray((((instrument.u_um + instrument.u_um_per_m * metres) * size) ** 2)[:, None, None])
+    u = np.where(
+        measurement.straightness,
+        instrument.u_straightness_um + instrument.u_straightness_um_per_m * metres,
+        instrument.u_um + instrument.u_um_per_m * metres,
+    )
+    u = np.where(measurement.angular & ~machine.rotary[column], instrument.u_angle_urad, u)
+    return np.asarray(((u * np.where(measurement.angular, 1e-6, 1e-3)) ** 2)[:, None, None])
 
 
 def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) -> float:

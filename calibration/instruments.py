@@ -42,12 +42,17 @@ class LaserTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
 
 
 class Interferometer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="interferometer"):
-    """Deviations along, or about, one axis at a time."""
+    """Deviations along, or about, one axis at a time; of linear axes straightness and angles too (six degrees)."""
 
     u_um: float = 0.0
     """um; urad on a rotary axis."""
     u_um_per_m: float = 0.0
     """um per m of travel from the first position of the run."""
+    u_straightness_um: float = 0.0
+    u_straightness_um_per_m: float = 0.0
+    """um per m of travel from the first position of the run."""
+    u_angle_urad: float = 0.0
+    """Of angular error motions of a linear axis."""
     components: Literal[1] = 1
 
 

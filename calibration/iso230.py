@@ -273,6 +273,10 @@ def evaluate(measurement: Measurement) -> tuple[AxisTest, ...]:
     """The tests of all axes in interferometer data, in the order of the machine's axes."""
     if not isinstance(measurement.instrument, Interferometer) or measurement.axis is None:
         raise UserError(f"{measurement.source}: ISO 230-2 takes data of an interferometer (axis by axis)")
+    measurement = measurement.rows(np.flatnonzero(measurement.positioning))
+    if not len(measurement):
+        raise UserError(f"{measurement.source}: ISO 230-2 takes positioning deviations, and the data have none")
+    assert measurement.axis is not None
     return tuple(_axis_test(measurement, name) for name in measurement.machine.names if name in measurement.axis)
 
 

@@ -39,6 +39,7 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
         observed=np.concatenate([m.observed for m in measurements]),
         targets=_targets(measurements, names),
         axis=_together("the axis", [m.axis for m in measurements], names, notes),
+        component=_components(measurements),
         run=_named(names, [m.run for m in measurements], measurements),
         actual=_actual(measurements, names, notes),
         feed=_together("the feed", [m.feed for m in measurements], names, notes),
@@ -97,6 +98,13 @@ def _state(measurements: Sequence[Measurement], names: list[str], notes: list[st
         target=column("target", "the target"),
         observed=column("observed", "the observed point"),
     )
+
+
+def _components(measurements: Sequence[Measurement]) -> np.ndarray | None:
+    """Error motions `(n,)` that an interferometer observes; empty in files of positioning deviations."""
+    if all(m.component is None for m in measurements):
+        return None
+    return np.concatenate([np.full(len(m), "") if m.component is None else m.component for m in measurements])
 
 
 def _together(what: str, columns: Sequence[np.ndarray | None], names: list[str], notes: list[str]) -> np.ndarray | None:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from calibration.instruments import Instrument
+from kinematics.effects.base import own_component
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array
@@ -95,6 +96,9 @@ class Measurement:
     """Name of the file `(n,)`, of several together."""
     across: AcrossPath | None = None
     """Of data taken on the fly."""
+    component: np.ndarray | None = None
+    """Error motion `(n,)` that an interferometer observes, X ... C of the axis' error frame; empty: the positioning
+    deviation, along a positive command. None is empty throughout."""
     scatter: Array | None = None
     """Standard uncertainty `(n,)`, mm, of each coordinate by the scatter of the readings that a row is the mean of."""
 
@@ -117,7 +121,8 @@ class Measurement:
         if self.instrument.components == 1:
             assert self.axis is not None
             assert self.run is not None
-            return np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
+            names = np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
+            return names if self.component is None else np.char.add(np.char.add(names, " "), self.component.astype(str))
         station = self.state.station
         return np.full(len(self), "1") if station is None else station.astype(str)
 
@@ -146,8 +151,27 @@ class Measurement:
         """um per mm, urad per rad `(n, 1)`: what an observation is multiplied by for people."""
         if self.axis is None:
             return np.full((len(self), 1), 1e3)
+        return np.where(self.angular, 1e6, 1e3)[:, None]
+
+    @property
+    def angular(self) -> np.ndarray:
+        """Mask `(n,)` of the observations that are angles: of rotary axes, and angular error motions of linear ones."""
         turning = [axis.name for axis in self.machine.axes if axis.rotary]
-        return np.where(np.isin(self.axis, turning), 1e6, 1e3)[:, None]
+        mask = np.isin(self.axis, turning) if self.axis is not None else np.zeros(len(self), bool)
+        return mask if self.component is None else mask | np.isin(self.component, list("ABC"))
+
+    @property
+    def positioning(self) -> np.ndarray:
+        """Mask `(n,)` of the observations of an axis along, or about, its own line."""
+        if self.axis is None or self.component is None:
+            return np.ones(len(self), bool)
+        own = np.array([own_component(name) for name in self.axis.tolist()])
+        return np.asarray((self.component == "") | (self.component == own))
+
+    @property
+    def straightness(self) -> np.ndarray:
+        """Mask `(n,)` of the observations across the line of a linear axis."""
+        return np.asarray(~self.positioning & ~self.angular)
 
     def rows(self, index: slice | np.ndarray) -> Measurement:
         """The measurement at some of its rows; approach and last move stay what they were."""
@@ -166,6 +190,7 @@ class Measurement:
             lines=at(self.lines),
             file=at(self.file),
             across=None if self.across is None else self.across.rows(index),
+            component=at(self.component),
             scatter=at(self.scatter),
         )
 

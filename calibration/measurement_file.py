@@ -12,6 +12,7 @@ from typing import BinaryIO
 import msgspec
 import numpy as np
 
+from calibration.error_columns import spread
 from calibration.instruments import Instrument, Interferometer, LaserTracker, Part
 from calibration.measurement import Measurement, with_moves
 from calibration.places import (
@@ -26,7 +27,7 @@ from calibration.places import (
     state_columns,
 )
 from calibration.table import Table, read_table
-from kinematics.effects.base import UM, URAD
+from kinematics.effects.base import UM, URAD, own_component
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
@@ -36,7 +37,7 @@ from kinematics.transforms import Array
 KINDS: dict[str, type[Instrument]] = {"laser-tracker": LaserTracker, "interferometer": Interferometer, "part": Part}
 OBSERVED = {
     "laser-tracker": ["x", "y", "z"],
-    "interferometer": ["axis", "direction", "target_mm", "target_deg", "deviation_um", "deviation_urad"],
+    "interferometer": ["axis", "component", "direction", "target_mm", "target_deg", "deviation_um", "deviation_urad"],
     "part": ["nominal_x", "nominal_y", "nominal_z", "x", "y", "z"],
 }
 """Columns besides those of the state."""
@@ -60,6 +61,8 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     """The measurement in a table of the contract's columns."""
     notes: list[str] = []
     kind = _kind(table)
+    if kind == "interferometer":
+        table = spread(table, machine)
     check_machine(table, machine, notes)
     instrument = read_instrument(table)
     keys = ["machine", "instrument", *uncertainty_keys(KINDS[kind]), *KEYS[kind]]
@@ -69,6 +72,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
     if kind == "interferometer":
         table.need_columns(["axis", "run", "direction"], "an interferometer")
     places = read_places(table, machine, notes)
+    _check_component_uncertainties(table, instrument, places)
     observed = _observed(table, machine, kind, places)
     if kind != "laser-tracker" and not all(target.known for target in places.targets.values()):
         raise UserError(f"{table.source}: targets on table and bed are for a laser tracker, not for: {kind}")
@@ -88,6 +92,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
         table.source,
         table.fingerprint,
         tuple(notes),
+        component=places.component,
         scatter=_scatter(table),
     )
 
@@ -152,19 +157,40 @@ def read_instrument(table: Table) -> Instrument:
                 table.header_fault(key, f"{values[key]:g} is negative")
             if values[key] > LARGEST_U:
                 table.header_fault(key, f"{values[key]:g} is more than {LARGEST_U:g}, and no uncertainty")
-    check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
+    if "component" not in table.names:
+        check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
     components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
     instrument: Instrument = msgspec.convert({"kind": kind, **values, **components}, Instrument)
     return instrument
+
+
+def _check_component_uncertainties(table: Table, instrument: Instrument, places: Places) -> None:
+    """UserError where error motions are observed whose uncertainty is not stated."""
+    if not isinstance(instrument, Interferometer) or places.component is None or places.axis is None:
+        return
+    own = np.array([own_component(name) for name in places.axis.tolist()])
+    positioning, angular = (places.component == "") | (places.component == own), np.isin(places.component, list("ABC"))
+    across = instrument.u_straightness_um + instrument.u_straightness_um_per_m
+    for rows, u, key, what in (
+        (positioning, instrument.u_um, "u_um", "positioning"),
+        (~positioning & angular, instrument.u_angle_urad, "u_angle_urad", "angles"),
+        (~positioning & ~angular, across, "u_straightness_um", "straightness"),
+    ):
+        if rows.any() and not u:
+            raise UserError(
+                f"{table.source}: the standard uncertainty (k=1) of {what} is missing: state {key} above zero "
+                f"(header line '# {key}: ...')"
+            )
 
 
 def _observed(table: Table, machine: Machine, kind: str, places: Places) -> Array:
     """`(n, components)`, mm; of rotary axes rad."""
     if kind == "interferometer":
         assert places.axis is not None
-        turning = [axis.name for axis in machine.axes if axis.rotary]
-        sizes = np.where(np.isin(places.axis, turning), URAD, UM)
-        return (by_kind(table, machine, "deviation_um", "deviation_urad") * sizes)[:, None]
+        turning = np.isin(places.axis, [axis.name for axis in machine.axes if axis.rotary])
+        angular = None if places.component is None else turning | np.isin(places.component, list("ABC"))
+        sizes = np.where(turning if angular is None else angular, URAD, UM)
+        return (by_kind(table, machine, "deviation_um", "deviation_urad", angular) * sizes)[:, None]
     points = ["x", "y", "z"] if kind == "laser-tracker" or "z" in table.names else ["x", "y"]
     table.need_columns(points, kind)
     if kind == "part":
@@ -252,11 +278,15 @@ def _deviations(measurement: Measurement) -> dict[str, np.ndarray]:
     assert state.approach is not None
     own = np.arange(len(measurement)), np.array([machine.index(name) for name in measurement.axis.tolist()])
     columns = {"axis": measurement.axis, "direction": state.approach[own].astype(int)}
-    turns = machine.rotary[own[1]]
-    for rows, scale, size, unit, small in ((~turns, 1.0, UM, "mm", "um"), (turns, np.pi / 180.0, URAD, "deg", "urad")):
+    if measurement.component is not None:
+        columns["component"] = measurement.component
+    turns, angular = machine.rotary[own[1]], measurement.angular
+    for rows, scale, unit in ((~turns, 1.0, "mm"), (turns, np.pi / 180.0, "deg")):
         if rows.any():
             columns[f"target_{unit}"] = _only(rows, _in_units(state.positions[own], scale))
-            columns[f"deviation_{small}"] = _only(rows, _in_units(measurement.observed[:, 0], size))
+    for rows, size, unit in ((~angular, UM, "um"), (angular, URAD, "urad")):
+        if rows.any():
+            columns[f"deviation_{unit}"] = _only(rows, _in_units(measurement.observed[:, 0], size))
     return columns
 
 

@@ -107,8 +107,19 @@ def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> li
     basis = choice.over(moving_axes(measurement)[axis])
     zero = (0.0,) * basis.size
     if isinstance(measurement.instrument, Interferometer):
-        return [ErrorMotion(own_component(axis), axis, basis, zero, u=zero), Backlash(axis, 0.0)]
+        motions = [
+            ErrorMotion(component, axis, basis, zero, u=zero) for component in observed_components(measurement, axis)
+        ]
+        return [*motions, Backlash(axis, 0.0)]
     return [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+
+
+def observed_components(measurement: Measurement, axis: str) -> list[Component]:
+    """Error motions of an axis that an interferometer observes."""
+    rows = np.equal(np.asarray(measurement.axis), axis)
+    named = np.full(len(measurement), "") if measurement.component is None else measurement.component
+    letters = {letter or own_component(axis) for letter in np.unique(named[rows]).tolist()}
+    return [component for component in get_args(Component) if component in letters]
 
 
 def with_effects(

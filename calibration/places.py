@@ -13,6 +13,7 @@ from calibration.measurement import SPINDLE_NOSE, Carrier, Target, with_moves
 from calibration.registration import rigid
 from calibration.table import Table
 from calibration.velocity import velocities
+from kinematics.effects import COMPONENTS
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, Vector
@@ -44,6 +45,7 @@ class Places:
     actual: Array | None
     feed: Array | None
     part_zero: Vector
+    component: np.ndarray | None = None
 
     @property
     def tool(self) -> Array:
@@ -115,7 +117,8 @@ def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
     _note_travel(machine, positions, notes)
     stands_on = read_stands_on(table)
     actual = _actual(table, machine)
-    return Places(state, targets, stands_on, texts.get("axis"), run, actual, optional.get("feed"), part_zero)
+    component = read_component(table, machine) if "axis" in table.names else None
+    return Places(state, targets, stands_on, texts.get("axis"), run, actual, optional.get("feed"), part_zero, component)
 
 
 def axis_columns(table: Table, machine: Machine) -> np.ndarray:
@@ -128,19 +131,37 @@ def axis_columns(table: Table, machine: Machine) -> np.ndarray:
     return np.array([machine.index(name) for name in names.tolist()])
 
 
-def by_kind(table: Table, machine: Machine, linear: str, rotary: str) -> Array:
+def read_component(table: Table, machine: Machine) -> np.ndarray | None:
+    """Error motion `(n,)` that each row observes, empty for the positioning deviation; None without the column."""
+    if "component" not in table.names:
+        return None
+    letters = table.cells(["component"])["component"]
+    unknown = np.flatnonzero(~np.isin(letters, ["", *COMPONENTS]))
+    if len(unknown):
+        row = int(unknown[0])
+        table.fault(row, "component", f"{str(letters[row])!r} is none of {', '.join(COMPONENTS)}")
+    turning = np.flatnonzero(machine.rotary[axis_columns(table, machine)] & (letters != ""))
+    if len(turning):
+        table.fault(int(turning[0]), "component", "error motions are read of linear axes; of a rotary one it is empty")
+    return letters
+
+
+def by_kind(table: Table, machine: Machine, linear: str, rotary: str, angular: np.ndarray | None = None) -> Array:
     """Numbers `(n,)` from one column in rows of linear axes and from another in those of rotary ones.
+
+    angular: mask `(n,)` of the rows of the other column, where these are not those of rotary axes alone.
 
     The column of the other kind is not there, or empty.
     """
-    turns = machine.rotary[axis_columns(table, machine)]
+    turns = machine.rotary[axis_columns(table, machine)] if angular is None else angular
     values = np.empty(len(table))
     for name, rows in ((linear, ~turns), (rotary, turns)):
         if not rows.any():
             continue
         if name not in table.names:
             kind = "rotary" if name == rotary else "linear"
-            table.fault(int(np.flatnonzero(rows)[0]), "axis", f"a {kind} axis needs the column {name}")
+            what = f"a {kind} axis" if angular is None else "a row of this kind"
+            table.fault(int(np.flatnonzero(rows)[0]), "axis", f"{what} needs the column {name}")
         if rows.all():
             return table.numbers([name])[name]
         filled = table.cells([name])[name] != ""

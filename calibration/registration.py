@@ -27,6 +27,8 @@ class Registration:
     """True of a part known in x and y only: two shifts and the turn about z."""
     zeros: Mapping[str, float] = field(default_factory=dict)
     """By run of an interferometer: its reading where the axis is without error."""
+    slopes: Mapping[str, float] = field(default_factory=dict)
+    """By run of a straightness: turn of its line against the axis, rad; zero is where the axis is at 0."""
     targets: Mapping[str, Array] = field(default_factory=dict)
     """By name of a target on table or bed: its position `(3,)`."""
 
@@ -37,6 +39,7 @@ class Registration:
         return [
             *(f"pose {group} {move}" for group in self.poses for move in moves),
             *(f"zero {group}" for group in self.zeros),
+            *(f"slope {group}" for group in self.slopes),
             *(f"target {name} {letter}" for name in self.targets for letter in "xyz"),
         ]
 
@@ -52,12 +55,11 @@ class Registration:
             turned, centre = rotation_vector_matrix(six[3:]), self.centres[group]
             shift = Pose(turned, centre - turn(turned, centre) + six[:3])
             poses[group] = shift @ pose
-        zeros = dict(
-            zip(self.zeros, (np.array(list(self.zeros.values())) + left[: len(self.zeros)]).tolist(), strict=True)
-        )
-        shifts = left[len(self.zeros) :].reshape(-1, 3)
+        zeros, left = _stepped(self.zeros, left)
+        slopes, left = _stepped(self.slopes, left)
+        shifts = left.reshape(-1, 3)
         targets = {name: own + shift for (name, own), shift in zip(self.targets.items(), shifts, strict=True)}
-        return Registration(poses, self.centres, self.planar, zeros, targets)
+        return Registration(poses, self.centres, self.planar, zeros, slopes, targets)
 
     def tool(self, measurement: Measurement) -> Array:
         """Positions `(n, 3)`, mm, of the targets on what carries them, as far as they are known by now."""
@@ -80,6 +82,14 @@ class Registration:
         for group, pose in self.poses.items():
             result[groups == group] = pose.rotation
         return result
+
+
+def _stepped(values: Mapping[str, float], step: Array) -> tuple[dict[str, float], Array]:
+    """Values after their part of a step, and the rest of the step."""
+    moved = {
+        name: value + own for (name, value), own in zip(values.items(), step[: len(values)].tolist(), strict=False)
+    }
+    return moved, step[len(values) :]
 
 
 def rigid(points: Array, seen: Array, *, planar: bool = False) -> Pose:

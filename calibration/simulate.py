@@ -56,18 +56,20 @@ def observe(
     stands_on: Literal["workpiece", "bed"] = "workpiece",
     axis: np.ndarray | None = None,
     run: np.ndarray | None = None,
+    component: np.ndarray | None = None,
     noise_scale: float = 1.0,
     progress: Callable[[int], None] = lambda _: None,
 ) -> Measurement:
     """What the instrument observes of a machine that errs by `model`, in the states given, with noise.
 
     poses: of a tracker, by station, from what it stands on to its own frame (see `tracker_pose`); of a part its
-    alignment, which is drawn where none is given. axis and run `(n,)`: of an interferometer; each run reads zero where
-    it begins. A state that does not say them gets approach and last moves from the order of its rows, the first target,
-    the first station, and stands still (no velocity, no acceleration). noise_scale: what the instrument's noise is in
-    terms of its sheet; 0 is none. `progress` is called with numbers of rows done.
+    alignment, which is drawn where none is given. axis, run and component `(n,)`: of an interferometer; each run reads
+    zero where it begins, and that of a straightness is turned against the axis. A state that does not say them gets
+    approach and last moves from the order of its rows, the first target, the first station, and stands still (no
+    velocity, no acceleration). noise_scale: what the instrument's noise is in terms of its sheet; 0 is none. `progress`
+    is called with numbers of rows done.
     """
-    blank = _blank(machine, instrument, state, poses, targets, stands_on, axis, run)
+    blank = replace(_blank(machine, instrument, state, poses, targets, stands_on, axis, run), component=component)
     registration = _registration(blank, poses, rng)
     if isinstance(instrument, LaserTracker):
         # instrument effects take the beam to the nominal point: errors of um change it by as little of their own size
@@ -122,9 +124,7 @@ def read_out(measurement: Measurement) -> Measurement:
     """The measurement in the digits that an instrument shows, far below its noise: 10 nm; interferometers nm, nrad."""
     if not isinstance(measurement.instrument, Interferometer):
         return replace(measurement, observed=np.round(measurement.observed, 5))
-    assert measurement.axis is not None
-    rotary = np.isin(measurement.axis, [axis.name for axis in measurement.machine.axes if axis.rotary])
-    size = np.where(rotary, URAD, UM)[:, None]
+    size = np.where(measurement.angular, URAD, UM)[:, None]
     return replace(measurement, observed=np.round(measurement.observed / size, 3) * size)
 
 
@@ -184,7 +184,9 @@ def _registration(blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.
     """Where the instrument stands."""
     groups = np.unique(blank.groups).tolist()
     if isinstance(blank.instrument, Interferometer):
-        return Registration(zeros=dict.fromkeys(groups, 0.0))
+        across = np.unique(blank.groups[blank.straightness]).tolist()
+        slopes = dict(zip(across, rng.uniform(-ALIGNMENT_RAD, ALIGNMENT_RAD, len(across)).tolist(), strict=True))
+        return Registration(zeros=dict.fromkeys(groups, 0.0), slopes=slopes)
     if poses is None:
         if isinstance(blank.instrument, LaserTracker):
             raise UserError("where does the laser tracker stand? (--tracker x,y,z)")

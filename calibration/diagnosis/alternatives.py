@@ -80,7 +80,7 @@ def by_axes(measurement: Measurement, registration: Registration) -> Array:
     """Derivatives `(n, d, axes)` of what is observed by the positions of the axes, per mm and rad."""
     if measurement.axis is not None:
         own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
-        return np.asarray(own[:, None, :], float)
+        return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
     slopes = registration.rotations(measurement) @ seen_slopes(measurement, registration.tool(measurement))
     return np.asarray(slopes[:, : measurement.instrument.components])
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -181,6 +181,8 @@ def _thermal(measurement: Measurement, axes: dict[str, Interval]) -> Iterator[Ca
     courses: list[dict[str, Any]] = [{"rate": 0.0}]
     courses += [{"amplitudes": (0.0,), "time_constants_s": (max(share * span, 1.0),)} for share in TIME_CONSTANTS]
     along = {own_component(axis) for axis in axes}
+    if measurement.component is not None:
+        along |= {cast(Component, str(letter)) for letter in np.unique(measurement.component) if letter}
     components = [c for c in get_args(Component) if measurement.axis is None or c in along]
     sensors = [name for name, kelvin in state.temperatures.items() if np.ptp(kelvin) > WARMER]
     for course in courses:

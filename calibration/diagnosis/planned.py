@@ -137,7 +137,9 @@ class Data:
         n = len(measurement)
         if measurement.axis is not None:
             zeros = dict(registration.zeros) | dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0)
-            registration = replace(registration, zeros=zeros)
+            across = np.unique(measurement.groups[measurement.straightness]).tolist()
+            slopes = dict(registration.slopes) | {name: registration.slopes.get(name, 0.0) for name in across}
+            registration = replace(registration, zeros=zeros, slopes=slopes)
             done = replace(measurement, observed=np.zeros((n, 1)))
         else:
             points = seen_points(measurement, None, registration.tool(measurement))

@@ -211,7 +211,9 @@ def _readings(measurement: Measurement) -> Iterator[Finding]:
     assert measurement.axis is not None
     machine = measurement.machine
     for name in np.unique(measurement.axis).tolist():
-        rows = np.flatnonzero(measurement.axis == name)
+        rows = np.flatnonzero((measurement.axis == name) & measurement.positioning)
+        if not len(rows):
+            continue
         part, i = measurement.rows(rows), machine.index(name)
         x, y = _centred(part, part.state.positions[:, [i]])[:, 0], _centred(part, part.observed)[:, 0]
         if np.ptp(x) <= 0.0:

@@ -22,7 +22,7 @@ from calibration.diagnosis.library import Candidate
 from calibration.diagnosis.saw_teeth import likeliest, refined, teeth
 from calibration.diagnosis.spectra import finest, peaks, resolved, strengths
 from calibration.instruments import LaserTracker
-from calibration.models import distinct_positions, moving_axes
+from calibration.models import distinct_positions, moving_axes, observed_components
 from kinematics.basis import BSpline
 from kinematics.effects import (
     Component,
@@ -86,7 +86,7 @@ def _waves_along(frame: Frame, axis: str, components: tuple[Component, ...]) -> 
     frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
         return []
-    seen = [c for c in components if measurement.axis is None or c == own_component(axis)]
+    seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
     levers = [Lever.of(frame, axis, component) for component in seen]
     found = []
     for component, lever, power in zip(seen, levers, strengths(levers, x, frequencies), strict=True):

@@ -9,6 +9,7 @@ the instrument is. Nothing of it is guessed. Ready maps stand in `calibration/re
     skip_lines = 0               # lines above the names or the data
     names = false                # true: the first line names the columns
     join = "point"               # optional: the column that is looked up in the plan, by its name there
+    reversed = ["EYX_um"]        # optional: error motions whose sign is not that of ISO 230-1 in the export
 
     [columns]                    # column of the measurement file = column of the export: its name, or number from 1
     point = 3
@@ -16,7 +17,8 @@ the instrument is. Nothing of it is guessed. Ready maps stand in `calibration/re
     y = 5
     z = 6
 
-    [units]                      # of what is mapped: xyz, linear, rotary (positions of axes), time, temperature
+    [units]                      # of what is mapped: xyz, linear, rotary (positions of axes), time, temperature, errors
+                                 # and angles (error motions: um, mm, inch; urad, arcsec, mrad, deg)
     xyz = "mm"
 
     [header]                     # header keys of the measurement file
@@ -39,8 +41,11 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from calibration import error_columns
 from calibration.readers.text import (
+    ANGLE_DEVIATIONS,
     ANGLES,
+    LENGTH_DEVIATIONS,
     LENGTHS,
     TIMES,
     given_entries,
@@ -69,6 +74,7 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     skip_lines: Annotated[int, msgspec.Meta(ge=0)] = 0
     comment: str = ""
     names: bool = False
+    reversed: tuple[str, ...] = ()
     join: str = ""
 
     @property
@@ -93,6 +99,9 @@ def read_map(name: str) -> ColumnMap:
         raise UserError(f"column map {path}: {fault}") from None
     if found.delimiter == found.decimal:
         raise UserError(f"column map {path}: a comma can't stand both between cells and in numbers")
+    wrong = [each for each in found.reversed if each not in found.columns or not error_columns.NAME.fullmatch(each)]
+    if wrong:
+        raise UserError(f"column map {path}: reversed {wrong[0]!r} is no error motion among its columns")
     if found.join and found.join not in found.columns:
         raise UserError(f"column map {path}: join {found.join!r} is none of its columns")
     return found
@@ -166,11 +175,16 @@ def _converter(name: str, machine: Machine, columns: ColumnMap, source: str) -> 
         size, shift = _unit(columns, kind, sizes, name, source), 0.0
     elif name == "time_s":
         size, shift = _unit(columns, "time", TIMES, name, source), 0.0
+    elif error := error_columns.NAME.fullmatch(name):
+        kind, sizes = ("errors", LENGTH_DEVIATIONS) if error[3] == "um" else ("angles", ANGLE_DEVIATIONS)
+        size, shift = _unit(columns, kind, sizes, name, source), 0.0
     elif name.startswith("temp_"):
         size = _unit(columns, "temperature", {"degC": 1.0, "K": 1.0}, name, source)
         shift = KELVIN if columns.units["temperature"] == "K" else 0.0
     else:
         return lambda cell, _: cell
+    if name in columns.reversed:
+        size = -size
     if size == 1.0 and shift == 0.0:
         return lambda cell, where: repr(number_at(cell, where, columns.decimal))
     return lambda cell, where: repr(number_at(cell, where, columns.decimal) * size - shift)

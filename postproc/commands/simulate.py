@@ -72,6 +72,7 @@ def simulate(
     effect: virtual.EffectTexts = None,
     temperature: virtual.Temperatures = None,
     instrument: instruments.InstrumentKind = "laser-tracker",
+    error_motions: instruments.ErrorMotions = None,
     uncertainty: instruments.Uncertainties = None,
     tracker: instruments.TrackerPlaces = None,
     stands_on: instruments.StandsOn = "workpiece",
@@ -124,7 +125,8 @@ def simulate(
         motion.simulate_on_path(nominal, ride, simulated)
         return
     plan = _plan(found, strategy, points, spacing, ranges, margin, rotary, order, runs, target, target_order, seed)
-    _simulate_plan(plan, simulated, instrument, tracker or [], elevation, incidence)
+    letters = instruments.error_motions_of(error_motions, instrument)
+    _simulate_plan(plan, simulated, instrument, tracker or [], elevation, incidence, letters)
 
 
 def _simulate_plan(
@@ -134,10 +136,11 @@ def _simulate_plan(
     trackers: list[str],
     elevation: str | None,
     incidence: float | None,
+    letters: tuple[str, ...],
 ) -> None:
     """Write what is observed at the positions of a plan, and the truth where it is asked for.
 
-    kind: of the instrument, as in `--instrument`.
+    kind: of the instrument, as in `--instrument`; letters: of the error motions that an interferometer observes.
     """
     import numpy as np
 
@@ -155,11 +158,15 @@ def _simulate_plan(
     rows = _reached(plan, state, simulated.instrument, poses, standing, elevation, incidence)
     repeat = len(state) // len(plan)
     axis = None if plan.axis is None else np.tile(plan.axis, repeat)[rows]
+    component = None
+    if letters and axis is not None:
+        rows, component = _components(plan.machine, axis, rows, letters)
+        axis = np.tile(np.asarray(plan.axis), repeat)[rows]
     run = np.tile(plan.run, repeat)[rows]
     with progress_of(len(state), "simulating", LONG) as progress:
         measured = observe(
             plan.machine, model, state.rows(rows), simulated.instrument, draws[2], poses, plan.targets,
-            stands_on=standing, axis=axis if kind == "interferometer" else None, run=run,
+            stands_on=standing, axis=axis if kind == "interferometer" else None, run=run, component=component,
             noise_scale=simulated.noise_scale, progress=progress,
         )  # fmt: skip
     if poses is not None:
@@ -175,6 +182,18 @@ def _simulate_plan(
     for note in spoiled:
         say("simulated", note)
     console.print(f"{len(measured)} observations by {kind} of {len(model.effects)} effects, seed {simulated.seed}")
+
+
+def _components(
+    machine: Machine, axis: np.ndarray, rows: np.ndarray, letters: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows `(m,)` of the plan, those of linear axes once for each error motion, and the error motions `(m,)`."""
+    import numpy as np
+
+    linear = ~machine.rotary[[machine.index(name) for name in axis.tolist()]]
+    every = np.repeat(rows, np.where(linear, len(letters), 1))
+    component = np.concatenate([list(letters) if own else [""] for own in linear.tolist()])
+    return every, component
 
 
 def _plan(

@@ -25,6 +25,15 @@ INSTRUMENT, FAULTS = "The instrument", "What goes wrong"
 InstrumentKind = Annotated[
     str, typer.Option(metavar="KIND", rich_help_panel=INSTRUMENT, help="laser-tracker, interferometer or part.")
 ]
+ErrorMotions = Annotated[
+    str | None,
+    typer.Option(
+        metavar="all|Y,Z,B",
+        rich_help_panel=INSTRUMENT,
+        help="Error motions of linear axes that an interferometer observes at each position: X is E_X of each axis; "
+        "default: the positioning deviation.",
+    ),
+]
 Uncertainties = Annotated[
     list[str] | None,
     typer.Option(
@@ -71,7 +80,7 @@ Missing = Annotated[
 
 SHEETS: Mapping[str, Mapping[str, float]] = {
     "laser-tracker": {"u_range_um_per_m": 0.25, "u_angle_um": 10.0, "u_angle_um_per_m": 2.5},
-    "interferometer": {"u_um": 0.2, "u_um_per_m": 0.5},
+    "interferometer": {"u_um": 0.2, "u_um_per_m": 0.5, "u_straightness_um": 0.5, "u_angle_urad": 1.0},
     "part": {"u_um": 1.0, "u_um_per_m": 1.5},
 }
 """Standard uncertainties unless others are given: of the tracker those of the virtual calibration paper, Table 3."""
@@ -100,6 +109,23 @@ def instrument_of(kind: str, uncertainties: list[str], planar: bool) -> Instrume
     values = given_once(given, "--uncertainty ") if given else SHEETS[kind]
     check_uncertainties(kind, values, "--uncertainty", "-u {}=...")
     return KINDS[kind](**values, **({"components": 2 if planar else 3} if kind == "part" else {}))  # type: ignore[arg-type]
+
+
+def error_motions_of(text: str | None, kind: str) -> tuple[str, ...]:
+    """Letters of the error motions in `all` or a list; none without."""
+    from kinematics.effects import COMPONENTS
+
+    if text is None:
+        return ()
+    if kind != "interferometer":
+        raise UserError(f"--error-motions is no option of --instrument {kind}")
+    letters = tuple(COMPONENTS)
+    if text != "all":
+        letters = tuple(letter.strip().upper() for letter in text.split(","))
+    for letter in letters:
+        if letter not in COMPONENTS or letters.count(letter) > 1:
+            raise UserError(f"--error-motions {text}: expected all, or some of {','.join(COMPONENTS)}, each once")
+    return letters
 
 
 def standing_of(text: str) -> Literal["workpiece", "bed"]:
