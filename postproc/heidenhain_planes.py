@@ -45,6 +45,8 @@ class _Choice:
     """+ or -, of SEQ."""
     table: bool = False
     """TABLE ROT: a free table axis turns instead of the coordinates."""
+    flat: bool = False
+    """TABLE ROT of a plane that is not turned at all: a free table axis goes to 0."""
 
 
 @dataclass
@@ -73,8 +75,17 @@ class Planes:
         turn = self._turn(block, form, words)
         angles = self._given(block, words) if form == "AXIAL" else None
         sequence = re.search(r"SEQ ?([+-])", flags)
-        choice = _Choice(way, sequence[1] if sequence else "", "TABLE ROT" in flags)
+        table = "TABLE ROT" in flags
+        flat = table and form == "SPATIAL" and not any(words.values()) and not self._turned_before
+        choice = _Choice(way, sequence[1] if sequence else "", table, flat)
         self._tilt(index, block, turn, choice, angles)
+
+    @property
+    def _turned_before(self) -> bool:
+        """A basic rotation, or a shift of a rotary axis: TABLE ROT takes a free axis there instead of to 0."""
+        control = self.control
+        shifts = np.array(control.frame().offset)[control.machine.rotary]
+        return any(control.basic_rotation) or bool(shifts.any())
 
     # ---- how planes are given
 
@@ -231,7 +242,7 @@ class Planes:
     def _chosen(self, normal: tuple[float, float, float], choice: _Choice) -> dict[int, float]:
         machine, sequence = self.control.machine, choice.sequence
         rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary]
-        found = self._solutions(normal, rotary, table=choice.table)
+        found = self._solutions(normal, rotary, choice)
         if not found:
             raise UserError("no position of the rotary axes inside their travel stands the tool on this plane")
         if sequence:
@@ -261,7 +272,7 @@ class Planes:
         return found[best]
 
     def _solutions(
-        self, normal: tuple[float, float, float], rotary: list[int], *, table: bool
+        self, normal: tuple[float, float, float], rotary: list[int], choice: _Choice
     ) -> list[dict[int, float]]:
         """All positions, degrees, that differ and lie inside travel; UserError where an axis is free."""
         machine, recorder = self.control.machine, self.control.recorder
@@ -271,7 +282,7 @@ class Planes:
             solved = inverse(machine, np.zeros(3), normal, start=start, respect_travel=False)
             if not np.isfinite(solved.q).all():
                 continue
-            if solved.singular[0] and (table or here[rotary[0]] != 0.0):
+            if solved.singular[0] and not choice.flat and (choice.table or here[rotary[0]] != 0.0):
                 raise UserError("the tool stands along a rotary axis: where the control turns it is not known")
             angles = np.rad2deg(solved.q[0])
             if solved.singular[0]:

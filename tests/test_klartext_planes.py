@@ -145,6 +145,13 @@ def test_a_reset_leads_back():
     assert program.axes("XYZBC")[-1].tolist() == pytest.approx([1, 2, 103, 0, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize("before", ["L C+30\n", "", "PLANE SPATIAL SPA+0 SPB+20 SPC+40 TURN SEQ+\n"])
+def test_a_flat_plane_by_table_rot_takes_the_table_to_0(before):
+    """iTNC 530 DIN/ISO 6-2010, p. 404: the table goes to the tilting angle, here 0; TNC7 81762x-17 agrees."""
+    program = run(before + "PLANE SPATIAL SPA+0 SPB+0 SPC+0 TURN FMAX SEQ+ TABLE ROT\nL X+1 Y+2 Z+3\n", machine="dmu50")
+    assert program.axes("XYZBC")[-1].tolist() == pytest.approx([1, 2, 103, 0, 0], abs=1e-9)
+
+
 def test_move_leaves_the_linear_axes_unknown():
     program = run("PLANE SPATIAL SPA+0 SPB+20 SPC+0 MOVE DIST50 F1000\n")
     assert [program.known(name) for name in "XYZ"] == [Known.ASSUMED] * 3
