@@ -30,8 +30,8 @@ KNOTS = 6
 
 
 def bounds(axis):
-    """Travel, or one turn of an endless axis, mm or degrees."""
-    return axis.travel if np.isfinite(axis.travel).all() else ENDLESS
+    """Travel, or one turn of an axis that turns on, mm or degrees."""
+    return ENDLESS if axis.rotary and axis.travel[1] - axis.travel[0] > 360.0 else axis.travel
 
 
 def calibration(machine, path):
@@ -115,7 +115,8 @@ def check_left(written, source, sign="error"):
     for stage, motors in stages.items():
         left = missed(chain, truth, motors, commands, ways)
         assert rms(left) == pytest.approx(told[stage]["rms"], rel=0.05, abs=0.02), stage
-        assert left.max() == pytest.approx(told[stage]["max"], rel=0.15, abs=0.1), stage
+        assert np.quantile(left, 0.95) == pytest.approx(told[stage]["p95"], rel=0.05, abs=0.03), stage
+        assert left.max() < 1.3 * told[stage]["max"] + 0.1, stage
 
 
 def check_round_trip(command, written, sign="error"):
@@ -129,7 +130,8 @@ def check_round_trip(command, written, sign="error"):
     errors = [model.errors(machine, state) for model in (first, second)]
     assert np.abs(errors[0]).max() > 1e-3
     assert np.sqrt(np.mean((errors[1] - errors[0]) ** 2)) < 2e-4
-    assert again.told["errors"]["volume"]["tool_point_um"]["after_tables"]["rms"] < 0.6
+    left = again.told["errors"]["volume"]["tool_point_um"]
+    assert left["after_tables"]["rms"] < 0.5 + 0.05 * left["before"]["rms"]
 
 
 @pytest.mark.parametrize("format", FORMATS)

@@ -14,6 +14,8 @@ from itertools import combinations
 
 import numpy as np
 
+from kinematics.errors import UserError
+from kinematics.machine import Axis
 from kinematics.transforms import Array
 from postproc.tables.limits import TURN, Limits, check_terms
 from postproc.tables.nodes import choose_nodes, fitted
@@ -191,7 +193,10 @@ class _Writer:
             return
         closing = closes(source)
         if closing and limits.turns:
-            limits = replace(limits, points=(limits.points - 1) // (2 * limits.turns) + 1)
+            turns = len(turns_of(source, x[0], limits.turns))
+            if limits.points < 8 * turns + 1:
+                raise UserError(f"axis {source.name}: {limits.points} points are too few for {turns} turns")
+            limits = replace(limits, points=(limits.points - 1) // turns + 1)
         curves = np.concatenate([curves for _, curves in together], axis=1)
         nodes = choose_nodes(x, curves, limits, source.home, closing=closing)
         for part, own in together:
@@ -201,7 +206,8 @@ class _Writer:
         output, source = (self._target.machine.axes[i] for i in (part.output, part.sources[0]))
         if closing:
             values[[0, -1]] = values[[0, -1]].mean(axis=0)
-            nodes, values = written_out(nodes, values, limits.turns)
+            if limits.turns:
+                nodes, values = written_out(nodes, values, turns_of(source, nodes[0], limits.turns))
         if limits.through_origin:
             slope = (values[-1] - values[0]) / (nodes[-1] - nodes[0])
             nodes = np.array([2 * nodes[0] - nodes[-1], 2 * nodes[-1] - nodes[0]])  # it goes on straight
@@ -284,13 +290,17 @@ class _Writer:
         return total
 
 
-def written_out(nodes: Array, values: Array, turns: int | None) -> tuple[Array, Array]:
-    """Nodes `(k,)` of a turn and values `(k, ways)` again for so many turns to either side; unchanged for None."""
-    if turns is None:
-        return nodes, values
-    every = [nodes[:-1] + TURN * k for k in range(-turns, turns)]
-    ends = nodes[-1:] + TURN * (turns - 1)
-    return np.concatenate([*every, ends]).round(9), np.concatenate([*[values[:-1]] * (2 * turns), values[-1:]])
+def turns_of(axis: Axis, start: float, turns: int) -> range:
+    """The turns from `start`, degrees, that a table which does not repeat covers: its travel, or so many either way."""
+    low, high = axis.travel if np.isfinite(axis.travel).all() else (start - turns * TURN, start + turns * TURN)
+    return range(int(np.floor((low - start) / TURN)), int(np.ceil((high - start) / TURN)))
+
+
+def written_out(nodes: Array, values: Array, turns: range) -> tuple[Array, Array]:
+    """Nodes `(k,)` of a turn, degrees, and values `(k, ways)`, again for each of the turns."""
+    every = [nodes[:-1] + TURN * k for k in turns]
+    ends = nodes[-1:] + TURN * turns[-1]
+    return np.concatenate([*every, ends]).round(9), np.concatenate([*[values[:-1]] * len(turns), values[-1:]])
 
 
 def _along(factor: Curve | Surface, x: Array) -> Array:

@@ -56,8 +56,6 @@ def _joints(content: Content) -> list[str]:
 
 
 def _limits(settings: LinuxCncSettings) -> Limits:
-    if settings.points < 2 * settings.turns + 1:
-        raise UserError(f"--set points={settings.points}: {settings.turns} turns to either side take more rows")
     return Limits(
         points=settings.points, resolution=10.0**-DECIMALS, spacing_step=1e-7, finest=2e-7, turns=settings.turns
     )

@@ -36,7 +36,7 @@ class Calibrated:
                 continue
             k = "XYZABC".index(effect["component"])
             if effect["kind"] == "error-motion":
-                result[:, i, k] += MICRO[k] * _curve(effect["basis"], effect["parameters"], x)
+                result[:, i, k] += MICRO[k] * _curve(effect["basis"], effect["parameters"], _in_turn(axis, effect, x))
             elif effect["kind"] == "location" and (axis.rotary or k < 3):
                 result[:, i, k] += MICRO[k] * effect["value"]
             elif effect["kind"] == "location":
@@ -49,6 +49,13 @@ class Calibrated:
 def read_calibration(file: Path) -> Calibrated:
     """The effects of a calibration file."""
     return Calibrated(tuple(json.loads(file.read_text(encoding="utf-8"))["effects"]))
+
+
+def _in_turn(axis: Axis, effect: Mapping[str, Any], x: Array) -> Array:
+    """Positions in the turn that an error motion over a whole turn is written for; of others as they are."""
+    basis = effect["basis"]
+    low, high = basis["interval"] if "interval" in basis else (basis["nodes"][0], basis["nodes"][-1])
+    return low + (x - low) % axis.turn if axis.turn and high - low == axis.turn else x
 
 
 def _sideways(axis: Axis, about: int) -> Array:

@@ -33,6 +33,11 @@ class Axis:
     home: float
 
     @property
+    def turn(self) -> float:
+        """Degrees after which everything repeats: 360 of a rotary axis that turns once round or on; 0 of others."""
+        return 360.0 if self.rotary and self.travel[1] - self.travel[0] >= 360.0 else 0.0
+
+    @property
     def per_file_unit(self) -> float:
         """rad per degree, or 1."""
         return float(np.pi / 180) if self.rotary else 1.0

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from virtual_machine.chain import Array, Axis, Chain, applied, nominal_points, tool_points, turned_about
+from virtual_machine.chain import Array, Chain, applied, nominal_points, tool_points, turned_about
 from virtual_machine.truth import MICRO
 
 Motors = Callable[[Array, Array], Array]
@@ -163,7 +163,7 @@ def heidenhain(folder: Path, chain: Chain, sign: str) -> Motors:
         assert head.split()[1] == line[axis]
         assert len(rows) <= 256
         x = [float(row["AXISPOS"]) for row in rows]
-        turn = 360.0 if np.isinf(chain.axis(axis).travel[1]) else 0.0
+        turn = chain.axis(axis).turn
         for output in [name for name in chain.names if rows[0][name]]:
             up = curve(chain, axis, x, [SIGN[sign] * float(row[output]) for row in rows], turn)
             down = up
@@ -220,7 +220,7 @@ def mitsubishi(folder: Path, chain: Chain, _sign: str) -> Motors:
         x, steps = np.array(points[axis]).T
         total = np.cumsum(steps)
         y = 0.5e-3 * float(row["scale"]) * (total - total[int(row["reference point"])])
-        turn = 360.0 if np.isinf(chain.axis(axis).travel[1]) else 0.0
+        turn = chain.axis(axis).turn
         additions.append(Addition(axis, curve(chain, axis, x, y, turn)))
     return summed(chain, additions)
 
@@ -368,10 +368,6 @@ def by_motions(chain: Chain, tool: Array, motions: Motions) -> Motors:
     return aimed(chain, tool, actual)
 
 
-def _turn_of(axis: Axis) -> float:
-    return 360.0 if axis.rotary and np.isinf(axis.travel[1]) else 0.0
-
-
 def isg_volumetric(folder: Path, chain: Chain, sign: str, tool: Array) -> Motors:
     """ISG_CSV in mm and rad, and the number of axes that carry the workpiece."""
     config = dict(row.split() for row in (folder / "volcomp.lis").read_text().splitlines())
@@ -384,7 +380,7 @@ def isg_volumetric(folder: Path, chain: Chain, sign: str, tool: Array) -> Motors
         for k, name in enumerate(head[1:], 1):
             assert name[2:] == head[0]
             x = -SIGN[sign] * table[:, 0]
-            curves[name[1], head[0]] = curve(chain, head[0], x, table[:, k], _turn_of(chain.axis(head[0])))
+            curves[name[1], head[0]] = curve(chain, head[0], x, table[:, k], chain.axis(head[0]).turn)
     return by_motions(chain, tool, Motions(chain, curves))
 
 
@@ -394,7 +390,7 @@ def etalon(folder: Path, chain: Chain, sign: str, tool: Array) -> Motors:
     curves = {}
     for component, axis, body in re.findall(r"\[E(\w)(\w+)\]\s*Gridpoints = \{([^}]*)\}", text):
         x, y = np.array(body.split(), float).reshape(-1, 2).T
-        curves[component, axis] = curve(chain, axis, x, -SIGN[sign] * y, _turn_of(chain.axis(axis)))
+        curves[component, axis] = curve(chain, axis, x, -SIGN[sign] * y, chain.axis(axis).turn)
     return by_motions(chain, tool, Motions(chain, curves))
 
 
@@ -409,7 +405,7 @@ def iso_csv(folder: Path, chain: Chain, _sign: str, tool: Array) -> Motors:
     curves = {}
     for (component, axis), rows in points.items():
         x, up, down = np.array(rows).T
-        turn = _turn_of(chain.axis(axis))
+        turn = chain.axis(axis).turn
         ways = [curve(chain, axis, x, values, turn) for values in (up, down)]
         curves[component, axis] = by_way(chain, axis, *ways)
     return by_motions(chain, tool, Motions(chain, curves))
@@ -427,7 +423,7 @@ def heidenhain_kinematics(folder: Path, chain: Chain, sign: str, tool: Array) ->
             head, rows = _columns(path.read_text())
             assert head.split()[1] == path.name
             x = [float(row["AXISPOS"]) for row in rows]
-            turn = _turn_of(chain.axis(axis))
+            turn = chain.axis(axis).turn
             for name in [name for name in rows[0] if name == axis or re.fullmatch(r"C\d", name)]:
                 if rows[0][name]:
                     y = [-SIGN[sign] * float(row[name]) for row in rows]
