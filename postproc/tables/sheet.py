@@ -69,16 +69,18 @@ def shift_warning(datum: Mapping[str, float], point_um: Mapping[str, Mapping[str
     """What the tables leave without a shift of the axes' zeros, and the shift; empty where none is needed."""
     if not datum:
         return ""
-    before, alone, both = (
-        point_um[stage]["rms"] for stage in ("before", "after_tables", "after_tables_and_datum_shift")
-    )
-    worse = ", which is worse than no tables" if alone >= before else ""
+    before, alone, both = (point_um[stage] for stage in ("before", "after_tables", "after_tables_and_datum_shift"))
+    worse = "; that is worse than no tables" if any(alone[k] > before[k] for k in ("rms", "max")) else ""
     shift = ", ".join(f"{axis} {value:+.6f}" for axis, value in datum.items())
     return (
-        f"the tables are 0 at the reference position and alone leave {alone:.1f} of {before:.1f} um RMS{worse}; "
-        f"with the zeros of the axes shifted by {shift} (mm, degrees, added to commands) they leave {both:.1f} um. "
+        f"the tables hold no constant and alone leave {_pair(alone)} of {_pair(before)} um (RMS, max){worse}. "
+        f"With the zeros of the axes shifted by {shift} (mm, degrees, added to commands) they leave {_pair(both)} um. "
         "Programs corrected with the rest (--rest) hold this shift already: do not shift the zeros for them"
     )
+
+
+def _pair(numbers: Mapping[str, float]) -> str:
+    return f"{numbers['rms']:.1f}, {numbers['max']:.1f}"
 
 
 def _size(value: float) -> str:
