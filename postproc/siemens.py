@@ -57,6 +57,10 @@ BY_CONTROL = -1.0
 """In the place of a G code: a circle that the control works out is in force."""
 OLDER_TOLERANCE_MODE = range(100, 1_000_000)
 """Second arguments of CYCLE832 whose second last digit switches TRAORI; in others it is for the orientation."""
+LENGTH_STAYS = (
+    "G18 or G19 with a tool length, which is taken to stay along Z: the control needs setting data SD42940 "
+    "($SC_TOOL_LENGTH_CONST) other than 0"
+)
 STANDING = LIMITS | {DWELL}
 """The tool stays where it is, whatever the words of the block."""
 
@@ -418,6 +422,8 @@ class SiemensInterpreter:
             raise block.refuse(
                 "CIP or CT from a block before: ncomp writes G2 or G3 in its place, so say it in every block"
             )
+        if self.length and self.plane != "XYZ":
+            self.notes.add(LENGTH_STAYS, block.line)
         kind, turn = MOTION.get(self.motion, Kind.ARC), self._turn
         said = Said(block, self._axis_words(block, content), {})
         if any(word.incremental for word, _ in said.words):

@@ -93,7 +93,7 @@ REFUSED_NAMES = {
     **dict.fromkeys(("MEAS", "MEAW", "MEASA", "MEAWA"), "where a probing move ends is not known"),
     **dict.fromkeys(("CUT3DC", "CUT3DF", "CUT3DFS", "CUT3DFF"), "tool radius compensation in space is not corrected"),
 }  # fmt: skip
-HARMLESS_ADDRESSES = _all("N F S H FA FB FZ FD FRC FRCM SPOS SPOSA OVR OVRRAP ADIS ADISPOS SCC")
+HARMLESS_ADDRESSES = _all("N F S H FA FB FZ FD FRC FRCM SPOS SPOSA OVR OVRRAP ADIS ADISPOS SCC DISC")
 """Of words that move no axis of the path."""
 VECTOR = ("A3", "B3", "C3")
 """The direction of the tool, from its tip."""

@@ -33,7 +33,7 @@ USUAL_LEVELS: dict[str, float] = {**LEVELS, **dict.fromkeys(COMPARING, 4.5)}
 MODES = frozenset(("AC", "IC", "DC", "ACP", "ACN"))
 _ADDRESSES = (
     "CR AR AP RP RPL TURN RND RNDM CHF CHR FRC FRCM FZ FD FA FP FB SPOS SPOSA OVR OVRRAP PW PL SD ADIS ADISPOS SCC "
-    "LEAD TILT THETA PHI PSI OFFN"
+    "DISC LEAD TILT THETA PHI PSI OFFN"
 )
 ADDRESSES = frozenset(_ADDRESSES.split())
 """Of more than one letter, that take a value and are no variables."""

@@ -274,3 +274,21 @@ def test_repeats_that_are_not_whole_are_counted_as_the_machine_file_has_it(repea
 )
 def test_repeats_that_the_machine_file_does_not_settle_are_refused(repeats, value, reason):
     assert reason in refusal(klartext, REPEATS.format(value), control={"repeats": repeats})
+
+
+# ---- the tool length in other planes; transition circles
+
+
+def test_a_tool_length_in_another_plane_is_noted():
+    """SINUMERIK ONE, NC programming 12/2019, p. 750: with SD42940 = 0 the length goes with the plane."""
+    text, notes = "T1 M6 D1\nG0 X0 Y0 Z10\nG18 G2 X20 Z10 I10 K0 F500\nG17\nG0 Z20\nM30\n", Notes()
+    assert siemens(text, notes=notes)[-1] == (20.0, 0.0, 120.0)
+    (found,) = [note for note in notes.texts() if "SD42940" in note]
+    assert "line 4" in found
+    siemens(text, notes=(none := Notes()), tools=["T1=0"])
+    assert not any("SD42940" in note for note in none.texts())
+
+
+def test_disc_moves_no_point_of_the_contour():
+    contour = "T1 M6 D1\nG0 X0 Y0 Z10\nG41 G450 DISC=50 G1 X10 Y0 F500\nY50\nG40 X0\nM30\n"
+    assert siemens(contour) == siemens(contour.replace("DISC=50 ", ""))
