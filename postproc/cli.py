@@ -30,6 +30,7 @@ from postproc.commands import (
     simulate_continuous,
     study,
     three_points,
+    tracker,
     verify,
 )
 
@@ -71,6 +72,7 @@ app.command("fit", epilog=fit.EPILOG)(fit.fit)
 app.command("diagnose", epilog=diagnose.EPILOG)(diagnose.diagnose)
 app.command("import", epilog=import_tables.EPILOG)(import_tables.import_tables)
 app.command("iso230", epilog=iso230.EPILOG)(iso230.iso230)
+app.command("tracker", epilog=tracker.EPILOG)(tracker.tracker)
 app.command("continuous", epilog=continuous.EPILOG)(continuous.continuous)
 app.command("plan", epilog=plan.EPILOG)(plan.plan)
 app.command("predict", epilog=predict.EPILOG)(predict.predict)

@@ -89,7 +89,7 @@ def code() -> str:
 def read_cases(study: StudyEntry, folder: Path) -> list[Case]:
     """All cases of a study; paths in it are relative to `folder`. UserError, naming the case, for what can't be."""
     machine = machines.load(_path(study.machine, folder))
-    instrument = instrument_of(study.instrument, "study")
+    instrument = instrument_of(study.instrument, "study", folder)
     truths = _truths(study.errors, machine, folder)
     return [_case(entry, study, machine, instrument, truths, folder) for entry in study.case]
 

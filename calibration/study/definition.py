@@ -10,6 +10,7 @@ import msgspec
 
 from calibration.instruments import Instrument
 from calibration.study.setups import Weighting
+from calibration.tracker_tests import fit_tests, read_tests
 from kinematics.errors import UserError
 from kinematics.files import read_input
 
@@ -28,6 +29,8 @@ class InstrumentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     u_angle_um_per_m: float | None = None
     u_um: float | None = None
     u_um_per_m: float | None = None
+    tests: str | None = None
+    """File of a laser tracker's tests (ASME B89.4.19) that its uncertainties are fitted to."""
     planar: bool = False
     elevation: Range | None = None
     incidence_deg: Positive | None = None
@@ -162,13 +165,17 @@ def _with_rows(content: dict[str, Any]) -> dict[str, Any]:
     return {**content, "errors": {"model": "fourier", **rest, "half_widths": rows}}
 
 
-def instrument_of(entry: InstrumentEntry, where: str) -> Instrument:
-    """The instrument; UserError for uncertainties that it does not have, or none."""
+def instrument_of(entry: InstrumentEntry, where: str, folder: Path) -> Instrument:
+    """The instrument, its tests relative to `folder`; UserError for uncertainties that it does not have, or none."""
     from calibration.measurement_file import KINDS, check_uncertainties, uncertainty_keys
 
     known = uncertainty_keys(KINDS[entry.kind])
     keys = [key for key in entry.__struct_fields__ if key.startswith("u_")]
     given = {key: value for key in keys if (value := getattr(entry, key)) is not None}
+    if entry.tests is not None:
+        if given or entry.kind != "laser-tracker":
+            raise UserError(f"{where}: [instrument] tests: of a laser tracker, in place of u_range_um and its like")
+        return fit_tests(read_tests(folder / entry.tests)).instrument
     for key, value in given.items():
         if key not in known:
             raise UserError(f"{where}: [instrument] {key}: {entry.kind} has {', '.join(known)}")
