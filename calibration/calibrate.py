@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 
 import msgspec
@@ -14,11 +15,11 @@ from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, 
 from calibration.datum import to_datum
 from calibration.diagnosis.sanity import Finding, usable
 from calibration.fit import Fit, fit
-from calibration.heldout import HeldOut, held_out
+from calibration.heldout import HeldOut, held_out, lines
 from calibration.locations import split_locations, transformed
 from calibration.measurement import Measurement
 from calibration.models import moving_axes, stated_bases, with_effects
-from calibration.outliers import Variance
+from calibration.outliers import Variance, duplicates
 from calibration.prediction import Seen
 from calibration.resolution import Choice, choose, finer
 from calibration.suspects import Suspect, suspects
@@ -29,6 +30,8 @@ from kinematics.model import ErrorModel, Provenance
 AUTO = "auto"
 AUTOMATIC_KINDS = ("b-spline", "cubic")
 """Kinds of basis that `auto` tries."""
+SMALLER = (0.1, 0.2, 0.3, 0.5)
+"""Sizes of error motions, as multiples of the typical ones, that are tried on data on a few lines."""
 ROTARY_KIND = "fourier"
 """What it takes for rotary axes: their errors repeat with the turn, and harmonics hold a shift of what they carry."""
 
@@ -119,10 +122,26 @@ def _choice(
     if basis == AUTO or basis.startswith(f"{AUTO}:"):
         kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
         rotary_kind = ROTARY_KIND if basis == AUTO else None
-        return choose(
-            measurement, kinds, rotary_kind=rotary_kind, effects=effects, prior_scale=prior_scale, progress=progress
-        )
+        pick = partial(choose, measurement, kinds, rotary_kind=rotary_kind, effects=effects, progress=progress)
+        choice = pick(prior_scale=prior_scale)
+        if prior_scale is not None or lines(measurement) is None:
+            return choice
+        smaller = [pick(prior_scale=scale) for scale in SMALLER if scale < choice.prior_scale]
+        return _predicting(measurement, [choice, *smaller], effects)
     return Choice(stated_bases(basis, axes), prior_scale or 1.0)
+
+
+def _predicting(measurement: Measurement, choices: Sequence[Choice], effects: Sequence[Effect]) -> Choice:
+    """The choice whose fits predict the lines that they have not seen best; the first where none can be held out.
+
+    The evidence asks how probable the data are on the lines, not what the model does between them.
+    """
+    gains = []
+    for choice in choices:
+        model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+        held = held_out(measurement, model, prior, ~duplicates(measurement))
+        gains.append(-np.inf if held is None else held.gain)
+    return choices[int(np.argmax(gains))]
 
 
 def in_datum(found: Fit) -> ErrorModel:

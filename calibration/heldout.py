@@ -23,6 +23,16 @@ POSE = 6
 """Rows of a set-up, or of a target on table or bed, that say where it is well enough to predict others."""
 
 
+LINE_MM = 1.0
+"""Distance from a line within which positions lie on it."""
+LEAST_OF_LINE = 4
+"""Rows of a line."""
+LEAST_LINES, MOST_LINES = 3, 24
+"""Fewer lines say nothing of each other; more of them fill the volume."""
+FINE = 1e3
+"""Directions that differ by less than its inverse are one."""
+
+
 class HeldOut(NamedTuple):
     """What fits leave of rows that they have not seen."""
 
@@ -82,11 +92,46 @@ def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
     """Labels `(n,)` of blocks, and what they are.
 
     Runs where there are three or more; of an interferometer every eighth position, the neighbours of a gap being known;
-    else cells of space.
+    the lines of a measurement on diagonals; else cells of space.
     """
     if measurement.run is not None and measurement.instrument.components > 1 and len(np.unique(measurement.run)) > 2:
         return np.unique(measurement.run, return_inverse=True)[1], "runs"
-    return cells(measurement)
+    diagonals = lines(measurement)
+    return cells(measurement) if diagonals is None else (diagonals, "lines")
+
+
+def lines(measurement: Measurement) -> np.ndarray | None:
+    """Numbers `(n,)` of the lines that positions measured one after the other lie on; None unless all are diagonals.
+
+    A diagonal has two linear axes or more moving. What lies between a few of them, they hardly say.
+    """
+    linear = np.flatnonzero(~measurement.machine.rotary)
+    positions = measurement.state.positions[:, linear]
+    if measurement.axis is not None or measurement.across is not None or len(positions) < LEAST_OF_LINE:
+        return None
+    keys = np.empty((len(positions), 2 * len(linear)))
+    start = 0
+    while start < len(positions):
+        end, key = _line(positions, start)
+        if end - start < LEAST_OF_LINE or np.count_nonzero(np.abs(key[: len(linear)]) > 0.01 * FINE) < 2:
+            return None
+        keys[start:end], start = key, end
+    numbers = np.unique(np.round(keys / LINE_MM), axis=0, return_inverse=True)[1].reshape(-1)
+    return np.asarray(numbers) if LEAST_LINES <= numbers.max() + 1 <= MOST_LINES else None
+
+
+def _line(positions: Array, start: int) -> tuple[int, Array]:
+    """End of the line of positions `(n, d)` that begins at `start`; its direction, times FINE, and foot `(2 d,)`."""
+    away = np.linalg.norm(positions[start:] - positions[start], axis=1)
+    second = start + int(np.argmax(away > LINE_MM))
+    along = positions[second] - positions[start]
+    direction = along / max(float(np.linalg.norm(along)), LINE_MM)
+    direction = direction * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
+    apart = positions[start:] - positions[start]
+    off = np.linalg.norm(apart - np.outer(apart @ direction, direction), axis=1) > LINE_MM
+    end = start + int(np.argmax(off)) if off.any() else len(positions)
+    foot = positions[start] - (positions[start] @ direction) * direction
+    return end, np.concatenate([direction * FINE, foot])
 
 
 def cells(measurement: Measurement) -> tuple[np.ndarray, str]:

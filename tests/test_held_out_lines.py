@@ -1,0 +1,60 @@
+"""Data on a few diagonals: bases are chosen by the lines that a fit has not seen, not by the evidence alone."""
+
+import numpy as np
+import pytest
+
+import machines
+from calibration.calibrate import calibrate
+from calibration.heldout import lines
+from calibration.instruments import LaserTracker
+from calibration.measurement import Target
+from calibration.plan import Choices
+from calibration.resolution import choose
+from calibration.simulate import observe, tracker_pose
+from calibration.strategies import plan
+from calibration.truth import random_truth
+from calibration.volumetric import aligned, deviation_on
+
+GANTRY = machines.load("gantry")
+TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
+TWO = {"a": Target((0.0, 0.0, -120.0)), "b": Target((80.0, 0.0, -150.0))}
+
+
+def measured(strategy, points, seed=0, **choices):
+    """A random machine and what a tracker sees of it."""
+    rng = np.random.default_rng(seed)
+    truth, made = random_truth(GANTRY, rng), plan(GANTRY, strategy, points, None, Choices(**choices))
+    poses = {"s1": tracker_pose((-1500.0, 1500.0, 300.0), rng)}
+    return truth, observe(GANTRY, truth, made.state, TRACKER, rng, poses, made.targets)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "choices", "number"),
+    [
+        ("space-diagonals", {}, 4),
+        ("space-diagonals", {"targets": TWO}, 4),
+        ("face-diagonals", {}, 12),
+        ("hexahedron", {}, None),
+        ("planes", {}, None),
+        ("random", {}, None),
+    ],
+)
+def test_lines_of_diagonals_are_found(strategy, choices, number):
+    found = lines(measured(strategy, 120, **choices)[1])
+    assert (None if found is None else found.max() + 1) == number
+
+
+def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
+    """The evidence alone leaves nine tenths and more of the volumetric error: large errors between the lines."""
+    truth, data = measured("space-diagonals", 200)
+    positions = np.stack(np.meshgrid(*(np.linspace(low, high, 7) for low, high in GANTRY.travel.T)), -1).reshape(-1, 3)
+    found = calibrate(data)
+    alone = calibrate(data, prior_scale=choose(data, ("b-spline", "cubic")).prior_scale)
+    wanted, points = deviation_on(GANTRY, truth, positions)
+    before, after, by_evidence = (
+        float(np.sqrt(np.mean(aligned(wanted - got, points) ** 2)))
+        for got in (0.0, *(deviation_on(GANTRY, one.model, positions)[0] for one in (found, alone)))
+    )
+    assert found.held_out.what == "lines"
+    assert after < 0.6 * before
+    assert after < 0.8 * by_evidence
