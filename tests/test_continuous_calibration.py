@@ -138,6 +138,20 @@ def test_a_jump_keeps_its_place(command):
     np.testing.assert_allclose(step[0], step[1], atol=0.4)
 
 
+def test_between_the_segment_and_the_end_nothing_is_claimed(command):
+    """At 5000 mm/min ramps take 30 mm, of which only the target at the end is known: less than a wave of 40 mm."""
+    wave = ("--effect", "cyclic:component=X,axis=X,period=40,sine=[1.8],cosine=[0]")
+    made(command, "cframe", *wave, "--feed", 5000, "--rate", 1000)
+    calibrated(command, "cframe")
+    found, truth = (read_model(Path(name), CFRAME) for name in ("cal.json", "truth.json"))
+    nodes, u = np.array(found.effects[0].basis.nodes), np.array(found.effects[0].u)
+    x = np.linspace(nodes[0], nodes[-1], 400)
+    off = np.abs(along(found, CFRAME, x, 1)[:, 0] - along(truth, CFRAME, x, 1)[:, 0])
+    assert off.max() > 0.5
+    assert np.all(off < 4.0 * np.interp(x, nodes, u) + 0.4)
+    assert np.median(u) < 0.15
+
+
 def test_targets_on_a_jump_do_not_count_as_scatter(command):
     made(command, "cframe", "--effect", "quantised-compensation:axis=X,step=13,pitch=100,offset=25")
     done = command("continuous", "run.csv", "targets.csv", "-o", "table.csv", "--json", "-")

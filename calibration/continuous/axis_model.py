@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 
 import msgspec
 import numpy as np
 
-from calibration.continuous.estimate import Estimate, estimate
+from calibration.continuous.estimate import Estimate, TableRows, estimate
 from calibration.continuous.reading import Data
 from calibration.continuous.records import QuasiStatic
 from calibration.datum import mean_line
@@ -164,12 +164,10 @@ def _with_jumps(found: Estimate, data: Data, quasi: QuasiStatic) -> Estimate:
 def _curves(found: Estimate) -> _Curves:
     """Error motion and reversal at the rows of the table, with their joint covariance."""
     fused, ways = found.fused, len(found.fused.ways)
-    shares = [[0.5, 0.5], [fused.ways[0], fused.ways[1]]] if ways == 2 else [[1.0]]
-    n = len(fused.positions)
-    mix = np.kron(np.array(shares), np.eye(n))
+    shares = [[0.5, 0.5], [float(fused.ways[0]), float(fused.ways[1])]] if ways == 2 else [[1.0]]
     only = next(iter(found.ways.values()))
     doubts = [found.ways.get(way, only).shape.doubt(fused.positions) for way in fused.ways]
-    spread = fused.covariance + np.diag(np.concatenate(doubts) ** 2)
+    spread = replace(fused, covariance=fused.covariance + np.diag(np.concatenate(doubts) ** 2))
     direction = "mean" if ways == 2 else found.direction
     error, reversal = found.table(direction), found.table("reversal") if ways == 2 else None
     rows = np.flatnonzero(error.continuous)
@@ -179,9 +177,27 @@ def _curves(found: Estimate) -> _Curves:
     scale = np.zeros(ways * total)
     scale[:total] = found.quasi.u_per_m * 1e-3 * (error.position - found.quasi.target[0])
     covariance -= np.diag(np.tile(scale[:total] ** 2, ways))
-    covariance[np.ix_(where, where)] = mix @ spread @ mix.T
+    covariance[np.ix_(where, where)] = spread.mixed(shares)[1]
+    alone = np.flatnonzero(~error.continuous)
+    covariance[alone, alone] += [_unseen(error, row) ** 2 for row in alone.tolist()]
     values = np.concatenate([error.error, reversal.error]) if reversal is not None else error.error
     return _Curves(error.position, values, covariance + np.outer(scale, scale))
+
+
+def _unseen(table: TableRows, row: int) -> float:
+    """Standard uncertainty, um, that a target outside the segment takes for what lies between it and its neighbours.
+
+    No run shows the error there. Twice the RMS by which the curve inside strays from the middles of straight lines as
+    long as the gap, for in the middle of the gap half of it is left.
+    """
+    x, error = table.position[table.continuous], table.error[table.continuous]
+    around = table.position[max(row - 1, 0) : row + 2]
+    half = min(float(np.diff(around).max()), float(np.ptp(x))) / 2.0
+    middles = x[(x - half >= x[0]) & (x + half <= x[-1])]
+    if not len(middles):
+        middles = np.array([(x[0] + x[-1]) / 2.0])
+    ends = (np.interp(middles - half, x, error) + np.interp(middles + half, x, error)) / 2.0
+    return 2.0 * float(np.sqrt(np.mean((np.interp(middles, x, error) - ends) ** 2)))
 
 
 def _thinned(curves: _Curves) -> tuple[_Curves, float]:

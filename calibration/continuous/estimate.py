@@ -105,9 +105,8 @@ class Estimate:
         """
         shares = {"forward": (1.0, 0.0), "backward": (0.0, 1.0), "mean": (0.5, 0.5), "reversal": (1.0, -1.0)}
         share = dict(zip((1, -1), shares[direction], strict=True))
-        n = len(self.fused.positions)
-        mix = np.concatenate([share[way] * np.eye(n) for way in self.fused.ways], axis=1)
-        return mix @ self.fused.values.ravel(), mix @ self.fused.covariance @ mix.T
+        values, covariance = self.fused.mixed([[share[way] for way in self.fused.ways]])
+        return values, covariance
 
     def table(self, direction: str | None = None) -> TableRows:
         """The error table of a direction, with the targets outside the segment, and the scale's uncertainty in u."""

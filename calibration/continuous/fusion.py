@@ -12,7 +12,7 @@ are generalised least squares with best linear unbiased prediction.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +80,14 @@ class Fused:
     """Reading minus estimate `(m,)`, um, of readings inside."""
     inside: np.ndarray
     """Their rows in the quasi-static data."""
+
+    def mixed(self, shares: Sequence[Sequence[float]]) -> tuple[Array, Array]:
+        """Sums `(k n,)` of the directions by shares `(k, ways)`, um, and their covariance `(k n, k n)`, um2."""
+        own, (ways, n) = np.array(shares), self.values.shape
+        blocks = self.covariance.reshape(ways, n, ways, n).transpose(0, 2, 1, 3)
+        half = np.tensordot(own, blocks, axes=(1, 0))
+        whole = np.tensordot(own, half, axes=(1, 1))
+        return (own @ self.values).ravel(), whole.transpose(1, 2, 0, 3).reshape(len(own) * n, len(own) * n)
 
 
 @dataclass(frozen=True)
