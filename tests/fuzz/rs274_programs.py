@@ -149,7 +149,7 @@ class Program:
             self.modes, self.turn_plane, self.units, self.distance, self.frame, self.frame, self.preset, self.shift,
             self.set_data, self.machine_move, self.reference, self.tool, self.drill, self.drill, self.polar,
             self.inverse_time, self.branch, self.loop, self.call, self.note, self.formula, self.formula, self.place,
-            self.skip, self.blank,
+            self.skip, self.blank, self.seldom,
         ]  # fmt: skip
         if self.plain:
             return [
@@ -432,6 +432,29 @@ class Program:
     def shift(self) -> None:
         self.put(["G52", f"{self.rng.choice('XY')}{self.style.value(self.rng.uniform(-30, 30), 2)}"])
         self._moved_frame()
+
+    def seldom(self) -> None:
+        """Splines, threads, probing, tapping and feed per revolution, in a few programs."""
+        if not self.absolute or not self.per_minute or self.plane != 17 or self.turned or self.rng.random() < 0.7:
+            return
+        self.place()
+        x, y, z = (self.style.value(self.rng.uniform(-30, 30) / self.unit, 2) for _ in "XYZ")
+        low, high, above = (self.style.value(length / self.unit, 3) for length in (-20.5, 30.25, 60.0))
+        hole = [f"X{x}", f"Y{y}", f"Z{low}", f"R{high}"]
+        forms = [
+            [["G5", f"X{x}", f"Y{y}", "I1", "J2", "P-1", "Q2"]],
+            [["G5.1", f"X{x}", f"Y{y}", "I1", "J2"]],
+            [["S500", "M3"], ["G33", f"Z{low}", "K1.5"]],
+            [["G38.3", f"Z{low}", "F100"]],
+            [["S500", "M4"], ["G0", f"Z{above}"], ["G98", "G74", *hole, "F500"], ["G80"]],
+            [["S500", "M3"], ["G0", f"Z{above}"], ["G98", "G84", *hole, "F500"], ["G80"]],
+            [["S500", "M3"], ["G0", f"Z{above}"], ["G98", "G86", *hole, "P0.5", "F500"], ["G80"]],
+            [["S500", "M3"], ["G95", "F0.2"], ["G1", f"X{x}", f"Z{z}"], ["G94", "F300"]],
+        ]
+        for words in self.rng.choice(forms):
+            self.put(words)
+        self.motion, self.at = None, dict.fromkeys("XYZ")
+        self.place()
 
     def set_data(self) -> None:
         kind, number = self.rng.choice(["2", "2", "20"]), self.rng.randint(0, 9)
