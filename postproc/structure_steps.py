@@ -30,6 +30,8 @@ class StructureSteps:
         self.structures, self.scope, self.passes, self.leave = find_structures(blocks), scope, passes, leave
         self.after_break = False
         """A WHILE with a break in it has ended, and no DO since."""
+        self.after_continue = False
+        """A DO has gone on with its next pass by a continue."""
         self.turns: dict[type, Callable[[int, Block, Any], int | None]] = {
             Begin: self._begin,
             Else: self._else,
@@ -38,10 +40,10 @@ class StructureSteps:
             Again: self._next_pass,
         }
 
-    def _begin(self, at: int, _: Block, __: Begin) -> int | None:
+    def _begin(self, at: int, block: Block, __: Begin) -> int | None:
         step = cast(Begin, self.structures.steps.get(at))
         if isinstance(step, End):  # a WHILE that closes a DO
-            return self._end(at, _, step)
+            return self._end(at, block, step)
         end = self.structures.end[at]
         match step.kind:
             case "IF" if not self._holds(step.test):
@@ -64,7 +66,7 @@ class StructureSteps:
     def _else(self, at: int, _: Block, __: Else) -> int:
         return self.structures.end[at] + 1
 
-    def _end(self, at: int, _: Block, __: End) -> int | None:
+    def _end(self, at: int, block: Block, __: End) -> int | None:
         begin = self.structures.begin[at]
         opened, step = cast(Begin, self.structures.steps[begin]), cast(End, self.structures.steps[at])
         match step.kind:
@@ -77,6 +79,10 @@ class StructureSteps:
             case "DO":
                 again = self._again(step.again)
             case "REPEAT":
+                if self.after_continue:
+                    raise block.refuse(
+                        "a repeat loop that ends behind the continue of a do loop: LinuxCNC 2.9 runs it too often"
+                    )
                 self.passes()[begin] -= 1
                 again = self.passes()[begin] > 0
             case "FOR":
@@ -103,7 +109,9 @@ class StructureSteps:
         return self.structures.end[begin] + 1
 
     def _next_pass(self, at: int, _: Block, __: Again) -> int:
-        return self.structures.end[self.structures.begin[at]]
+        begin = self.structures.begin[at]
+        self.after_continue |= cast(Begin, self.structures.steps[begin]).kind == "DO"
+        return self.structures.end[begin]
 
     def _branch(self, at: int) -> int:
         """The first block of the branch of an IF that runs when the first one does not."""

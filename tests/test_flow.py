@@ -226,6 +226,15 @@ def test_a_do_loop_behind_a_while_loop_with_a_break(limit):
         read(HEAD + loop + "o4 do\nX#1\n#1=[#1+1]\no4 while [#1 lt 9]\n", load("gantry"))
 
 
+def test_a_repeat_loop_behind_the_continue_of_a_do_loop(linuxcnc):
+    """LinuxCNC 2.9 runs it more than twice."""
+    loop = "#1=0\no1 do\nX#1\n#1=[#1+1]\no2 if [#1 ge 2]\no1 continue\no2 endif\no1 while [#1 lt 3]\n"
+    text = HEAD + loop + "o3 repeat [2]\nY9.\no3 endrepeat\n"
+    with pytest.raises(UserError, match="a repeat loop that ends behind the continue of a do loop"):
+        read(text, load("gantry"))
+    assert [move.end[1] for move in linuxcnc.run(text + "M2\n").moves].count(9.0) > 2
+
+
 @pytest.mark.parametrize(
     ("block", "reason"),
     [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,10 @@ import numpy as np
 from tests.fuzz.path import Array, Move, without_trims
 
 PART = re.compile(r"NCOMP FROM (\d+)/(\d+)")
+ABSOLUTE = {"90": True, "91": False}
+CYCLES = dict.fromkeys(("73", "74", "76", *map(str, range(81, 90))), True) | dict.fromkeys(
+    ("0", "1", "2", "3", "80"), False
+)
 KNOWN_M = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 19, 30, 48, 49}
 UNCORRECTED = re.compile(r"G0*(28|30|53)(?![\d.])")
 OUTPUTS = re.compile("AUX_OUTPUT|MOTION_OUTPUT")
@@ -90,7 +94,8 @@ class Placed:
 
     def __init__(self, text: str, groups: list[Group]) -> None:
         self.codes = [code_of(line) for line in split_lines(text)]
-        self._absolute = _absolute(self.codes)
+        self._absolute = _modal(self.codes, ABSOLUTE, True)
+        self._cycles = _modal(self.codes, CYCLES, False)
         self.groups = groups
         self.said: set[str] = set()
         self.changed = False
@@ -123,7 +128,7 @@ class Placed:
         """True for one of several moves of a block that a cycle makes."""
         line = self.groups[i].programmed.line
         same = [g.programmed.kind for g in (*self._run(i, -1, line), *self._run(i, 1, line))]
-        return bool(same) and "rapid" in {*same, self.groups[i].programmed.kind}
+        return self._cycles[line - 1] or (bool(same) and "rapid" in {*same, self.groups[i].programmed.kind})
 
     def _run(self, i: int, step: int, line: int) -> Iterator[Group]:
         i += step
@@ -132,13 +137,13 @@ class Placed:
             i += step
 
 
-def _absolute(codes: list[str]) -> list[bool]:
-    """Whether each line is read as absolute: the codes in the order of the text, which no branch of a program changes."""
-    found, absolute = [], True
+def _modal(codes: list[str], words: Mapping[str, bool], state: bool) -> list[bool]:
+    """A state on each line: G words in the order of the text, which no branch of a program changes."""
+    found = []
     for code in codes:
-        for number in re.findall(r"G0*9([01])(?![\d.])", code):
-            absolute = number == "0"
-        found.append(absolute)
+        for number in re.findall(r"G0*([\d.]+)", code):
+            state = words.get(number, state)
+        found.append(state)
     return found
 
 
