@@ -65,5 +65,14 @@ def _rows(motions: Motions, *kinds: Kind) -> list[int]:
 
 
 def _ends(motions: Motions) -> list[Row]:
-    ends = np.where(motions.known == Known.ASSUMED, np.nan, motions.machine_target)
-    return [(motions.blocks[motions.block[i]].line, Kind(motions.kind[i]), ends[i]) for i in _rows(motions, *MOVING)]
+    return [
+        (motions.blocks[motions.block[i]].line, Kind(motions.kind[i]), _end(motions, i))
+        for i in _rows(motions, *MOVING)
+    ]
+
+
+def _end(motions: Motions, row: int) -> Array:
+    """Where coordinates are turned, an axis is placed by every coordinate that moves it."""
+    shares = motions.frames[motions.frame[row]].shares
+    assumed = (shares & (motions.known[row] == Known.ASSUMED)).any(axis=1)
+    return np.where(assumed, np.nan, motions.machine_target[row])
