@@ -30,6 +30,13 @@ def length(vectors: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
+def predictions(file: Path) -> tuple[Array, Array]:
+    """Deviations and their standard uncertainties `(n, 3)`, um."""
+    rows = list(csv.DictReader(line for line in file.read_text().splitlines() if not line.startswith("#")))
+    found, u = (np.array([[float(row[f"{name}{c}_um"]) for c in "xyz"] for row in rows]) for name in ("d", "u_d"))
+    return found, u
+
+
 def examined(folder: Path, kind: str, seed: int, rotary: int) -> tuple[float, float, float]:
     """Volumetric error before and after, best aligned, and its uncertainty as claimed, um RMS, where it was measured."""
     rng = np.random.default_rng(seed)
@@ -44,9 +51,7 @@ def examined(folder: Path, kind: str, seed: int, rotary: int) -> tuple[float, fl
     (folder / "points.csv").write_text(strange.points_file(design, positions))
     predicted = folder / "predicted.csv"
     command("predict", str(folder / "points.csv"), *machine, "--calibration", calibration, "-o", str(predicted))
-    lines = [line for line in predicted.read_text().splitlines() if not line.startswith("#")]
-    rows = list(csv.DictReader(lines))
-    found, u = (np.array([[float(row[f"{name}{c}_um"]) for c in "xyz"] for row in rows]) for name in ("d", "u_d"))
+    found, u = predictions(predicted)
     points, true = strange.deviations(design, truth, positions, strange.TARGETS["t1"])
     before, after = strange.left_over(points, true * 1e3), strange.left_over(points, true * 1e3 - found)
     return length(before), length(after), length(u)
@@ -76,6 +81,35 @@ def test_few_positions_are_refused_with_what_is_needed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["whole-turn", "part-of-turn", "inches", "within"])
 def test_many_positions_on_strange_machines(tmp_path: Path, kind: str, seed: int) -> None:
     check(*examined(tmp_path, kind, seed, rotary=2), share=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 3])
+def test_tables_of_three_points_scatter_as_they_claim(tmp_path: Path, seed: int) -> None:
+    """Predictions from eight measurements of one machine, each with other noise."""
+    rng = np.random.default_rng(seed)
+    toml = strange.machine_file(rng, rotary=0)
+    design = strange.design_of("three-points", toml, rng)
+    truth = strange.truth_of(design, rng)
+    (tmp_path / "strange.toml").write_text(toml)
+    machine = ("--machine", str(tmp_path / "strange.toml"))
+    (tmp_path / "points.csv").write_text(
+        strange.points_file(design, strange.scattered(design.chain, rng, design.ranges, 100))
+    )
+    found, u = [], []
+    for _ in range(8):
+        (tmp_path / "data.csv").write_text(strange.sheet(design, strange.readings(design, truth, rng)))
+        calibration = str(tmp_path / "cal.json")
+        command("three-points", str(tmp_path / "data.csv"), *machine, "--basis", "table", "-o", calibration)
+        predicted = tmp_path / "predicted.csv"
+        command(
+            "predict", str(tmp_path / "points.csv"), *machine, "--calibration", calibration, "-o", str(predicted)
+        )  # fmt: skip
+        deviation, own = predictions(predicted)
+        found.append(deviation)
+        u.append(own)
+    scatter = np.concatenate(np.array(found) - np.mean(found, axis=0)) * np.sqrt(8 / 7)
+    assert 0.7 < length(scatter) / length(np.concatenate(u)) < 1.3
 
 
 @pytest.mark.slow

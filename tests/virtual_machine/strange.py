@@ -254,6 +254,21 @@ def _table_only(chain: Chain, rng: np.random.Generator) -> Design:
     return replace(design, on_bed=True, table=TABLE, target=np.array(list(TABLE))[np.arange(90) % 3])
 
 
+def _three_points(chain: Chain, rng: np.random.Generator) -> Design:
+    """Every axis alone, its three targets one after the other, the tracker on the bed; three rounds."""
+    ranges = ranges_of(chain, rng, 300.0)
+    standing = scattered(chain, rng, ranges, 1)[0]
+    parts, names = [], []
+    for i, axis in enumerate(chain.axes):
+        for name in TABLE if axis.on_workpiece_side else TARGETS:
+            part = np.tile(standing, (13, 1))
+            part[:, i] = np.linspace(*ranges[axis.name], 13)
+            parts.append(part)
+            names += [name] * 13
+    positions, target = np.tile(np.round(np.concatenate(parts), 4), (3, 1)), np.tile(names, 3)
+    return Design(chain, positions, target, stand_beside(chain, rng, positions), on_bed=True, table=TABLE)
+
+
 def _with_targets(chain: Chain, rng: np.random.Generator, positions: Array, away: float = 900.0) -> Design:
     names = np.array(list(TARGETS))
     target = names[rng.integers(0, len(names), len(positions))]
@@ -263,4 +278,5 @@ def _with_targets(chain: Chain, rng: np.random.Generator, positions: Array, away
 DESIGNS: Mapping[str, Callable[[Chain, np.random.Generator], Design]] = {
     "whole-turn": _whole_turn, "part-of-turn": _part_of_turn, "one-at-a-time": _single, "inches": _inches,
     "within": _within, "bed": _on_bed, "few": _few, "line": _on_a_line, "bed-only": _bed_only, "table-only": _table_only,
+    "three-points": _three_points,
 }  # fmt: skip
