@@ -32,6 +32,7 @@ from kinematics.machine import Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import IDENTITY, Array, rotation_about
+from kinematics.turn import columns_of
 
 DATUM_SLOPES = ("E_YX", "E_ZX", "E_ZY")
 """Straightness slopes that are zero by convention: X is x, Y lies in the x y plane."""
@@ -166,7 +167,7 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
             for turned in parts:
                 row = np.zeros(len(model.parameters))
                 for (effect, part), weights in zip(motions, turned, strict=True):
-                    row[part] = HARMONIC * weights @ effect.basis.columns(np.rad2deg(q))
+                    row[part] = HARMONIC * weights @ columns_of(axis, effect.basis, np.rad2deg(q))
                 yield row
 
 

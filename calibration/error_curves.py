@@ -4,13 +4,15 @@ The curves are fitted to all six at once, weighted by what the points say of the
 given, or chosen by Akaike's information criterion (AIC): the Bayesian one leaves out what is smaller than the noise of
 a point, of which u then says nothing. The gauge of the points (`rigid_motions`) takes from a
 rotary axis what turns along with the component; what it takes from a polynomial is none, so polynomials of a rotary
-axis have a wobble of that kind beside them.
+axis have a wobble of that kind beside them, and are written with it as one polynomial of a degree that holds both. A
+rotary axis that turns fully, and was measured all round, has harmonics of the turn in place of polynomials.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal, cast
 
@@ -18,11 +20,12 @@ import numpy as np
 from scipy import special
 
 from calibration.rigid_motions import RigidMotions
-from kinematics.basis import Basis, BSpline, Legendre
+from kinematics.basis import Basis, BSpline, Harmonics, Interval, Legendre
 from kinematics.effects import COMPONENTS, Component, Effect, ErrorMotion, LocationError, Wobble
 from kinematics.errors import UserError
-from kinematics.machine import Axis
+from kinematics.machine import TURN, Axis
 from kinematics.transforms import Array
+from kinematics.turn import columns_of, gap_of, measured_arc
 
 HIGHEST_DEGREE = 15
 """That is tried, if the positions take it."""
@@ -30,8 +33,13 @@ MISFIT = 1e-3
 """Chance of a chi2 below which a curve is said to miss its points."""
 NO_SCATTER = 1e-6
 """Share of the largest variance below which a combination of residuals has none."""
-LARGEST_WOBBLE = 1e3
-"""um and urad: keeps a wobble that the polynomials nearly hold from growing against them."""
+LARGEST_WOBBLE = 100.0
+"""um and urad: no rotary axis in use wobbles by more. Without a bound, a wobble that the polynomials nearly hold grows
+against them."""
+HOLDS = (1e3, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
+"""Standard deviations of the wobble, um and urad, that are tried until it keeps within LARGEST_WOBBLE."""
+HOLDS_A_WOBBLE = 20
+"""Degree of a polynomial that holds one wave of a turn to 1e-9 of its size."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +58,13 @@ class Shape:
 
     @property
     def degrees(self) -> tuple[int | None, ...]:
-        """Of the polynomials; None of tables."""
-        return tuple(basis.degree if isinstance(basis, Legendre) else None for basis in self.bases)
+        """Of the polynomials, or the number of harmonics; None of tables."""
+        return tuple(_degree(basis) for basis in self.bases)
 
     @property
     def wobbles(self) -> tuple[Wobble, ...]:
-        """Radial and tilt, turning along with what the axis carries; none beside tables, which hold it."""
-        if not self.axis.rotary or isinstance(self.bases[0], BSpline):
+        """Radial and tilt, turning along with what the axis carries; none beside tables and harmonics: they hold it."""
+        if not self.axis.rotary or not isinstance(self.bases[0], Legendre):
             return ()
         letter = self.axis.error_frame[:, "ABC".index(self.axis.name[0])]
         along = (letter @ self.axis.unit_direction > 0) == (self.axis.side == "tool")
@@ -75,7 +83,7 @@ class Shape:
         """Matrix `(6n, p)` from the parameters to the error motions at positions `(n,)`, position by position."""
         rows = np.zeros((len(positions), 6, self.size))
         for component, (basis, columns) in enumerate(zip(self.bases, self.parts, strict=True)):
-            rows[:, component, columns] = basis.columns(positions)
+            rows[:, component, columns] = columns_of(self.axis, basis, positions)
         start = self.parts[-1].stop
         cos, sin = np.cos(np.deg2rad(positions)), np.sin(np.deg2rad(positions))
         for k, wobble in enumerate(self.wobbles):
@@ -128,61 +136,123 @@ class AxisModel:
 
 
 def tables(axis: Axis, positions: Array) -> Shape:
-    """Interpolated tables with the measured positions as nodes."""
-    return Shape(axis, (BSpline(tuple(np.sort(positions).tolist()), 1),) * 6)
+    """Interpolated tables with the measured positions as nodes, closed where the whole turn was measured."""
+    arc, nodes = _arc(axis, positions), np.unique(positions)
+    if axis.turns_fully:
+        nodes = arc[0] + np.unique(np.round(np.mod(positions - arc[0], TURN), 6) % TURN)
+        nodes = nodes if gap_of(arc) else np.append(nodes, arc[1])
+    return Shape(axis, (BSpline(tuple(nodes.tolist()), 1),) * 6)
 
 
 def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int]) -> Shape:
     """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others by AIC.
 
-    A straightness is a line at least, for its slope is the orientation of the axis.
+    A straightness is a line at least, for its slope is the orientation of the axis. Of an axis that turns fully and was
+    measured all round, harmonics: a degree is their number.
     """
-    n, interval = len(positions), (float(positions.min()), float(positions.max()))
-    least = np.array([1 if not axis.rotary and name in _sideways(axis) else 0 for name in COMPONENTS])
+    arc = _arc(axis, positions)
+    least, most = _fewest(axis, arc), _most(axis, arc, len(positions))
     degrees = least.copy()
     open_ = []
     for j, name in enumerate(COMPONENTS):
         degree = given.get(f"{name}{axis.name}")
         if degree is None:
             open_.append(j)
-        elif not least[j] <= degree < n:
-            raise UserError(f"degree {degree} of E_{name}{axis.name}: {n} positions take {least[j]} to {n - 1}")
+        elif not least[j] <= degree <= most:
+            raise UserError(
+                f"degree {degree} of E_{name}{axis.name}: {len(positions)} positions take {least[j]} to {most}"
+            )
         else:
             degrees[j] = degree
+    highest = max(min(HIGHEST_DEGREE, most - 1), int(least.max()))
+    return _by_aic(_Criterion(axis, arc, positions, motions), degrees, open_, least, highest)
 
-    weights = _weights(motions)
-    observed = np.append(weights @ motions.errors.reshape(-1), np.zeros(4 * axis.rotary))
 
-    def criterion(of: Array) -> float:
-        shape = _legendre(axis, interval, of)
-        rows = _rows(shape, positions, weights)
+@dataclass(frozen=True)
+class _Criterion:
+    """Akaike's information criterion of six curves."""
+
+    axis: Axis
+    arc: Interval
+    positions: Array
+    motions: RigidMotions
+
+    def shape(self, degrees: Array) -> Shape:
+        """The six curves of some degrees."""
+        kind = Harmonics if _closed(self.axis, self.arc) else Legendre
+        return Shape(self.axis, tuple(kind(self.arc, int(degree)) for degree in degrees))
+
+    @cached_property
+    def weights(self) -> Array:
+        """See `_weights`."""
+        return _weights(self.motions)
+
+    def __call__(self, degrees: Array) -> float:
+        shape = self.shape(degrees)
+        rows = _rows(shape, self.positions, self.weights, HOLDS[0])
+        observed = np.append(self.weights @ self.motions.errors.reshape(-1), np.zeros(len(rows) - len(self.weights)))
         left = observed - rows @ np.linalg.lstsq(rows, observed, rcond=1e-14)[0]
         return float(left @ left) + 2.0 * shape.size
 
+
+def _by_aic(criterion: _Criterion, degrees: Array, open_: list[int], least: Array, highest: int) -> Shape:
+    """The shape that no change of one degree makes better."""
     best, changed = criterion(degrees), True
     while changed:
         changed = False
         for j in open_:
-            for other in range(least[j], highest_degree(n) + 1):
+            for other in range(least[j], highest + 1):
                 trial = degrees.copy()
                 trial[j] = other
                 value = criterion(trial) if other != degrees[j] else best
                 if value < best - 1e-9:
                     best, degrees, changed = value, trial, True
-    return _legendre(axis, interval, degrees)
+    return criterion.shape(degrees)
 
 
-def highest_degree(n: int) -> int:
-    """That AIC may choose for n positions."""
-    return min(HIGHEST_DEGREE, n - 2)
+def _arc(axis: Axis, positions: Array) -> Interval:
+    """What was measured, mm or degrees: of an axis that turns fully, the arc of the turn."""
+    return measured_arc(positions) if axis.turns_fully else (float(positions.min()), float(positions.max()))
+
+
+def _closed(axis: Axis, arc: Interval) -> bool:
+    """True where the whole turn was measured."""
+    return axis.turns_fully and not gap_of(arc)
+
+
+def _fewest(axis: Axis, arc: Interval) -> np.ndarray:
+    """Least degree of each of the six curves; across a line that turns, the harmonic that the gauge closes."""
+    if axis.rotary:
+        return np.array([int(_closed(axis, arc) and _across(axis, j)) for j in range(6)])
+    return np.array([int(name in _sideways(axis)) for name in COMPONENTS])
+
+
+def _most(axis: Axis, arc: Interval, n: int) -> int:
+    """Highest degree, or number of harmonics, that n positions determine."""
+    return (n - 1) // 2 if _closed(axis, arc) else n - 1
+
+
+def _across(axis: Axis, component: int) -> bool:
+    """True of shifts along, and turns about, the two directions across the line of a rotary axis."""
+    return component % 3 != "ABC".index(axis.name[0])
+
+
+def _degree(basis: Basis) -> int | None:
+    if isinstance(basis, Harmonics):
+        return basis.order
+    return basis.degree if isinstance(basis, Legendre) else None
 
 
 def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
     """The curves of least squares through the error motions at positions `(n,)`, mm or degrees; gauge closed."""
-    weights = _weights(motions)
-    rows = _rows(shape, positions, weights)
-    estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
-    return Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator)
+    weights, wobble = _weights(motions), slice(shape.parts[-1].stop, None)
+    for hold in HOLDS:
+        rows = _rows(shape, positions, weights, hold)
+        estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
+        found = Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator)
+        if np.abs(found.parameters[wobble]).max(initial=0.0) <= LARGEST_WOBBLE:
+            break
+    return found
 
 
 def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
@@ -210,9 +280,9 @@ def widening(curves: Curves, found: tuple[Misfit, ...]) -> Array:
     return factors
 
 
-def _rows(shape: Shape, positions: Array, weights: Array) -> Array:
-    """Whitened design, and below it what holds the wobble."""
-    held = np.eye(shape.size)[shape.parts[-1].stop :] / LARGEST_WOBBLE
+def _rows(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:
+    """Whitened design, and below it what holds the wobble to a standard deviation, um and urad."""
+    held = np.eye(shape.size)[shape.parts[-1].stop :] / hold
     return np.concatenate([weights @ shape.design(positions), held])
 
 
@@ -235,14 +305,32 @@ def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotio
     taken = np.zeros((6, len(curves.parameters), len(curves.parameters)))
     for component, (function, amount) in left.items():
         basis, part = curves.shape.bases[component], curves.shape.parts[component]
-        held = np.linalg.lstsq(basis.columns(positions), function, rcond=None)[0]
+        held = np.linalg.lstsq(columns_of(axis, basis, positions), function, rcond=None)[0]
         taken[component, part] = np.outer(held, amount)
-    matrix = np.concatenate([rows, np.eye(len(curves.parameters)) - taken.sum(axis=0)])
+    bases, held_together = _with_wobble(curves.shape)
+    matrix = np.concatenate([rows, held_together @ (np.eye(len(curves.parameters)) - taken.sum(axis=0))])
     effects: list[Effect] = [LocationError(name, axis.name, 0.0) for name in names]
-    for name, basis in zip(COMPONENTS, curves.shape.bases, strict=True):
+    for name, basis in zip(COMPONENTS, bases, strict=True):
         effects.append(ErrorMotion(cast(Component, name), axis.name, basis, (0.0,) * basis.size))
-    effects += curves.shape.wobbles
     return AxisModel(tuple(effects), matrix)
+
+
+def _with_wobble(shape: Shape) -> tuple[tuple[Basis, ...], Array]:
+    """Bases that hold each curve together with its wobble, and the matrix to their parameters from those of the curves.
+
+    A wobble beside polynomials would go on where these are held, outside the measured positions.
+    """
+    if not shape.wobbles:
+        return shape.bases, np.eye(shape.size)
+    low, high = shape.bases[0].interval
+    bases = tuple(
+        Legendre((low, high), max(_degree(basis) or 0, HOLDS_A_WOBBLE)) if _across(shape.axis, j) else basis
+        for j, basis in enumerate(shape.bases)
+    )
+    x = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(101) + 0.5) / 101)
+    values = shape.design(x).reshape(len(x), 6, -1)
+    parts = [np.linalg.lstsq(basis.columns(x), values[:, j], rcond=None)[0] for j, basis in enumerate(bases)]
+    return bases, np.concatenate(parts)
 
 
 def constants_design(curves: Curves) -> Array:
@@ -283,7 +371,3 @@ def _sideways(axis: Axis) -> str:
     """Components of the straightness of a linear axis."""
     along = axis.error_frame.T @ axis.unit_direction
     return "".join(letter for letter, share in zip("XYZ", along, strict=True) if abs(share) < 0.5)
-
-
-def _legendre(axis: Axis, interval: tuple[float, float], degrees: Array) -> Shape:
-    return Shape(axis, tuple(Legendre(interval, int(degree)) for degree in degrees))

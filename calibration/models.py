@@ -12,11 +12,12 @@ import numpy as np
 
 from calibration.instruments import Interferometer
 from calibration.measurement import Measurement
-from kinematics.basis import Basis, BSpline, Fourier, Interval, Legendre, Polynomial
+from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Interval, Legendre, Polynomial
 from kinematics.effects import Backlash, Component, Effect, ErrorMotion
 from kinematics.effects.base import own_component
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel, no_errors
+from kinematics.turn import gap_of, measured_arc
 
 STILL = 1e-6
 """mm or degrees: an axis that moves less stands still."""
@@ -35,8 +36,8 @@ class BasisChoice:
     def __str__(self) -> str:
         return f"{self.kind}:{self.size}"
 
-    def over(self, interval: Interval) -> Basis:
-        """The basis over an interval, mm or degrees."""
+    def over(self, interval: Interval, *, closed: bool = False) -> Basis:
+        """The basis over an interval, mm or degrees; closed: it is a whole turn, with which the errors repeat."""
         match self.kind:
             case "b-spline" | "cubic":
                 nodes = np.linspace(*interval, self.size).tolist()
@@ -45,6 +46,8 @@ class BasisChoice:
                 return Legendre(interval, self.size)
             case "polynomial":
                 return Polynomial(interval, self.size)
+            case _ if closed:
+                return Harmonics(interval, self.size)
             case _:
                 turns = (interval[1] - interval[0]) / 180.0
                 return Fourier(interval, tuple(turns * n for n in range(1, self.size + 1)))
@@ -80,12 +83,18 @@ def stated_bases(text: str, axes: Sequence[str]) -> dict[str, BasisChoice]:
 
 
 def moving_axes(measurement: Measurement) -> dict[str, Interval]:
-    """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees."""
+    """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees.
+
+    Of an axis that turns fully, the arc of the turn.
+    """
     across = measurement.across
     positions = (measurement.state.positions if across is None else across.ends) / measurement.machine.scale
     low, high = positions.min(axis=0), positions.max(axis=0)
     # the ends come back from rad with an error that no interval should show
     ends = np.round(np.stack([low, high], axis=1), 9).tolist()
+    for i, axis in enumerate(measurement.machine.axes):
+        if axis.turns_fully:
+            ends[i] = measured_arc(positions[..., i])
     names = measurement.machine.names
     measured = set(names) if measurement.axis is None else set(measurement.axis.tolist())
     return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STILL and name in measured}
@@ -104,7 +113,8 @@ def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> li
 
     An interferometer sees along the axis that it measures: of that the positioning error, and its backlash.
     """
-    basis = choice.over(moving_axes(measurement)[axis])
+    arc, own = moving_axes(measurement)[axis], measurement.machine.axes[measurement.machine.index(axis)]
+    basis = choice.over(arc, closed=own.turns_fully and not gap_of(arc))
     zero = (0.0,) * basis.size
     if isinstance(measurement.instrument, Interferometer):
         motions = [

@@ -129,4 +129,5 @@ def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) 
         q = state.positions[rows]
         deviation = exact_deviation(machine, q, errors[rows], tool[rows]).position
         transform = place_transform(machine, q, tool[rows])[:, :3]
-        yield Predicted(rows, deviation * MM, model.propagated(design.of(rows, transform)) * MM)
+        unmeasured = model.unmeasured_variance(machine, state.rows(rows), transform)
+        yield Predicted(rows, deviation * MM, model.propagated(design.of(rows, transform), unmeasured) * MM)

@@ -1,7 +1,7 @@
 """How a function of an axis position is written: columns of basis functions, linear in their parameters.
 
 Positions are in file units (mm or degrees). Outside its interval a function keeps the value it has at the nearer end,
-as the compensation tables of controls do, so no basis extrapolates.
+as the compensation tables of controls do, so no basis extrapolates; `kinematics.turn` closes the turn of a rotary axis.
 """
 
 from __future__ import annotations
@@ -101,6 +101,31 @@ class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
         return self._width / highest if highest else math.inf
 
 
+class Harmonics(_Scaled, frozen=True, tag_field="kind", tag="harmonics"):
+    """1, then sin(n q), cos(n q) for n = 1 ... order: repeats with the turn of a rotary axis at q degrees.
+
+    The interval says what was measured; the functions go on all round.
+    """
+
+    order: Degree
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return 1 + 2 * self.order
+
+    def columns(self, x: Array) -> Array:
+        """Basis functions `(n, size)` at positions `(n,)`, degrees."""
+        q = np.deg2rad(x)
+        waves = [wave(n * q) for n in range(1, self.order + 1) for wave in (np.sin, np.cos)]
+        return np.stack([np.ones_like(q), *waves], axis=1)
+
+    @property
+    def bend_length(self) -> float:
+        """How short a way its functions may bend there and back on, degrees: half the shortest wave."""
+        return 180.0 / self.order if self.order else math.inf
+
+
 class BSpline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="b-spline"):
     """B-spline over ascending nodes: degree 1 is an interpolated table of node values, degree 3 a cubic spline.
 
@@ -155,4 +180,4 @@ def _bend_length(width: float, degree: int) -> float:
     return 2.0 * width / (degree * (degree + 1)) if degree > 1 else math.inf
 
 
-Basis = Polynomial | Legendre | Fourier | BSpline
+Basis = Polynomial | Legendre | Fourier | Harmonics | BSpline

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Vector = tuple[float, float, float]
 
+TURN = 360.0
+"""Degrees."""
 EVERY_OTHER = "default"
 """Name of the entry that stands for all work offsets, or tools, that are not named."""
 ISO_DIRECTION: Mapping[str, Vector] = {
@@ -60,6 +62,11 @@ class Axis:
     def rotary(self) -> bool:
         """True for A, B and C."""
         return self.kind == "rotary"
+
+    @property
+    def turns_fully(self) -> bool:
+        """True of a rotary axis that can turn once round or without end: its errors repeat with the turn."""
+        return self.rotary and self.travel[1] - self.travel[0] >= TURN
 
     @property
     def unit(self) -> str:

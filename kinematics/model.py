@@ -12,14 +12,15 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from kinematics.effects import INSTRUMENT, Effect
-from kinematics.effects.base import Columns
+from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion
+from kinematics.effects.base import Columns, unit_of
 from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input, write_whole
 from kinematics.layout import to_json
 from kinematics.machine import Machine
 from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
 from kinematics.transforms import Array, blocks
+from kinematics.turn import beyond, gap_of, spread_beyond
 
 ROUNDING = 1e-9
 """Positions, mm or degrees, come back from rad with an error far below this."""
@@ -174,15 +175,36 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
         """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
-        return self.propagated(self.design(machine, state, transform))
+        design = self.design(machine, state, transform)
+        return self.propagated(design, self.unmeasured_variance(machine, state, transform))
 
-    def propagated(self, design: Array) -> Array:
-        """Standard uncertainties `(n, rows)` by first order from derivatives `(n, rows, parameters)`."""
+    def propagated(self, design: Array, besides: Array | float = 0.0) -> Array:
+        """Standard uncertainties `(n, rows)` by first order from derivatives `(n, rows, parameters)`.
+
+        besides: variances `(n, rows)` that are added to those of the parameters.
+        """
         if self.covariance is not None:
             variance = np.sum(design @ np.array(self.covariance) * design, axis=2)
-            return np.asarray(np.sqrt(np.maximum(variance, 0.0)))  # below zero by rounding only
-        u = np.array([v for effect in self.effects for v in effect.uncertainties])
-        return np.asarray(np.sqrt(np.einsum("nrp,p->nr", design**2, u**2)))
+        else:
+            u = np.array([v for effect in self.effects for v in effect.uncertainties])
+            variance = np.einsum("nrp,p->nr", design**2, u**2)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + besides))  # below zero by rounding only
+
+    def unmeasured_variance(self, machine: Machine, state: State, transform: Array) -> Array:
+        """Variances `(n, rows)` of what `transform` makes of errors in an arc of a turn that was not measured.
+
+        Each error motion has its typical size there, times `turn.spread_beyond`; they are independent.
+        """
+        variance = np.zeros(transform.shape[:2])
+        for effect in self.effects:
+            if isinstance(effect, ErrorMotion):
+                i = machine.index(effect.axis)
+                if machine.axes[i].turns_fully and gap_of(effect.basis.interval):
+                    size = effect.quantities()[0].typical * unit_of(effect.component)[1]
+                    spread = size * spread_beyond(effect.basis.interval, state.position(machine, effect.axis))
+                    arm = transform[:, :, 6 * i + COMPONENTS.index(effect.component)]
+                    variance += (arm * spread[:, None]) ** 2
+        return variance
 
     def bend_lengths(self, machine: Machine) -> Array:
         """How short a way of each axis `(axes,)`, mm and rad, the errors of the machine may bend there and back on.
@@ -205,16 +227,22 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return {what: excess for what, excess in largest.items() if excess > ROUNDING}
 
     def excesses(self, machine: Machine, state: State) -> dict[tuple[str, str], Array]:
-        """How far each row `(n,)` lies outside the interval of each effect, 0 inside; names and units as `outside`."""
-        beyond: dict[tuple[str, str], Array] = {}
+        """How far each row `(n,)` lies outside the interval of each effect, 0 inside; names and units as `outside`.
+
+        Of an axis that turns fully: how far along the turn from the arc that was measured.
+        """
+        found: dict[tuple[str, str], Array] = {}
         for effect in self.effects:
             for variable, (low, high) in effect.intervals.items():
                 x = state.variable(machine, variable, effect.name)
-                excess = np.maximum(np.maximum(low - x, x - high), 0.0)
+                if variable in machine.names and machine.axes[machine.index(variable)].turns_fully:
+                    excess = beyond((low, high), x)
+                else:
+                    excess = np.maximum(np.maximum(low - x, x - high), 0.0)
                 name = effect.name if variable in machine.names else f"{effect.name} in {variable}"
                 where = name, variable_unit(machine, variable)
-                beyond[where] = np.maximum(excess, beyond.get(where, 0.0))
-        return beyond
+                found[where] = np.maximum(excess, found.get(where, 0.0))
+        return found
 
 
 class Design:

@@ -12,6 +12,7 @@ from kinematics.basis import Basis
 from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.transforms import Array
+from kinematics.turn import columns_of
 
 REFERENCE = 20.0
 """degC that temperatures count from."""
@@ -90,7 +91,8 @@ class State:
     def basis_columns(self, machine: Machine, axis: str, basis: Basis) -> Array:
         """Basis functions `(n, size)` at the positions of one axis; kept, since its error motions share their basis."""
         if (axis, basis) not in self._known:
-            self._known[axis, basis] = basis.columns(self.position(machine, axis))
+            own = machine.axes[machine.index(axis)]
+            self._known[axis, basis] = columns_of(own, basis, self.position(machine, axis))
         return self._known[axis, basis]
 
     def left_behind(self, key: Hashable, work: Callable[[State], Any]) -> Any:

@@ -67,7 +67,8 @@ def uncertainties_um(
     First the root sum of squares over x, y and z; then that of its length, along its own direction. With a datum, of
     the error relative to it, e(q) - e(W): both are predicted by the same parameters, and what they share cancels.
     """
-    design = model.design(machine, state, place_transform(machine, state.positions, tool)[:, :3])
+    transform = place_transform(machine, state.positions, tool)[:, :3]
+    design = model.design(machine, state, transform)
     deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
     if datum is not None:
         design, deviation = design - datum.sensitivity, deviation - datum.shift
@@ -75,5 +76,7 @@ def uncertainties_um(
     # where nothing deviates any direction is as good as another
     unit = np.where(length > 0.0, deviation / np.where(length > 0.0, length, 1.0), [1.0, 0.0, 0.0])
     along = np.einsum("nk,nkp->np", unit, design)[:, None]
-    both = model.propagated(np.concatenate([design, along], axis=1)) * 1e3
+    transform = np.concatenate([transform, np.einsum("nk,nkp->np", unit, transform)[:, None]], axis=1)
+    unmeasured = model.unmeasured_variance(machine, state, transform)
+    both = model.propagated(np.concatenate([design, along], axis=1), unmeasured) * 1e3
     return np.asarray(np.linalg.norm(both[:, :3], axis=1)), np.asarray(both[:, 3])

@@ -35,7 +35,7 @@ def test_rows_of_what_is_not_known():
 
 def test_columns_of_a_basis_are_those_of_the_axis_and_the_basis():
     state = full_state(DMU50, 6)
-    for axis, basis in (("X", Polynomial((-250.0, 250.0), 2)), ("C", Polynomial((0.0, 360.0), 2))):
+    for axis, basis in (("X", Polynomial((-250.0, 250.0), 2)), ("B", Polynomial((0.0, 180.0), 2))):
         for chosen in (basis, Polynomial(basis.interval, 1)):
             for _ in range(2):
                 found = state.basis_columns(DMU50, axis, chosen)

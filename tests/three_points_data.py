@@ -11,7 +11,7 @@ from calibration.equations import expected
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement, Target
 from calibration.registration import Registration
-from kinematics.basis import Legendre
+from kinematics.basis import Harmonics, Legendre
 from kinematics.effects import Effect, ErrorMotion, LocationError
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Observation, Provenance, reference
@@ -49,14 +49,15 @@ def model(machine: Machine, effects: Sequence[Effect]) -> ErrorModel:
 
 
 def random_effects(seed: int, degree: int = 3, axes: Sequence[str] = "XYZBC", size: float = 15.0) -> list[Effect]:
-    """Error motions of all axes, polynomials, um and urad."""
+    """Error motions of all axes, polynomials, of C harmonics of the turn, um and urad."""
     rng = np.random.default_rng(seed)
     effects: list[Effect] = []
     for axis in axes:
         interval = (float(SERIES[axis].min()), float(SERIES[axis].max()))
         for component in ("X", "Y", "Z", "A", "B", "C"):
-            values = rng.uniform(-size, size, degree + 1)
-            effects.append(ErrorMotion(component, axis, Legendre(interval, degree), tuple(values.tolist())))
+            basis = Harmonics((0.0, 360.0), degree) if axis == "C" else Legendre(interval, degree)
+            values = rng.uniform(-size, size, basis.size)
+            effects.append(ErrorMotion(component, axis, basis, tuple(values.tolist())))
     return effects
 
 

@@ -88,7 +88,12 @@ class Unnamed(Cause, frozen=True, tag="unnamed"):
         degrees = np.array(self.terms)
         values = np.full((len(state), len(self.terms)), UM)
         for i, (name, basis) in enumerate(zip(self.variables, self._bases(), strict=True)):
-            values *= basis.columns(state.variable(machine, name, self.name))[:, degrees[:, i]]
+            own = (
+                state.basis_columns(machine, name, basis)
+                if name in self.axes
+                else basis.columns(state.variable(machine, name, self.name))
+            )
+            values *= own[:, degrees[:, i]]
         yield Columns(TOOL, COMPONENTS.index(self.component), values)
 
     @property

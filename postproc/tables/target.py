@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from kinematics.basis import BSpline, Fourier
+from kinematics.basis import BSpline, Fourier, Harmonics
 from kinematics.correction import correct_position
 from kinematics.effects import Cyclic, Effect, ErrorMotion, QuantisedCompensation, Wobble
 from kinematics.effects.base import own_motion
@@ -39,6 +39,8 @@ def shortest_wave(effect: Effect) -> tuple[str, float] | None:
         return effect.axis, effect.pitch
     if isinstance(effect, Wobble):
         return effect.axis, TURN / effect.harmonic
+    if isinstance(effect, ErrorMotion) and isinstance(effect.basis, Harmonics) and effect.basis.order:
+        return effect.axis, TURN / effect.basis.order
     if isinstance(effect, ErrorMotion) and isinstance(effect.basis, Fourier) and effect.basis.harmonics:
         low, high = effect.basis.interval
         return effect.axis, 2 * (high - low) / max(effect.basis.harmonics)
@@ -148,6 +150,8 @@ class Target:
             if isinstance(effect, ErrorMotion) and effect.axis == machine.names[column]:
                 kinks.update(effect.basis.nodes if isinstance(effect.basis, BSpline) else effect.basis.interval)
         stands = np.array(sorted(kinks))
+        if machine.axes[column].turns_fully:
+            stands = self.bounds[column, 0] + np.mod(stands - self.bounds[column, 0], TURN)
         q = np.tile(self.bounds.mean(axis=1), (len(stands), 1))
         q[:, column] = stands
         commands = stands - self.correction(q * machine.scale)[:, column] / machine.scale[column]

@@ -1,0 +1,91 @@
+"""The turn of a rotary axis: positions a whole turn apart are one pose, and so have one error.
+
+`Axis.turns_fully` says which axes this holds for. An error motion of such an axis is known on an *arc* of the turn,
+the interval of its basis. `columns_of` makes its functions repeat with the turn:
+
+- harmonics repeat by themselves;
+- a table or spline over a whole turn has at its seam the mean of its two ends; of any other basis half the difference
+  of its ends is taken off at one and added at the other, and in between in proportion: the misclosure of a full turn
+  is no property of the axis;
+- across an arc that was not measured, the errors go in a straight line from one end of the measured arc to the other,
+  so that they stay between two measured values. `spread_beyond` states how far they may really be from it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinematics.basis import Basis, BSpline, Harmonics, Interval
+from kinematics.machine import TURN, Axis
+from kinematics.transforms import Array
+
+CLOSED = 10.0
+"""Degrees: a part of the turn that is no wider counts as measured with its neighbours."""
+SEAM = 1.0
+"""Degrees: across a part of the turn that is no wider, ends that differ are misclosure, not a change of the error."""
+SPACING = 1.5
+"""A gap between positions counts as measured too when it is no wider than so many times the next smaller one."""
+BENDING = 2.0
+"""Harmonic by which errors are taken to bend where nothing was measured."""
+
+
+def measured_arc(positions: Array) -> Interval:
+    """The arc of the turn that positions `(n,)`, degrees, cover: all but the widest gap between neighbours.
+
+    From its lower end, which is one of the positions, upward; a whole turn where no gap stands out.
+    """
+    x = np.asarray(positions, float)
+    turned, first = np.unique(np.round(np.mod(x, TURN), 9) % TURN, return_index=True)
+    gaps = np.diff(np.append(turned, turned[0] + TURN))
+    widest = int(np.argmax(gaps))
+    others = np.delete(gaps, widest)
+    low = round(float(x[first[(widest + 1) % len(turned)]]), 9)
+    if len(others) and gaps[widest] <= max(CLOSED, SPACING * others.max()):
+        start = round(float(x.min()), 9)
+        return start, start + TURN
+    return low, round(low + TURN - float(gaps[widest]), 9)
+
+
+def gap_of(arc: Interval) -> float:
+    """Width of the part of the turn, degrees, that was not measured; 0 where the turn counts as measured all round."""
+    gap = TURN - (arc[1] - arc[0])
+    return gap if gap > CLOSED else 0.0
+
+
+def beyond(arc: Interval, x: Array) -> Array:
+    """How far positions `(n,)` lie outside the measured arc, degrees along the turn to its nearer end."""
+    if not gap_of(arc):
+        return np.zeros(len(x))
+    along, width = np.mod(x - arc[0], TURN), arc[1] - arc[0]
+    return np.asarray(np.maximum(np.minimum(along - width, TURN - along), 0.0))
+
+
+def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
+    """Basis functions `(n, size)` at positions `(n,)`, mm or degrees, of an axis; they repeat if it turns fully."""
+    if not axis.turns_fully or isinstance(basis, Harmonics):
+        return np.asarray(basis.columns(x))
+    low, high = basis.interval
+    along, gap = np.mod(x - low, TURN), TURN - (high - low)
+    if gap > SEAM:
+        first, last = basis.columns(np.array([low, high]))
+        share = np.clip((along - (high - low)) / gap, 0.0, 1.0)
+        return np.asarray(basis.columns(np.minimum(low + along, high)) + share[:, None] * (first - last))
+    turns = max(round((high - low) / TURN), 1)
+    every = [basis.columns(low + along + k * TURN) for k in range(turns)]
+    columns = np.asarray(np.mean(every, axis=0))
+    if isinstance(basis, BSpline) and turns == 1:
+        columns[:, [0, -1]] = columns[:, [0, -1]].mean(axis=1, keepdims=True)
+        return columns
+    first, last = basis.columns(np.array([low, low + turns * TURN]))
+    return np.asarray(columns + (0.5 - along / TURN)[:, None] * (last - first) / turns)
+
+
+def spread_beyond(arc: Interval, x: Array) -> Array:
+    """How far an error may be from the straight line across the arc that was not measured `(n,)`, of its typical size.
+
+    The rise of the harmonic BENDING over its chord across the gap, and 1 where the gap holds a quarter of its wave on
+    either side.
+    """
+    half = np.deg2rad(BENDING * min(gap_of(arc), TURN / 2 / BENDING) / 2)
+    inward = np.minimum(np.deg2rad(BENDING * beyond(arc, x)), half)
+    return np.asarray(np.cos(half - inward) - np.cos(half))
