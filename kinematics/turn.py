@@ -4,9 +4,9 @@
 the interval of its basis. `columns_of` makes its functions repeat with the turn:
 
 - harmonics repeat by themselves;
-- a table or spline over a whole turn has at its seam the mean of its two ends; of any other basis half the difference
-  of its ends is taken off at one and added at the other, and in between in proportion: the misclosure of a full turn
-  is no property of the axis;
+- a table or spline over a whole turn has at its seam the mean of its two ends; of any other basis the difference of its
+  ends is taken off at the upper end, and in proportion from the lower end on, where it stays as it is: the misclosure
+  of a full turn is no property of the axis;
 - across an arc that was not measured, the errors go in a straight line from one end of the measured arc to the other,
   so that they stay between two measured values. `spread_beyond` states how far they may really be from it.
 """
@@ -77,7 +77,7 @@ def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
         columns[:, [0, -1]] = columns[:, [0, -1]].mean(axis=1, keepdims=True)
         return columns
     first, last = basis.columns(np.array([low, low + turns * TURN]))
-    return np.asarray(columns + (0.5 - along / TURN)[:, None] * (last - first) / turns)
+    return np.asarray(columns - (along / TURN)[:, None] * (last - first) / turns)
 
 
 def spread_beyond(arc: Interval, x: Array) -> Array:

@@ -10,12 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from test_basis import BASES
+from virtual_machine.calibrated import read_calibration
+from virtual_machine.chain import load as chain_of
 
 import machines
 from kinematics.basis import BSpline, Fourier, Harmonics, Legendre
 from kinematics.effects import CrossAxis, ErrorMotion
 from kinematics.machine import Axis, Machine
-from kinematics.model import ErrorModel, no_errors, read_model
+from kinematics.model import ErrorModel, no_errors, read_model, write_model
 from kinematics.state import State
 from kinematics.turn import beyond, columns_of, gap_of, measured_arc
 
@@ -120,6 +122,19 @@ def test_shipped_calibration_repeats_with_the_turn():
     model = read_model(path, machine)
     once, again = (model.errors(machine, at(machine, "C", ROUND + k)) for k in (0.0, 360.0))
     np.testing.assert_allclose(again, once, atol=1e-12)
+
+
+@every_basis
+def test_the_second_implementation_reads_the_same_errors(basis, tmp_path):
+    model = with_motion(TRUNNION, basis)
+    write_model(model, tmp_path / "cal.json")
+    x = np.linspace(-800.0, 800.0, 333)
+    q = np.zeros((len(x), len(TRUNNION.axes)))
+    q[:, TRUNNION.index("C")] = x
+    if basis.interval[1] - basis.interval[0] <= 360.0:
+        there = read_calibration(tmp_path / "cal.json").errors(chain_of("trunnion_ac"), q)
+        here = model.errors(TRUNNION, at(TRUNNION, "C", x))[:, : len(TRUNNION.axes)]
+        np.testing.assert_allclose(there, here, atol=1e-12)
 
 
 # ---- which arc was measured

@@ -122,11 +122,11 @@ def _read(
 
 def _write(found: Diagnosis, output: str, json: str | None, report: str | None, command: str) -> None:
     """The new calibration, the results for programs and the report, all or none."""
-    from kinematics.model import encode_model
+    from calibration.beyond_measured import calibration_file
     from postproc.diagnosis_summary import summary
 
     with whole_results(json, report, output) as (results, shown, file):
-        file.write(encode_model(found.model))
+        file.write(calibration_file(found.model, found.measurement.machine))
         if json is not None:
             write_json(summary(found), results)
         if report is not None:

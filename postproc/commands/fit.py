@@ -172,10 +172,10 @@ def _write(
     found: Calibration, taken: OnTheFly | None, output: str, json: str | None, report: str | None, command: str
 ) -> None:
     """The calibration, the results for programs and the report, all or none."""
-    from kinematics.model import encode_model
+    from calibration.beyond_measured import calibration_file
 
     with whole_results(json, report, output) as (results, shown, file):
-        file.write(encode_model(found.model))
+        file.write(calibration_file(found.model, found.fit.measurement.machine))
         write_json(summary(found) | moving_summary(found, taken), results)
         if report is not None:
             from calibration.pages.fit import fit_page

@@ -51,8 +51,8 @@ def three_points(
     json: JsonFile = None,
 ) -> None:
     """Identify the six error motions of each axis from three or more targets on what it moves, one axis at a time."""
+    from calibration.beyond_measured import calibration_file
     from calibration.three_points import Choice, identify
-    from kinematics.model import encode_model
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
@@ -63,7 +63,7 @@ def three_points(
     for note in found.notes:
         say("note", note)
     with whole_results(json, str(output)) as (results, file):
-        file.write(encode_model(found.model))
+        file.write(calibration_file(found.model, measurement.machine))
         write_json(summary(found), results)
     show(found, console if json == "-" else screen, tables)
 

@@ -36,7 +36,7 @@ class Calibrated:
                 continue
             k = "XYZABC".index(effect["component"])
             if effect["kind"] == "error-motion":
-                result[:, i, k] += MICRO[k] * _curve(effect["basis"], effect["parameters"], _in_turn(axis, effect, x))
+                result[:, i, k] += MICRO[k] * _motion(axis, effect["basis"], effect["parameters"], x)
             elif effect["kind"] == "location" and (axis.rotary or k < 3):
                 result[:, i, k] += MICRO[k] * effect["value"]
             elif effect["kind"] == "location":
@@ -51,16 +51,30 @@ def read_calibration(file: Path) -> Calibrated:
     return Calibrated(tuple(json.loads(file.read_text(encoding="utf-8"))["effects"]))
 
 
-def _in_turn(axis: Axis, effect: Mapping[str, Any], x: Array) -> Array:
-    """Positions in the turn that an error motion over a whole turn is written for; of others as they are."""
-    basis = effect["basis"]
-    low, high = basis["interval"] if "interval" in basis else (basis["nodes"][0], basis["nodes"][-1])
-    return low + (x - low) % axis.turn if axis.turn and high - low == axis.turn else x
-
-
 def _sideways(axis: Axis, about: int) -> Array:
     """Where the carriage of a linear axis leaves its line to, for each rad and mm, in the frame of its errors."""
     return np.asarray(axis.frame.T @ np.cross(axis.frame[:, about], axis.direction))
+
+
+def _motion(axis: Axis, basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> Array:
+    """An error motion of an axis; of one that can turn once round it repeats with the turn."""
+    if not axis.rotary or axis.travel[1] - axis.travel[0] < 360.0:
+        return _curve(basis, parameters, x)
+    if basis["kind"] == "harmonics":
+        q, (constant, *waves) = np.radians(x), parameters
+        pairs = zip(waves[::2], waves[1::2], strict=True)
+        terms = [a * np.sin(n * q) + b * np.cos(n * q) for n, (a, b) in enumerate(pairs, 1)]
+        return np.asarray(constant + sum(terms, np.zeros_like(q)))
+    low, high = (basis["nodes"][0], basis["nodes"][-1]) if basis["kind"] == "b-spline" else basis["interval"]
+    here = low + (x - low) % 360.0
+    if high - low < 359.0:  # straight across what was not measured
+        ends = _curve(basis, parameters, np.array([high, low]))
+        return np.where(here <= high, _curve(basis, parameters, here), np.interp(here, [high, low + 360.0], ends))
+    if basis["kind"] == "b-spline":
+        seam = (parameters[0] + parameters[-1]) / 2.0
+        return _curve(basis, [seam, *parameters[1:-1], seam], here)
+    start, end = _curve(basis, parameters, np.array([low, high]))
+    return _curve(basis, parameters, here) - (end - start) * (here - low) / 360.0
 
 
 def _curve(basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> Array:
