@@ -73,7 +73,7 @@ def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
     turns = max(round((high - low) / TURN), 1)
     every = [basis.columns(low + along + k * TURN) for k in range(turns)]
     columns = np.asarray(np.mean(every, axis=0))
-    if isinstance(basis, BSpline) and turns == 1:
+    if isinstance(basis, BSpline) and abs(gap) <= SEAM:
         columns[:, [0, -1]] = columns[:, [0, -1]].mean(axis=1, keepdims=True)
         return columns
     first, last = basis.columns(np.array([low, low + turns * TURN]))

@@ -85,6 +85,7 @@ CASES = [
     Case("siemens-cec", f"{POSITIONING} {STRAIGHTNESS}", [*SQUARENESS, *PLAY], sign="error"),
     Case("siemens-cec", f"{POSITIONING} {STRAIGHTNESS} {ANGULAR}", [*SQUARENESS, *PLAY], sign="correction", leaves=0.2),
     Case("siemens-cec", STRAIGHTNESS, sign="error", settings=("own=false", "products=false", "control=828d")),
+    Case("siemens-cec", POSITIONING, ROUND, machine="head_table", sign="error", leaves=2.0),
     Case(
         "heidenhain",
         f"{POSITIONING} {STRAIGHTNESS}",

@@ -249,8 +249,10 @@ class _Writer:
             axis, x = axes[part.sources[k]], part.places[k]
             limits = self._limits if k == 0 else replace(self._limits, resolution=FACTOR, finest=1e-4)
             at_home = values - np.interp(axis.home, x, values)
-            nodes = choose_nodes(x, at_home[:, None], limits, axis.home)
+            nodes = choose_nodes(x, at_home[:, None], limits, axis.home, closing=closes(axis))
             fit = fitted(x, at_home[:, None], nodes)[:, 0]
+            if closes(axis):
+                fit[[0, -1]] = fit[[0, -1]].mean()
             fit = fit - np.interp(axis.home, nodes, fit)
             factors.append(Curve(axis.name, nodes, np.round(np.round(fit / resolutions[k]) * resolutions[k], 12)))
         self.terms.append(Term(axes[part.output].name, tuple(factors)))
@@ -267,6 +269,10 @@ class _Writer:
         nodes = [places.round(9) for places in nodes]
         values = fitted(part.places[0], part.values, nodes[0])
         values = fitted(part.places[1], values.T, nodes[1]).T
+        if closes(axes[0]):
+            values[[0, -1]] = values[[0, -1]].mean(axis=0)
+        if closes(axes[1]):
+            values[:, [0, -1]] = values[:, [0, -1]].mean(axis=1, keepdims=True)
         step = self._limits.resolution
         rounded = np.round(np.round(values / step) * step, 12)
         surface = Surface((axes[0].name, axes[1].name), (nodes[0], nodes[1]), rounded)

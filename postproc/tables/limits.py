@@ -12,8 +12,6 @@ from kinematics.machine import Axis, Machine
 from kinematics.transforms import Array
 from postproc.tables.terms import Curve, Term
 
-TURN = 360.0
-
 
 @dataclass(frozen=True)
 class Limits:
@@ -80,8 +78,8 @@ def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, way: int) 
 
     Of the two directions, that of forward travel.
     """
-    if axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN and curve.values[0] != curve.values[-1]:
-        raise UserError(f"{where}: {axis.name} turns without end, so its first and last value must be equal")
+    if axis.turns_fully and curve.values[0] != curve.values[-1]:
+        raise UserError(f"{where}: {axis.name} turns fully, so its first and last value must be equal")
     at_home = float(np.interp(axis.home, curve.nodes, curve.values))
     if limits.zero_at_home and way >= 0 and abs(at_home) > limits.resolution:
         raise UserError(f"{where}: {at_home:g} at the reference position {axis.home:g}, where it must be 0")

@@ -11,11 +11,11 @@ from typing import Annotated, Literal, NamedTuple
 from msgspec import Meta
 
 from kinematics.errors import UserError
-from kinematics.machine import Axis
+from kinematics.machine import TURN, Axis
 from kinematics.transforms import Array
 from postproc.tables.build import Carries
 from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
-from postproc.tables.limits import TURN, Limits
+from postproc.tables.limits import Limits
 from postproc.tables.terms import Curve, Term
 
 DECIMALS = 6

@@ -14,11 +14,11 @@ from kinematics.correction import correct_position
 from kinematics.effects import Cyclic, Effect, ErrorMotion, QuantisedCompensation, Wobble
 from kinematics.effects.base import own_motion
 from kinematics.errors import UserError
-from kinematics.machine import Axis, Machine
+from kinematics.machine import TURN, Axis, Machine
 from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.tables.limits import TURN
+from postproc.tables.terms import turn_of
 
 PER_WAVE, MOST_PLACES = 8, 1601
 """Places along an axis on the shortest wave of its errors; and in all."""
@@ -62,18 +62,18 @@ def volume(machine: Machine) -> Array:
 
 
 def bounds(axis: Axis) -> tuple[float, float]:
-    """Its travel, or one turn of an axis that turns without end."""
+    """Its travel, or one turn of an axis that turns fully."""
+    if axis.turns_fully:
+        return turn_of(axis)
     low, high = axis.travel
-    if axis.rotary and (np.isinf(low) or np.isinf(high) or high - low > TURN):
-        return 0.0, TURN
     if np.isinf(low) or np.isinf(high):
         raise UserError(f"axis {axis.name} has no ends in its machine file: tables need its travel")
     return low, high
 
 
 def closes(axis: Axis) -> bool:
-    """True when it turns without end, so that its table begins again where it ends."""
-    return axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN
+    """True when it can turn once round, so that its table begins again where it ends."""
+    return axis.turns_fully
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.machine import Machine
+from kinematics.machine import TURN, Axis, Machine
 from kinematics.transforms import Array
 
 Positions = Callable[[str], Array]
@@ -85,7 +85,8 @@ def added(terms: Iterable[Term], machine: Machine, q: Array, approach: Array | N
 
     def position(axis: str) -> Array:
         i = machine.index(axis)
-        return np.asarray(q[:, i] / machine.scale[i])
+        x = np.asarray(q[:, i] / machine.scale[i])
+        return into_the_turn(machine.axes[i], x)
 
     for term in terms:
         value = np.ones(len(q))
@@ -97,6 +98,20 @@ def added(terms: Iterable[Term], machine: Machine, q: Array, approach: Array | N
         i = machine.index(term.output)
         total[:, i] += value * machine.scale[i]
     return total
+
+
+def into_the_turn(axis: Axis, x: Array) -> Array:
+    """Positions `(n,)`, mm or degrees; of an axis that turns fully, those in the turn that its tables are over."""
+    if not axis.turns_fully:
+        return x
+    low = turn_of(axis)[0]
+    return np.where((x >= low) & (x <= low + TURN), x, low + np.mod(x - low, TURN))
+
+
+def turn_of(axis: Axis) -> tuple[float, float]:
+    """The turn that tables of an axis are over, degrees: its travel where that is one turn."""
+    low, high = axis.travel
+    return (low, high) if high - low == TURN else (0.0, TURN)
 
 
 def _share(nodes: Array, x: Array) -> tuple[np.ndarray, Array]:
