@@ -108,9 +108,9 @@ def continuous(
     target, positive where the axis goes too far in its positive direction; u_um is their standard uncertainty (k = 1).
     Cyclic errors, table steps, vibrations, reversal and drift between runs are pointed out.
     """
+    from calibration.beyond_measured import calibration_file
     from calibration.continuous.estimate import DIRECTIONS, estimate
     from calibration.continuous.reading import read_all
-    from kinematics.model import encode_model
     from postproc.continuous_summary import show, summary
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
@@ -131,8 +131,8 @@ def continuous(
         made = _calibration(found, read, quasi, machine, add_to, header) if write_calibration and machine else None
     with whole_results(json, report, write_calibration, output) as (results, shown, calibration, file):
         _write_table(found.table(), file)
-        if made is not None:
-            calibration.write(encode_model(made.model))
+        if made is not None and machine is not None:
+            calibration.write(calibration_file(made.model, machine_of(machine)))
         write_json(summary(found, read), results)
         if report is not None:
             from calibration.pages.continuous import continuous_page
