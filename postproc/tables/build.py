@@ -15,9 +15,9 @@ from itertools import combinations
 import numpy as np
 
 from kinematics.errors import UserError
-from kinematics.machine import Axis
+from kinematics.machine import TURN, Axis
 from kinematics.transforms import Array
-from postproc.tables.limits import TURN, Limits, check_terms
+from postproc.tables.limits import Limits, check_terms
 from postproc.tables.nodes import choose_nodes, fitted
 from postproc.tables.target import Target, closes, evenly, spread_out
 from postproc.tables.terms import Curve, Surface, Term, added
