@@ -23,7 +23,7 @@ from kinematics.model import no_errors, read_model, write_model
 from kinematics.state import State
 from postproc.tables.formats import FORMATS
 
-SETTINGS = {"fanuc": ("--set", "largest=100", "--set", "total=6000")}
+SETTINGS = {"fanuc": ("--set", "largest=100", "--set", "total=6000"), "mitsubishi": ("--set", "unit_um=0.2")}
 TOOL = np.array([0.0, 0.0, -80.0])
 ENDLESS = (0.0, 360.0)
 KNOTS = 6

@@ -209,8 +209,8 @@ def fanuc(folder: Path, chain: Chain, sign: str, unit: float = 1e-3) -> Motors:
     return summed(chain, additions)
 
 
-def mitsubishi(folder: Path, chain: Chain, _sign: str) -> Motors:
-    """Increments in half output units (1 um); 0 at the reference point."""
+def mitsubishi(folder: Path, chain: Chain, _sign: str, unit: float = 0.2e-3) -> Motors:
+    """Increments in half output units; 0 at the reference point."""
     points: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for row in _rows(folder / "error_data.csv"):
         points[row["axis"]].append((float(row["position"]), float(row["value"])))
@@ -219,7 +219,7 @@ def mitsubishi(folder: Path, chain: Chain, _sign: str) -> Motors:
         axis = row["axis"]
         x, steps = np.array(points[axis]).T
         total = np.cumsum(steps)
-        y = 0.5e-3 * float(row["scale"]) * (total - total[int(row["reference point"])])
+        y = unit / 2 * float(row["scale"]) * (total - total[int(row["reference point"])])
         turn = chain.axis(axis).turn
         additions.append(Addition(axis, curve(chain, axis, x, y, turn)))
     return summed(chain, additions)
