@@ -39,6 +39,8 @@ from kinematics.transforms import Array
 Straightness = Literal["end-point", "least-squares"]
 POSITIONS = 121
 """Along an axis."""
+TURN = 360.0
+"""deg: a rotary axis is compared over one turn at most."""
 POINTS = 1000
 """In the common volume, at random with a fixed seed."""
 COVERAGE = 2.0
@@ -239,7 +241,7 @@ def compare(
             if ends[0] >= ends[1]:
                 left_out.append(f"{name}: no range that both calibrations know")
                 continue
-            x = np.linspace(*ends, POSITIONS)
+            x = _positions(machine, i, ends)
             at = used.setdefault(axis.name, _reference(machine, i, ends, references or {}))
             positions = np.append(x, at) * machine.scale[i]
             pair = [side.seen(i, k, positions) for side in sides]
@@ -294,12 +296,22 @@ def _intervals(machine: Machine, model: ErrorModel) -> dict[tuple[int, int], Int
 
 
 def _common(sides: Sequence[_Side], i: int, k: int) -> Interval | None:
-    """The range of an error motion that both know, mm or degrees; None where neither has it."""
+    """The range of an error motion that both know, mm or degrees, at most a turn; None where neither has it."""
     known = [side.intervals[i, k] for side in sides if (i, k) in side.intervals]
     if not known:
         return None
     low, high = max(ends[0] for ends in known), min(ends[1] for ends in known)
-    return (low, high) if np.isfinite([low, high]).all() else (max(low, -180.0), min(high, 180.0))
+    axis = sides[0].machine.axes[i]
+    if axis.rotary and high - low > TURN:
+        low = min(max(low, axis.home - TURN / 2.0), high - TURN)
+        high = low + TURN
+    return low, high
+
+
+def _positions(machine: Machine, i: int, ends: Interval) -> Array:
+    """Positions `(n,)` over a range, mm or degrees; of a whole turn each once."""
+    whole = machine.axes[i].rotary and ends[1] - ends[0] >= TURN
+    return np.linspace(*ends, POSITIONS, endpoint=not whole)
 
 
 def _reference(machine: Machine, i: int, ends: Interval, references: Mapping[str, float]) -> float:
@@ -395,7 +407,7 @@ def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:
         ends = _common(sides, i, k)
         if ends is None or ends[0] >= ends[1]:
             continue
-        x = np.linspace(*ends, POSITIONS) * machine.scale[i]
+        x = _positions(machine, i, ends) * machine.scale[i]
         found = []
         for side in sides:
             ahead, behind = side.seen(i, k, x, 1.0), side.seen(i, k, x, -1.0)

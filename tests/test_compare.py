@@ -9,7 +9,7 @@ import pytest
 
 import machines
 from kinematics.basis import Polynomial
-from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift
+from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift, Wobble
 from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Provenance, reference, write_model
 
@@ -117,6 +117,22 @@ def test_rotary_axes_have_their_location_apart(command):
     assert motions["E_CC"]["largest"]["difference"] == pytest.approx(
         5.0 * -motions["E_CC"]["largest"]["position_deg"] / 100
     )
+
+
+def test_an_endless_axis_is_compared_over_one_turn(command):
+    text = 'name = "endless"\nchain = "w C b X Y Z t"\n[axes.C]\ntravel = [-1e6, 1e6]\npoint = [0, 0, 0]\n'
+    Path("endless.toml").write_text(text + "".join(f"[axes.{name}]\ntravel = [0, 600]\n" for name in "XYZ"))
+    machine = machines.load("endless.toml")
+    for path, size in (("a.json", 5.0), ("b.json", 7.0)):
+        wobble = Wobble(axis="C", motion="tilt", harmonic=2, sense=1, cosine=size, sine=0.0, u=(0.2, 0.2))
+        calibration(path, machine, LocationError(component="X", axis="C", value=size, u=(0.5,)), wobble)
+    found, motions, figures = compared(command, "--machine", "endless.toml")
+    positions = motions["E_AC"]["curves"]["positions_deg"]
+    assert (min(positions), max(positions)) == (-180.0, pytest.approx(177.0, abs=0.1))
+    assert motions["E_AC"]["largest"]["difference"] == pytest.approx(2.0, abs=0.01)
+    assert figures["E_X0C"]["difference"] == pytest.approx(2.0)
+    assert figures["E_A0C"]["a"] == pytest.approx(0.0, abs=1e-9)
+    assert found["volume"]["bounds"]["C"] == [-180.0, 180.0]
 
 
 def test_reversal_and_what_is_left_out(command):
