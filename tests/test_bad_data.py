@@ -239,3 +239,28 @@ def test_commands_in_a_small_part_of_the_travel_are_asked_for_their_unit(good, t
     )
     done = run("fit", path, "cframe", tmp_path / "cal.json")
     assert "is the unit of the commands right (inch or m)?" in (done.stdout or str(done.exception))
+
+
+def test_a_dead_instrument_beside_a_continuous_run_is_refused(tmp_path):
+    run_file, targets, table = (str(tmp_path / name) for name in ("run.csv", "targets.csv", "table.csv"))
+    simulated = (
+        "--axis",
+        "X",
+        "--start-mm",
+        "0",
+        "--end-mm",
+        "450",
+        "--feed",
+        "5000",
+        "--rate",
+        "500",
+        "--spacing",
+        "45",
+    )
+    files = ("-o", run_file, "--quasistatic", targets)
+    assert CliRunner().invoke(app, ["simulate-continuous", "--machine", "cframe", *simulated, *files]).exit_code == 0
+    spoiled(Path(targets), constant("deviation_um"), Path(targets))
+    done = CliRunner().invoke(app, ["continuous", run_file, targets, "-o", table])
+    assert isinstance(done.exception, UserError)
+    assert "the instrument did not measure" in str(done.exception)
+    assert not Path(table).exists()

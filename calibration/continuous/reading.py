@@ -247,6 +247,7 @@ def _quasi(table: Table, axis: str, prefix: str, notes: list[str]) -> QuasiStati
     columns = part.numbers(["target_mm", "deviation_um"])
     _refuse_motion(part)
     _refuse_positions(part, axis, columns["target_mm"])
+    _refuse_dead(part, columns["deviation_um"])
     u, u_per_m = _sheet(table, notes)
     return QuasiStatic(
         np.round(columns["target_mm"], DIGITS),
@@ -265,6 +266,15 @@ def _refuse_motion(table: Table) -> None:
         moving = np.flatnonzero(table.numbers(["feed"])["feed"] != 0.0)
         if len(moving):
             table.fault(int(moving[0]), "feed", "taken in motion: not a quasi-static reading")
+
+
+def _refuse_dead(table: Table, deviations: Array) -> None:
+    """UserError where all of several readings are the same to the last digit."""
+    if len(deviations) > 2 and np.ptp(deviations) == 0.0:
+        raise UserError(
+            f"{table.source}: all {len(deviations)} readings deviate by {deviations[0]:g} um: the instrument did not "
+            "measure, or the wrong column was read"
+        )
 
 
 def _refuse_positions(table: Table, axis: str, targets: Array) -> None:
