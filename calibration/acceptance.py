@@ -25,8 +25,13 @@ MOSTLY = 0.5
 
 
 def refuse_few(found: Fit, seen: Visibility) -> None:
-    """UserError where the rows can't determine the parameters of the model, or leave nothing to check them."""
+    """UserError where the rows show nothing, can't determine the model's parameters, or leave nothing to check them."""
     measurement, registered = found.measurement, len(found.registration.names)
+    if seen.parameters and not seen.rank_registered:
+        raise UserError(
+            f"{measurement.source}: the rows show nothing of the machine's errors: no axis moves between the "
+            "instrument and its targets, or nothing but what the registration takes up"
+        )
     unknown = registered + seen.parameters - seen.by_convention
     told = _information(measurement.rows(np.flatnonzero(found.kept)))
     checked = found.observations * (1.0 - SPARE) >= registered + seen.rank_registered

@@ -71,6 +71,11 @@ def test_one_line_is_refused(tmp_path: Path) -> None:
         examined(tmp_path, "line", 1, rotary=1)
 
 
+def test_targets_on_the_bed_alone_show_nothing_and_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="show nothing of the machine's errors"):
+        examined(tmp_path, "bed-only", 1, rotary=1)
+
+
 def test_few_positions_are_refused_with_what_is_needed(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="too few for"):
         examined(tmp_path, "few", 3, rotary=1)
