@@ -78,13 +78,13 @@ def imported(command, written, name, sign="error"):
     return read_model(Path(name), load(written.machine))
 
 
-def places(chain, turns=0, n=4000):
-    """Commands `(n, axes)`, mm and degrees, in the volume (endless axes some turns on), and ways."""
+def places(chain, turns=2, n=4000):
+    """Commands `(n, axes)`, mm and degrees, in the volume (endless axes in turns to either side), and ways."""
     rng = np.random.default_rng(11)
     low, high = np.array([bounds(axis) for axis in chain.axes]).T
     commands = rng.uniform(low, high, (n, len(low)))
     endless = np.array([np.isinf(axis.travel[1]) for axis in chain.axes])
-    commands += 360.0 * endless * rng.integers(-turns, turns + 1, commands.shape)
+    commands += 360.0 * endless * rng.integers(-turns, turns, commands.shape)
     return commands, rng.choice([-1.0, 1.0], commands.shape)
 
 
@@ -115,7 +115,7 @@ def check_left(written, source, sign="error"):
     for stage, motors in stages.items():
         left = missed(chain, truth, motors, commands, ways)
         assert rms(left) == pytest.approx(told[stage]["rms"], rel=0.05, abs=0.02), stage
-        assert np.quantile(left, 0.95) == pytest.approx(told[stage]["p95"], rel=0.05, abs=0.03), stage
+        assert np.quantile(left, 0.95) == pytest.approx(told[stage]["p95"], rel=0.08, abs=0.03), stage
         assert left.max() < 1.3 * told[stage]["max"] + 0.1, stage
 
 
