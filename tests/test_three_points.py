@@ -417,3 +417,16 @@ def test_results_do_not_go_where_the_calibration_goes(command, tmp_path: Path, p
     assert done.status == 2
     assert "--json" in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["data.csv"]
+
+
+@pytest.mark.parametrize(("step", "last"), [(20.0, 340.0), (10.0, 340.0)], ids=["all round", "an arc"])
+def test_a_turn_is_the_same_in_every_turn_and_does_not_grow_in_a_gap(monkeypatch, step, last):
+    monkeypatch.setitem(SERIES, "C", np.arange(0.0, last + 1.0, step))
+    truth = model(DMU50, random_effects(11, degree=2, axes="C", size=6.0))
+    found = identify(measured(DMU50, truth, AROUND, axes="XYZC", rng=np.random.default_rng(4))).model
+    q = np.zeros((721, len(DMU50.axes)))
+    q[:, DMU50.index("C")] = np.deg2rad(np.linspace(0.0, 360.0, 721))
+    here, there = (found.errors(DMU50, State(each))[:, DMU50.index("C")] for each in (q, q - 4.0 * np.pi))
+    np.testing.assert_allclose(there, here, atol=1e-11)
+    inside = np.rad2deg(q[:, DMU50.index("C")]) <= last
+    assert (np.ptp(here, axis=0) <= 1.1 * np.ptp(here[inside], axis=0)).all()
