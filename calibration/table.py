@@ -18,6 +18,9 @@ from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input
 from kinematics.transforms import Array
 
+LARGEST = 1e12
+"""Largest number that is read: squares of what a slip of the hand makes must stay finite."""
+
 
 class Entry(NamedTuple):
     """The value of a header key, and its line; 0 of what was not in the file but given along with it."""
@@ -50,14 +53,14 @@ class Table:
         return len(self.rows)
 
     def numbers(self, names: Sequence[str]) -> dict[str, Array]:
-        """Columns `(n,)` of finite numbers; UserError with the place of the first cell that is none."""
+        """Columns `(n,)` of numbers up to LARGEST; UserError with the place of the first cell that is none."""
         if not names:
             return {}
         try:
             values = self._load(names, float)
         except ValueError:
             values = np.array([[math.nan]])
-        if not np.all(np.isfinite(values)):
+        if not np.all(np.abs(values) <= LARGEST):
             self._find_bad(names)
         return dict(zip(names, values.T.copy(), strict=True))
 
@@ -89,7 +92,7 @@ class Table:
         raise UserError(f"{self.source}{f':{line}' if line else ''} {key}: {reason}")
 
     def header_numbers(self, key: str, count: int) -> tuple[float, ...]:
-        """So many finite numbers, with blanks or commas between them, of a header line."""
+        """So many numbers up to LARGEST, with blanks or commas between them, of a header line."""
         cells = self.entries[key].value.replace(",", " ").split()
         values = [number_of(cell) for cell in cells]
         if len(values) != count or None in values:
@@ -124,7 +127,7 @@ class Table:
             for name in names:
                 cell = cells[self.names.index(name)].strip()
                 if number_of(cell) is None:
-                    self.fault(row, name, f"{cell!r} is no number" if cell else "empty")
+                    self.fault(row, name, f"{cell!r} is no number within ±{LARGEST:g}" if cell else "empty")
         raise AssertionError("every cell is a number")
 
 
@@ -219,12 +222,12 @@ def text_lines(data: bytes, source: str) -> list[str]:
 
 
 def number_of(cell: str) -> float | None:
-    """The finite number in a cell, None when it is none."""
+    """The number in a cell, None when it is none or beyond LARGEST."""
     try:
         value = float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
         return None
-    return value if math.isfinite(value) else None
+    return value if abs(value) <= LARGEST else None
 
 
 def _take_header(text: str, line: int, entries: dict[str, Entry], remarks: list[Entry], source: str) -> None:
