@@ -18,6 +18,8 @@ from kinematics.transforms import Array
 
 SPARE = 0.2
 """Share of the observations that must be left over to check the parameters that they determine."""
+QUIET = 0.1
+"""chi2/dof below which the stated uncertainty can't be that of the data."""
 COVERAGE = 2.0
 """k: a correction is significant above so many standard uncertainties."""
 MOSTLY = 0.5
@@ -68,6 +70,11 @@ def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
     Larger both as they are and in units of the instrument's uncertainty. before: as `nominal_residuals`.
     """
     advice = "Nothing is written: check the data and the model (ncomp diagnose), or measure more"
+    if found.chi2_reduced < QUIET:
+        advice += (
+            f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument hides what the data "
+            "show, --noise estimate takes it from the residuals"
+        )
     source, kept = found.measurement.source, found.measurement.rows(np.flatnonzero(found.kept))
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
     if found.rms_um > rms_um and found.chi2 > float(np.sum(whitened(whiteners(kept), before) ** 2)):
