@@ -7,7 +7,8 @@ import pytest
 from programs import load, model_of
 from table_cases import PLAY, POSITIONING, SQUARENESS, STRAIGHTNESS, motions
 
-from kinematics.effects import GrowthWithSensor, LocationError
+from kinematics.basis import Harmonics
+from kinematics.effects import ErrorMotion, GrowthWithSensor, LocationError
 from kinematics.model import read_model, write_model
 from kinematics.state import State
 
@@ -246,3 +247,18 @@ def test_a_table_of_a_rotary_axis_is_read_and_written(command, tmp_path):
     assert done.status == 0, done.err
     (effect,) = read_model(tmp_path / "made.json", load("head_table")).effects
     assert effect.axis == "C"
+
+
+@pytest.mark.parametrize(("form", "name"), [("siemens-eec", "interval"), ("heidenhain", "distance")])
+def test_an_interval_that_does_not_divide_the_turn_is_refused(command, tmp_path, form, name):
+    machine = load("dmu50")
+    positioning = ErrorMotion("C", "C", Harmonics((0.0, 360.0), 1), (0.0, 20.0, 10.0))
+    write_model(model_of(machine, positioning), tmp_path / "c.json")
+    run = ("export", "--machine", "dmu50", "-c", "c.json", "--format", form, "--sign", "error", "-o", "out")
+    layout = ("--set", "layout=old") if form == "heidenhain" else ()
+    done = command(*run, *layout, "--set", f"{name}=7")
+    assert done.status == 2
+    assert "an interval of 7 does not divide the 360 degrees" in done.err
+    assert "take 6 or 7.2" in done.err
+    assert not (tmp_path / "out").exists()
+    assert command(*run, *layout, "--set", f"{name}=7.2").status == 0

@@ -92,3 +92,18 @@ def test_an_interval_that_does_not_reach_is_refused():
     limits = Limits(points=10, equidistant=True, interval=25.0, **FINE)
     with pytest.raises(UserError, match="10 points 25 apart do not reach from 0 to 500"):
         choose_nodes(X, X[:, None], limits, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("asked", "near"), [(7.0, "6 or 7.2"), (25.0, "24 or 30"), (200.0, "180 or 360"), (360.0, ""), (7.2, "")]
+)
+@pytest.mark.parametrize("limits", [{"equidistant": True}, {"on_grid": True}])
+def test_an_interval_of_an_axis_that_closes_divides_the_turn(asked, near, limits):
+    x = np.linspace(0.0, 360.0, 361)
+    limits = Limits(points=400, interval=asked, resolution=1e-4, spacing_step=1e-3, **limits)
+    curves = 0.01 * np.sin(np.deg2rad(x))[:, None]
+    if not near:
+        assert choose_nodes(x, curves, limits, 0.0, closing=True)[[0, -1]].tolist() == [0.0, 360.0]
+        return
+    with pytest.raises(UserError, match=f"interval of {asked:g} does not divide the 360 degrees .*: take {near}$"):
+        choose_nodes(x, curves, limits, 0.0, closing=True)

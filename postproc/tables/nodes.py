@@ -26,6 +26,8 @@ def choose_nodes(x: Array, curves: Array, limits: Limits, home: float, *, closin
     those of a closing table divide the way from the first to the last place.
     """
     enough = len(x) * max(ENOUGH * limits.resolution, limits.finest) ** 2
+    if closing and limits.interval:
+        _check_divides(float(x[-1] - x[0]), limits.interval, limits)
     if limits.equidistant:
         return _equidistant(x, curves, limits, None if closing else home, enough)
     if limits.on_grid and limits.interval:
@@ -97,12 +99,29 @@ def _chord_costs(x: Array, f: Array) -> Array:
     return np.asarray(cost)
 
 
+def _check_divides(turn: float, interval: float, limits: Limits) -> None:
+    """UserError, with the next intervals that do, unless whole intervals make a turn of an axis that closes."""
+    if _is_whole(turn / interval):
+        return
+    even = [turn / n for n in range(1, limits.points) if _is_whole(turn / n / limits.spacing_step)]
+    narrower, wider = [e for e in even if e < interval], [e for e in even if e > interval]
+    near = [f"{e:g}" for e in [*narrower[:1], *wider[-1:]]]
+    raise UserError(
+        f"an interval of {interval:g} does not divide the {turn:g} degrees of an axis that turns fully, after which "
+        f"its table begins again: take {' or '.join(near)}"
+    )
+
+
+def _is_whole(ratio: float) -> bool:
+    return abs(ratio - round(ratio)) < 1e-9
+
+
 def _equidistant(x: Array, curves: Array, limits: Limits, home: float | None, enough: float) -> Array:
     """Without home, nodes that divide the whole way."""
     best: Array | None = None
     least = np.inf
     for spacing in _spacings(x, limits):
-        if home is None and abs((x[-1] - x[0]) / spacing - round((x[-1] - x[0]) / spacing)) > 1e-9:
+        if home is None and not _is_whole((x[-1] - x[0]) / spacing):
             continue
         nodes = _around(x[0] if home is None else home, spacing, x[0], x[-1])
         if len(nodes) > limits.points:
