@@ -65,28 +65,33 @@ def nominal_residuals(found: Fit) -> Array:
 
 
 def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
-    """UserError for a fit that leaves, or predicts, larger deviations than the nominal machine.
+    """UserError for a fit that is no gain, as `no_gain` has it."""
+    reason = no_gain(found, before, held)
+    if reason:
+        raise UserError(f"{found.measurement.source}: {reason}")
+
+
+def no_gain(found: Fit, before: Array, held: HeldOut | None) -> str:
+    """Why a fit is no gain, empty where it is one: it leaves, or predicts, larger deviations than the nominal machine.
 
     Larger both as they are and in units of the instrument's uncertainty. before: as `nominal_residuals`.
     """
-    advice = "Nothing is written: check the data and the model (ncomp diagnose), or measure more"
+    advice = "No calibration is written: check the data and the model (ncomp diagnose), or measure more"
     if found.chi2_reduced < QUIET:
         advice += (
             f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument hides what the data "
             "show, --noise estimate takes it from the residuals"
         )
-    source, kept = found.measurement.source, found.measurement.rows(np.flatnonzero(found.kept))
+    kept = found.measurement.rows(np.flatnonzero(found.kept))
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
     if found.rms_um > rms_um and found.chi2 > float(np.sum(whitened(whiteners(kept), before) ** 2)):
-        raise UserError(
-            f"{source}: the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). "
-            f"{advice}"
-        )
+        return f"the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). {advice}"
     if held is not None and held.gain < 0.0 and held.rms_um > held.nominal_rms_um:
-        raise UserError(
-            f"{source}: the fit of the others predicts held-out {held.what} worse ({held.rms_um:.3g} um RMS) than the "
-            f"nominal machine does ({held.nominal_rms_um:.3g} um). {advice}"
+        return (
+            f"the fit of the others predicts held-out {held.what} worse ({held.rms_um:.3g} um RMS) than the nominal "
+            f"machine does ({held.nominal_rms_um:.3g} um). {advice}"
         )
+    return ""
 
 
 def seen_by(model: ErrorModel, measurement: Measurement) -> Seen:

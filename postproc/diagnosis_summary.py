@@ -31,6 +31,8 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "n_parameters": len(fit.model.parameters),
         "rank": fit.solved.rank - fit.solved.registered,
         "not_visible": [*(seen.not_visible if seen else ()), *hidden],
+        "accepted": found.accepted,
+        "reason": found.reason,
         "effects": [_effect(cause) for cause in found.causes],
         "unexplained": None
         if left is None

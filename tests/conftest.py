@@ -8,6 +8,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple, NoReturn
 
+os.environ["COLUMNS"] = "200"  # consoles take their width once, when they are imported
+
 import hypothesis
 import pytest
 from clients import linuxcnc_sim as simulator
@@ -93,7 +95,6 @@ def command(
 ) -> Callable[..., Done]:
     """Runs the command line in this process, in a folder of its own; `stdin=` is its standard input."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
 
     def run(*arguments: object, stdin: bytes = b"") -> Done:
         monkeypatch.setattr(sys, "argv", ["ncomp", *map(str, arguments)])

@@ -87,9 +87,10 @@ def diagnosed(command, tmp_path):
         )
         assert "Traceback" not in done.err
         made = [name for name in OUTPUTS if Path(name).exists()]
-        assert made == ([] if done.status else list(OUTPUTS)), done.err
+        refused = b"NOT WRITTEN" in done.out
+        assert made == [name for name in OUTPUTS if not done.status or (refused and name != "new.json")], done.err
         if done.status:
-            return done, None, None
+            return done, json.loads(Path("out.json").read_text()) if refused else None, None
         # a number that is none is no JSON
         return done, *(
             json.loads(Path(name).read_text(), parse_constant=pytest.fail) for name in ("out.json", "new.json")
@@ -111,6 +112,7 @@ def check_contract(said):
                 value is None and key == "heldout_rms_um" and said["n_observations"] < 40
             )
     assert isinstance(said["noise_um"], float)
+    assert said["accepted"] == (said["reason"] == "")
     for key in ("n_observations", "n_parameters", "rank"):
         assert isinstance(said[key], int)
     assert all(isinstance(name, str) for name in said["not_visible"])
@@ -388,10 +390,13 @@ def test_a_machined_part(diagnosed, shear):
     rows = [",".join(f"{value:.5f}" for value in (*a, *b)) for a, b in zip(nominal, made, strict=True)]
     head = ["# machine: cframe", "# instrument: part", "# u_um: 2", "# part_offset: 50 50 100"]
     done, said, _ = diagnosed(Sheet("\n".join([*head, "nominal_x,nominal_y,x,y", *rows]) + "\n"))
+    check_contract(said)
     if not shear:
         assert done.status == 2
         assert "worse" in done.err
+        assert said["reason"] in done.err
+        assert not said["accepted"]
         return
     assert done.status == 0, done.err
-    check_contract(said)
+    assert said["accepted"]
     assert said["effects"] == []

@@ -460,7 +460,7 @@ def test_the_same_given_twice(offsets, lengths, words):
         make_setup(load("dmu50"), offsets, lengths)
 
 
-@pytest.mark.parametrize("option", ["T1", "T1=", "80", "T=5", "TX=5", "T1=a", "T1=nan", "T1=-inf", ""])
+@pytest.mark.parametrize("option", ["T1", "T1=", "80", "=5", "T1=a", "TX=a", "T1=nan", "T1=-inf", ""])
 def test_bad_tool_length_option(option):
     with pytest.raises(UserError, match=r"^--tool-length"):
         make_setup(load("dmu50"), [], [option])

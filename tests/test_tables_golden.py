@@ -90,7 +90,7 @@ def test_rounding_does_not_add_up(seed, unit):
     chosen = parse_settings(form.settings, [f"unit_um={unit}", "interval=20", "largest=127"])
     exported = export(machine, model, form, chosen, "correction", (0, 0, 0))
     rows = [line.split(",") for line in exported.files["pitch.csv"].splitlines()[1:]]
-    x, steps = np.array([float(row[2]) for row in rows]), np.array([int(row[3]) for row in rows])
+    x, steps = np.array([float(row[2]) for row in rows]), np.array([int(row[4]) for row in rows])
     sums = np.concatenate([[0], np.cumsum(steps[1:])]) * unit
     wanted = -model.errors(machine, State(np.outer(x, [1, 0, 0])))[:, 0, 0] * 1e3
     apart = sums - wanted

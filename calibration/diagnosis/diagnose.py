@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
+from calibration.acceptance import no_gain, nominal_residuals, refuse_few, seen_by, significant_share
 from calibration.diagnosis import remainder
 from calibration.diagnosis.base import Base, base_of
 from calibration.diagnosis.dependence import Unexplained
@@ -84,6 +84,13 @@ class Diagnosis:
     volume: Volume
     moves: tuple[Move, ...]
     """Measurements that would tell most, per minute, the best first."""
+    reason: str
+    """Why the new calibration must not be used; empty where it may."""
+
+    @property
+    def accepted(self) -> bool:
+        """True where the new calibration may be used."""
+        return not self.reason
 
     @cached_property
     def significant_share(self) -> float:
@@ -187,8 +194,6 @@ def diagnose(
         tests_after = remainder.tests(after.frame)
     bare = after.frame if not after.accepted else selector.bare.frame
     causes = named(after, bare)
-    if calibration is None:
-        _refuse_worse(after)
     # what no cause explains makes outliers as well
     lost = outliers(after.fit, bare) if left is None else None
     causes += [] if lost is None else [lost]
@@ -216,23 +221,23 @@ def diagnose(
         closure(after.frame),
         volume(before, after),
         tuple(moves(found.stage, causes, judged)),
+        _no_gain(after) if calibration is None else "",
     )
 
 
-def _refuse_worse(stage: Stage) -> None:
-    """UserError where the fitted model leaves, or predicts, larger deviations than the nominal machine."""
+def _no_gain(stage: Stage) -> str:
+    """Why the fitted model is no gain over the nominal machine; empty where it is one."""
     found, frame = stage.fit, stage.frame
     before, held = nominal_residuals(found), frame.held_out
     everywhere = np.full_like(found.residual, np.nan)
     everywhere[found.kept] = before
     micro = found.measurement.per_micro[frame.rows]
     counted = held.counted & found.kept[frame.rows]
-    predicted = np.stack([held.residual_um / micro, everywhere[frame.rows]])[:, counted]
     if not counted.any():
-        refuse_worse(found, before, None)
-        return
+        return no_gain(found, before, None)
+    predicted = np.stack([held.residual_um / micro, everywhere[frame.rows]])[:, counted]
     figures = summed_up(predicted, frame.white[counted], micro[counted], held.blocks, "cells of space")
-    refuse_worse(found, before, figures)
+    return no_gain(found, before, figures)
 
 
 def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:

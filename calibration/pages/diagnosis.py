@@ -57,7 +57,8 @@ def _verdict(found: Diagnosis) -> str:
         said = f"Of the data that could be used the present model leaves nothing but noise; {brought}."
     if after.fit.failed:
         said += f" NOT USED: {', '.join(after.fit.failed)}, of which nothing is said."
-    return f"{said} Left: {words.left_line(found)}."
+    refused = "" if found.accepted else f"NOT WRITTEN: {found.reason}. "
+    return f"{refused}{said} Left: {words.left_line(found)}."
 
 
 def _named(cause: Named) -> str:

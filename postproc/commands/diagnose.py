@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kinematics.errors import UserError
 from postproc.commands.reading import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.shared import (
     JsonFile,
@@ -99,8 +100,12 @@ def diagnose(
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
     _write(found, str(output), json, report, command)
     to = console if "-" in (json, report, str(output)) else screen
+    if not found.accepted:
+        to.print(f"NOT WRITTEN  {found.reason}")
     show_insignificant(found.significant_share, to)
     show(found, to)
+    if not found.accepted:
+        raise UserError(f"{measurement.source}: {found.reason}")
 
 
 def _read(
@@ -121,12 +126,13 @@ def _read(
 
 
 def _write(found: Diagnosis, output: str, json: str | None, report: str | None, command: str) -> None:
-    """The new calibration, the results for programs and the report, all or none."""
+    """The new calibration where it is accepted, the results for programs and the report, all or none."""
     from calibration.beyond_measured import calibration_file
     from postproc.diagnosis_summary import summary
 
-    with whole_results(json, report, output) as (results, shown, file):
-        file.write(calibration_file(found.model, found.measurement.machine))
+    with whole_results(json, report, output if found.accepted else None) as (results, shown, file):
+        if found.accepted:
+            file.write(calibration_file(found.model, found.measurement.machine))
         if json is not None:
             write_json(summary(found), results)
         if report is not None:
