@@ -1,4 +1,7 @@
-"""When a calibration is refused: too few data for its parameters, or predictions worse than without it."""
+"""When a calibration is refused: too few data for its parameters, or predictions worse than without it.
+
+Worse as held-out data show it, or as its own uncertainty says.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,13 @@ from calibration.measurement import Measurement
 from calibration.normal import whitened, whiteners
 from calibration.prediction import Seen, relative_at_most
 from calibration.visibility import Visibility
+from kinematics.deviation import exact_deviation
+from kinematics.error_transform import place_transform
 from kinematics.errors import UserError
+from kinematics.forward import forward
 from kinematics.model import ErrorModel, no_errors
-from kinematics.transforms import Array
+from kinematics.state import State
+from kinematics.transforms import Array, by_turn
 
 SPARE = 0.2
 """Share of the observations that must be left over to check the parameters that they determine."""
@@ -24,6 +31,8 @@ COVERAGE = 2.0
 """k: a correction is significant above so many standard uncertainties."""
 MOSTLY = 0.5
 """Share of positions at which the correction must be significant."""
+ANYWHERE = 300
+"""States within the measured ranges of all axes at which a correction is compared with its uncertainty."""
 
 
 def refuse_few(found: Fit, seen: Visibility) -> None:
@@ -98,9 +107,49 @@ def seen_by(model: ErrorModel, measurement: Measurement) -> Seen:
     """Predicted deviations at measured states, evenly spread, of the target that most rows on the tool have."""
     on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
-    usual = np.bincount(measurement.target_number[rows]).argmax()
-    position = list(measurement.targets.values())[usual].position if on_tool.any() else (0.0, 0.0, 0.0)
-    return relative_at_most(model, measurement.machine, measurement.state.rows(rows), np.tile(position, (len(rows), 1)))
+    tool = np.tile(_usual_target(measurement), (len(rows), 1))
+    return relative_at_most(model, measurement.machine, measurement.state.rows(rows), tool)
+
+
+def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
+    """UserError for a model whose correction would leave larger deviations than it takes away, by its uncertainty.
+
+    Anywhere within the measured ranges of all axes, where arms are longer than at the measured states. A correction d
+    with standard uncertainty u takes away d^2 - u^2 on the average, and leaves u^2; both less a shift and a turn of all
+    together, which are those of the part as it is clamped.
+    """
+    low, high = (end(measurement.state.positions, axis=0) for end in (np.min, np.max))
+    q = np.random.default_rng(0).uniform(low, high, (ANYWHERE, len(low)))
+    state = State(q)
+    tool = np.tile(_usual_target(measurement), (ANYWHERE, 1))
+    machine, less = measurement.machine, _without_clamp(forward(measurement.machine, q).apply(tool))
+    deviation = less @ exact_deviation(machine, q, model.errors(machine, state), tool).position.reshape(-1)
+    design = model.design(machine, state, place_transform(machine, q, tool)[:, :3]).reshape(3 * ANYWHERE, -1)
+    u = model.propagated((less @ design).reshape(ANYWHERE, 3, -1))
+    rms_um, u_um = (1e3 * float(np.sqrt(np.sum(each**2) / ANYWHERE)) for each in (deviation, u))
+    if 0.0 < rms_um < math.sqrt(2.0) * u_um:
+        raise UserError(
+            f"{measurement.source}: within the measured ranges of all axes the correction is {rms_um:.3g} um RMS, with "
+            f"a standard uncertainty of {u_um:.3g} um: it would leave more than it takes away "
+            f"({math.sqrt(max(rms_um**2 - u_um**2, 0.0)):.3g} um). Nothing is written: measure from more stations, "
+            "with targets farther from each other, in more rounds, or only the ranges that are used"
+        )
+
+
+def _without_clamp(points: Array) -> Array:
+    """Matrix `(3n, 3n)` that takes a shift and a turn of all together from displacements of points `(n, 3)`."""
+    arms = points - points.mean(axis=0)
+    moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), by_turn(arms)], axis=2).reshape(-1, 6)
+    return np.asarray(np.eye(len(moved)) - moved @ np.linalg.pinv(moved))
+
+
+def _usual_target(measurement: Measurement) -> tuple[float, ...]:
+    """Place, mm, of the target that most rows on the tool have; zero where there is none."""
+    targets = list(measurement.targets.values())
+    on_tool = np.array([target.known for target in targets])[measurement.target_number]
+    if not on_tool.any():
+        return (0.0, 0.0, 0.0)
+    return tuple(targets[int(np.bincount(measurement.target_number[on_tool]).argmax())].position)
 
 
 def significant_share(seen: Seen) -> float:

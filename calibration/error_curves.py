@@ -1,17 +1,20 @@
 """Curves through the six error motions of an axis, and its location errors taken out of them.
 
 The curves are fitted to all six at once, weighted by what the points say of them together. Degrees of polynomials are
-given, or chosen by Akaike's information criterion (AIC): the Bayesian one leaves out what is smaller than the noise of
-a point, of which u then says nothing. The gauge of the points (`rigid_motions`) takes from a
-rotary axis what turns along with the component; what it takes from a polynomial is none, so polynomials of a rotary
-axis have a wobble of that kind beside them, and are written with it as one polynomial of a degree that holds both. A
-rotary axis that turns fully, and was measured all round, has harmonics of the turn in place of polynomials.
+given, or weighted by Akaike's information criterion (AIC): the Bayesian one leaves out what is smaller than the noise
+of a point, of which u then says nothing. The curve is the mean of those of all degrees by their weights, and their
+spread is in its u (Buckland, Burnham and Augustin, Biometrics 53, 1997, 603-618).
+
+The gauge of the points (`rigid_motions`) takes from a rotary axis what turns along with the component; what it takes
+from a polynomial is none, so polynomials of a rotary axis have a wobble of that kind beside them, and are written with
+it as one polynomial of a degree that holds both. A rotary axis that turns fully, and was measured all round, has
+harmonics of the turn in place of polynomials.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal, cast
@@ -29,6 +32,11 @@ from kinematics.turn import columns_of, gap_of, measured_arc
 
 HIGHEST_DEGREE = 15
 """That is tried, if the positions take it."""
+STEADY = 2.2
+"""Least squares polynomials swing between n evenly spaced positions from a degree of about 2 sqrt(n) on (Dahlquist and
+Bjorck, Numerical Methods, 4.4.3); 10 of 21 positions hold five half waves."""
+LEAST_WEIGHT = 0.01
+"""Of a degree, among those of one curve, below which it is left out."""
 MISFIT = 1e-3
 """Chance of a chi2 below which a curve is said to miss its points."""
 NO_SCATTER = 1e-6
@@ -102,10 +110,34 @@ class Curves:
     """`(p,)`, one curve after the other, then the wobble."""
     estimator: Array
     """`(p, 6n)`: from the error motions at the positions, um and urad, to the parameters."""
+    best: Curves | None = None
+    """Those of the degrees that AIC finds best, where these curves are a mean over degrees."""
+    spread: Array = field(default_factory=lambda: np.zeros((0, 1, 1)))
+    """`(m, p, 6n)`: each curve less their mean, by the root of its weight, from the error motions at the positions."""
+
+    @property
+    def degrees(self) -> tuple[int | None, ...]:
+        """Degrees of the polynomials, or numbers of harmonics: given or best by AIC; None of tables."""
+        return (self.best or self).shape.degrees
+
+    def choice_covariance(self, errors: Array, covariance: Array) -> Array:
+        """Covariance `(p, p)` from the choice of degrees; errors `(n, 6)` and their covariance `(6n, 6n)`."""
+        away = self.spread @ errors.reshape(-1) if len(self.spread) else np.zeros((0, len(self.parameters)))
+        spread = np.einsum("mpi,ij,mqj->pq", self.spread, covariance, self.spread, optimize=True)
+        return np.asarray(spread + away.T @ away)
 
     def design(self, positions: Array) -> Array:
         """Matrix `(6n, p)` from parameters to the error motions at positions `(n,)`."""
         return self.shape.design(positions)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Shapes whose degrees differ, and their weights by AIC."""
+
+    best: Shape
+    others: tuple[tuple[tuple[Shape, float], ...], ...] = ()
+    """By curve whose degree is open, each of its degrees with its weight; the other curves as in the best."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +176,8 @@ def tables(axis: Axis, positions: Array) -> Shape:
     return Shape(axis, (BSpline(tuple(nodes.tolist()), 1),) * 6)
 
 
-def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int]) -> Shape:
-    """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others by AIC.
+def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int]) -> Candidates:
+    """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others weighted by AIC.
 
     A straightness is a line at least, for its slope is the orientation of the axis. Of an axis that turns fully and was
     measured all round, harmonics: a degree is their number.
@@ -164,7 +196,8 @@ def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapp
             )
         else:
             degrees[j] = degree
-    highest = max(min(HIGHEST_DEGREE, most - 1), int(least.max()))
+    steady = most if _closed(axis, arc) else int(STEADY * np.sqrt(len(positions)))
+    highest = max(min(HIGHEST_DEGREE, most - 1, steady), int(least.max()))
     return _by_aic(_Criterion(axis, arc, positions, motions), degrees, open_, least, highest)
 
 
@@ -195,19 +228,34 @@ class _Criterion:
         return float(left @ left) + 2.0 * shape.size
 
 
-def _by_aic(criterion: _Criterion, degrees: Array, open_: list[int], least: Array, highest: int) -> Shape:
-    """The shape that no change of one degree makes better."""
+def _by_aic(criterion: _Criterion, degrees: Array, open_: list[int], least: Array, highest: int) -> Candidates:
+    """The shape that no change of one degree makes better, and beside it those of one other degree."""
     best, changed = criterion(degrees), True
     while changed:
         changed = False
         for j in open_:
             for other in range(least[j], highest + 1):
-                trial = degrees.copy()
-                trial[j] = other
+                trial = _with_degree(degrees, j, other)
                 value = criterion(trial) if other != degrees[j] else best
                 if value < best - 1e-9:
                     best, degrees, changed = value, trial, True
-    return criterion.shape(degrees)
+    trials = [[_with_degree(degrees, j, other) for other in range(least[j], highest + 1)] for j in open_]
+    return Candidates(criterion.shape(degrees), tuple(_weighted(criterion, each) for each in trials))
+
+
+def _with_degree(degrees: Array, component: int, degree: int) -> Array:
+    trial = degrees.copy()
+    trial[component] = degree
+    return trial
+
+
+def _weighted(criterion: _Criterion, trials: list[Array]) -> tuple[tuple[Shape, float], ...]:
+    """Shapes with their Akaike weights, which add to one."""
+    values = np.array([criterion(trial) for trial in trials])
+    weights = np.exp(-0.5 * (values - values.min()))
+    weights = np.where(weights < LEAST_WEIGHT * weights.sum(), 0.0, weights)
+    shares = (weights / weights.sum()).tolist()
+    return tuple((criterion.shape(trial), share) for trial, share in zip(trials, shares, strict=True) if share)
 
 
 def _arc(axis: Axis, positions: Array) -> Interval:
@@ -255,9 +303,41 @@ def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
     return found
 
 
+def averaged(candidates: Candidates, positions: Array, motions: RigidMotions) -> Curves:
+    """The mean over degrees of the curves through the error motions at positions `(n,)`, mm or degrees."""
+    best = fit(candidates.best, positions, motions)
+    if not candidates.others:
+        return best
+    shape = _widest(candidates)
+    own = _placed(best, shape)
+    estimator, spread = own, []
+    for others in candidates.others:
+        away = [(_placed(fit(other, positions, motions), shape) - own, weight) for other, weight in others]
+        mean = np.sum([weight * each for each, weight in away], axis=0)
+        estimator = estimator + mean
+        spread += [np.sqrt(weight) * (each - mean) for each, weight in away]
+    return Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator, best, np.array(spread))
+
+
+def _widest(candidates: Candidates) -> Shape:
+    """Of each curve the basis of its highest degree."""
+    shapes = [candidates.best, *(shape for others in candidates.others for shape, _ in others)]
+    bases = tuple(max((shape.bases[j] for shape in shapes), key=lambda basis: basis.size) for j in range(6))
+    return Shape(candidates.best.axis, bases)
+
+
+def _placed(curves: Curves, shape: Shape) -> Array:
+    """The estimator `(p, 6n)` of curves as one of a shape whose bases begin with theirs."""
+    placed = np.zeros((shape.size, curves.estimator.shape[1]))
+    for part, own in zip(shape.parts, curves.shape.parts, strict=True):
+        placed[part.start : part.start + own.stop - own.start] = curves.estimator[own]
+    placed[shape.parts[-1].stop :] = curves.estimator[curves.shape.parts[-1].stop :]
+    return placed
+
+
 def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
     """Of each curve at positions `(n,)`, mm or degrees; covariance `(6n, 6n)` of the error motions there."""
-    n = len(positions)
+    curves, n = curves.best or curves, len(positions)
     missing = np.eye(6 * n) - curves.design(positions) @ curves.estimator
     residuals, scatter = missing @ motions.errors.reshape(-1), missing @ covariance @ missing.T
     found = []
@@ -271,13 +351,19 @@ def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance:
     return tuple(found)
 
 
-def widening(curves: Curves, found: tuple[Misfit, ...]) -> Array:
-    """Factors `(p,)` of the parameters' standard uncertainties; the wobble has that of the worst of its curves."""
-    factors = np.ones(len(curves.parameters))
-    for part, one in zip(curves.shape.parts, found, strict=True):
-        factors[part] = one.widening
-    factors[curves.shape.parts[-1].stop :] = max(one.widening for one in found)
-    return factors
+def widening(axis: Axis, effects: tuple[Effect, ...], found: tuple[Misfit, ...]) -> Array:
+    """Factors of the standard uncertainties of all parameters of an axis' effects.
+
+    A location error has that of the worst of the curves across the line. A wobble and the polynomials beside it are
+    widened together, as one error motion: they may be large and cancel.
+    """
+    located = [_across(axis, j) if axis.rotary else name in _sideways(axis) for j, name in enumerate(COMPONENTS)]
+    worst = max(one.widening for one, across in zip(found, located, strict=True) if across)
+    factors = [
+        found[COMPONENTS.index(effect.component)].widening if isinstance(effect, ErrorMotion) else worst
+        for effect in effects
+    ]
+    return np.repeat(factors, [len(effect.parameters) for effect in effects])
 
 
 def _rows(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:

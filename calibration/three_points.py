@@ -24,12 +24,12 @@ from calibration import stations
 from calibration.acceptance import seen_by, significant_share
 from calibration.diagnosis.sanity import usable
 from calibration.error_curves import (
+    Candidates,
     Curves,
     Misfit,
-    Shape,
+    averaged,
     axis_model,
     constants_design,
-    fit,
     misfits,
     polynomials,
     tables,
@@ -65,7 +65,7 @@ class Choice:
     kind: Kind = "polynomial"
     """Polynomials, or tables interpolated between the measured positions."""
     degrees: Mapping[str, int] = field(default_factory=dict)
-    """Of polynomials, by name: {"XX": 4}; others by AIC."""
+    """Of polynomials, by name: {"XX": 4}; others weighted by AIC."""
 
 
 @dataclass(frozen=True)
@@ -322,13 +322,13 @@ def _identify(
     for name, pose in feet.items():
         by_points -= _by_foot(machine, before[name], series, pose, at_bed, back)
     positions = series.positions / machine.scale[series.column]
-    curves = fit(_shape(axis, positions, motions, choice), positions, motions)
+    curves = averaged(_candidates(axis, positions, motions, choice), positions, motions)
     return _Found(series, motions, curves, by_points)
 
 
-def _shape(axis: Axis, positions: Array, motions: RigidMotions, choice: Choice) -> Shape:
+def _candidates(axis: Axis, positions: Array, motions: RigidMotions, choice: Choice) -> Candidates:
     if choice.kind == "table":
-        return tables(axis, positions)
+        return Candidates(tables(axis, positions))
     return polynomials(axis, positions, motions, choice.degrees)
 
 
@@ -404,16 +404,20 @@ def _model(
     points: stations.Points,
 ) -> ErrorModel:
     """All effects with their covariance."""
+    from scipy.linalg import block_diag
+
     machine = measurement.machine
     carrying = [name for name, one in found.items() if machine.axes[one.series.column].side == "tool"]
     effects: list[Effect] = []
     values: list[Array] = []
     by_points: list[Array] = []
+    chosen: list[Array] = []
     for name, one in found.items():
         axis = machine.axes[one.series.column]
         split = axis_model(axis, one.series.positions / machine.scale[one.series.column], one.curves, one.motions)
         parameters = one.curves.parameters
-        own = widening(one.curves, results[name].misfits)[:, None] * one.parameters_by_points
+        wider = widening(axis, split.effects, results[name].misfits)[:, None] * split.matrix
+        own = one.parameters_by_points
         if carrying and name == carrying[-1] and not axis.rotary:
             shift, shift_by_body = _tool_shift(measurement, one)
             add = constants_design(one.curves)
@@ -421,12 +425,15 @@ def _model(
             own = own + add @ shift_by_body @ one.motions.body_estimator @ one.by_points
         effects += split.effects
         values.append(split.matrix @ parameters)
-        by_points.append(split.matrix @ own)
+        by_points.append(wider @ own)
+        choice = one.curves.choice_covariance(one.motions.errors, results[name].covariance)
+        chosen.append(wider @ choice @ wider.T)
     inputs = {measurement.source: measurement.fingerprint} if measurement.fingerprint else {}
     made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), "three-point identification", inputs)
     model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
     every = np.concatenate(by_points)
-    return model.with_parameters(np.concatenate(values), propagated(every, points.covariance))
+    covariance = propagated(every, points.covariance) + block_diag(*chosen)
+    return model.with_parameters(np.concatenate(values), covariance)
 
 
 def _tool_shift(measurement: Measurement, found: _Found) -> tuple[Array, Array]:

@@ -37,7 +37,9 @@ def predictions(file: Path) -> tuple[Array, Array]:
     return found, u
 
 
-def examined(folder: Path, kind: str, seed: int, rotary: int) -> tuple[float, float, float]:
+def examined(
+    folder: Path, kind: str, seed: int, rotary: int, fitted: tuple[str, ...] = ("fit", "--no-hold-out")
+) -> tuple[float, float, float]:
     """Volumetric error before and after, best aligned, and its uncertainty as claimed, um RMS, where it was measured."""
     rng = np.random.default_rng(seed)
     toml = strange.machine_file(rng, rotary)
@@ -46,7 +48,7 @@ def examined(folder: Path, kind: str, seed: int, rotary: int) -> tuple[float, fl
     (folder / "strange.toml").write_text(toml)
     (folder / "data.csv").write_text(strange.sheet(design, strange.readings(design, truth, rng)))
     machine, calibration = ("--machine", str(folder / "strange.toml")), str(folder / "cal.json")
-    command("fit", str(folder / "data.csv"), *machine, "-o", calibration, "--no-hold-out")
+    command(*fitted, str(folder / "data.csv"), *machine, "-o", calibration)
     positions = strange.scattered(design.chain, rng, design.ranges, 200)
     (folder / "points.csv").write_text(strange.points_file(design, positions))
     predicted = folder / "predicted.csv"
@@ -88,9 +90,15 @@ def test_many_positions_on_strange_machines(tmp_path: Path, kind: str, seed: int
     check(*examined(tmp_path, kind, seed, rotary=2), share=0.2)
 
 
+def test_three_points_on_a_table_with_long_arms_make_nothing_worse(tmp_path: Path) -> None:
+    """Angles from targets 100 mm apart act at arms of 2.5 m; curves must not swing between the positions."""
+    check(*examined(tmp_path, "three-points", 4, rotary=2, fitted=("three-points",)), share=1.0)
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize("basis", ["polynomial", "table"])
 @pytest.mark.parametrize("seed", [1, 3])
-def test_tables_of_three_points_scatter_as_they_claim(tmp_path: Path, seed: int) -> None:
+def test_three_points_scatter_as_they_claim(tmp_path: Path, seed: int, basis: str) -> None:
     """Predictions from eight measurements of one machine, each with other noise."""
     rng = np.random.default_rng(seed)
     toml = strange.machine_file(rng, rotary=0)
@@ -105,7 +113,7 @@ def test_tables_of_three_points_scatter_as_they_claim(tmp_path: Path, seed: int)
     for _ in range(8):
         (tmp_path / "data.csv").write_text(strange.sheet(design, strange.readings(design, truth, rng)))
         calibration = str(tmp_path / "cal.json")
-        command("three-points", str(tmp_path / "data.csv"), *machine, "--basis", "table", "-o", calibration)
+        command("three-points", str(tmp_path / "data.csv"), *machine, "--basis", basis, "-o", calibration)
         predicted = tmp_path / "predicted.csv"
         command(
             "predict", str(tmp_path / "points.csv"), *machine, "--calibration", calibration, "-o", str(predicted)

@@ -51,6 +51,7 @@ def three_points(
     json: JsonFile = None,
 ) -> None:
     """Identify the six error motions of each axis from three or more targets on what it moves, one axis at a time."""
+    from calibration.acceptance import refuse_uncertain
     from calibration.beyond_measured import calibration_file
     from calibration.three_points import Choice, identify
     from postproc.terminal import console, say
@@ -62,6 +63,7 @@ def three_points(
     found = identify(measurement, Choice(_kind(basis), _degrees(degree or [])))
     for note in found.notes:
         say("note", note)
+    refuse_uncertain(found.model, measurement)
     with whole_results(json, str(output)) as (results, file):
         file.write(calibration_file(found.model, measurement.machine))
         write_json(summary(found), results)
@@ -126,7 +128,7 @@ def _curves(axis: AxisResult) -> dict[str, Any]:
             "chi2_reduced": one.chi2 / one.freedom if one.freedom else None,
             "u_widened_by": one.widening,
         }
-        for letter, degree, one in zip("XYZABC", axis.curves.shape.degrees, axis.misfits, strict=True)
+        for letter, degree, one in zip("XYZABC", axis.curves.degrees, axis.misfits, strict=True)
     }
 
 
@@ -181,7 +183,7 @@ def _axis_summary(axis: AxisResult) -> Any:
         axis.axis.name, "range", "u (k=1)", "", "degree", "chi2/dof", "",
         title=f"{axis.axis.name}: {len(at)} positions, {at[0]:g} to {at[-1]:g} {axis.axis.unit} ({_standing(axis)})",
     )  # fmt: skip
-    for figure, degree, one in zip(ranges(axis), axis.curves.shape.degrees, axis.misfits, strict=True):
+    for figure, degree, one in zip(ranges(axis), axis.curves.degrees, axis.misfits, strict=True):
         ratio = f"{one.chi2 / one.freedom:.2f}" if one.freedom else ""
         shape = "table" if degree is None else str(degree)
         table.add_row(figure.name, f"{figure.value:.2f}", f"{figure.u:.2f}", figure.unit, shape, ratio, figure.what)
