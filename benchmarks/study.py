@@ -2,6 +2,7 @@
 
     python benchmarks/study.py findings          the three studies of examples/studies
     python benchmarks/study.py bars              620 points: the paper's fit and ours; plans by hand and optimised
+    python benchmarks/study.py diagonals         bases by the evidence alone, and by lines that fits have not seen
     python benchmarks/study.py speed             draws per second against a loop of lstsq
     python benchmarks/study.py scaling           1 and 2 processes, a Dask LocalCluster of 2 workers
 
@@ -16,6 +17,7 @@ import statistics
 import time
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,8 @@ from calibration.study.store import Store
 STUDIES = Path(__file__).parents[1] / "examples" / "studies"
 PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}
 PLACE = [-1500, 1500, 300]
+STATIONS = [PLACE, [1500, -1500, 300], [4000, 1500, 300], [1500, 4500, 300]]
+TRACKER = {"u_range_um_per_m": 0.25, "u_angle_um": 10.0, "u_angle_um_per_m": 2.5}
 FRESH = 77
 """Seed of the draws that judge; no plan was made with it."""
 HAND_MADE = {
@@ -116,6 +120,29 @@ def bars(draws: int) -> None:
         print(f"    less than by {best.case.name}, {np.mean(less > 0):.0%} of them")
 
 
+def diagonals(draws: int) -> None:
+    """Space diagonals, fitted by bases that the evidence alone prefers, and by those that predict lines unseen."""
+    four = {"tracker": STATIONS}
+    good = {"u_range_um_per_m": 0.1, "u_angle_um": 1.0, "u_angle_um_per_m": 0.3}
+    for name, case, instrument in (
+        ("80 points", {"points": 80}, TRACKER),
+        ("200 points", {}, TRACKER),
+        ("620 points", {"points": 620}, TRACKER),
+        ("80 points four stations", {"points": 80, **four}, TRACKER),
+        ("200 points four stations", four, TRACKER),
+        ("200 points good tracker", {}, good),
+    ):
+        entry = {"name": name, "strategy": "space-diagonals", "points": 200, "tracker": PLACE, **case}
+        ready = Prepared.of(cases_of({"instrument": instrument, "case": [entry]})[0])
+        outcomes = [
+            [way.outcome(chunk) for chunk in Draws(draws).chunks(0)] for way in (replace(ready, unseen=None), ready)
+        ]
+        before = np.concatenate([outcome.before[0] for outcome in outcomes[0]])
+        alone, found = (np.concatenate([outcome.after[0] for outcome in way]) for way in outcomes)
+        columns = (f"{values.mean():5.2f} ({np.quantile(values, 0.95):5.2f})" for values in (before, alone, found))
+        print(f"  {name:<26}" + "  ".join(columns), flush=True)
+
+
 def speed(repeats: int) -> None:
     """Draws per second of two fits: in chunks, and one by one by numpy's lstsq on the same equations."""
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; medians of {repeats}")
@@ -192,12 +219,13 @@ def _median(work: Callable[[], object], repeats: int) -> float:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("findings", "bars", "speed", "scaling"))
+    parser.add_argument("what", choices=("findings", "bars", "diagonals", "speed", "scaling"))
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--repeats", type=int, default=3)
     args = parser.parse_args()
-    if args.what in ("findings", "bars"):
-        {"findings": findings, "bars": bars}[args.what](args.draws)
+    by_draws = {"findings": findings, "bars": bars, "diagonals": diagonals}
+    if args.what in by_draws:
+        by_draws[args.what](args.draws)
     else:
         {"speed": speed, "scaling": scaling}[args.what](args.repeats)
 

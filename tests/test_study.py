@@ -14,13 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
+from calibration.calibrate import calibrate
 from calibration.fit import fit
+from calibration.heldout import held_out
+from calibration.measurement import Measurement
 from calibration.models import parse_basis, with_effects
 from calibration.resolution import Choice
 from calibration.simulate import observe
 from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import SIZE, Chunk, Prepared
 from calibration.study.definition import study_of
+from calibration.study.equations import Sample
 from calibration.study.exact import compared
 from calibration.study.run import Draws, Result, run
 from calibration.study.spread import Here, Processes
@@ -57,6 +61,17 @@ def paper_case(**changes) -> Case:
 def results(cases: list[Case], draws: Draws | int, team=None, store: Store | None = None, **more) -> list[Result]:
     number = Draws(draws) if isinstance(draws, int) else draws
     return run(cases, number, team or Here(), store or Store(None), **more)
+
+
+def measured_as(ready: Prepared, drawn: Sample, draw: int) -> Measurement:
+    """What the instrument reads of a draw by the exact kinematics, with the noise of the draw."""
+    setup, nominal = ready.setup, ready.setup.measurement
+    seen = observe(
+        nominal.machine, ready.case.truths.machine(drawn.coefficients[:, draw]), nominal.state, nominal.instrument,
+        np.random.default_rng(0), setup.poses, nominal.targets, run=nominal.run, noise_scale=0.0,
+    )  # fmt: skip
+    noise = np.linalg.solve(setup.white, drawn.noise[draw][..., None])[..., 0]
+    return replace(seen, observed=seen.observed + noise)
 
 
 # ---- the equations
@@ -103,16 +118,9 @@ def test_a_draw_is_what_the_fit_of_its_measurement_is():
     drawn = ready.sample(Chunk(0, 2))
     (parts, scale), _ = next(iter(ready.choices(drawn).items()))
     left = ready.fits.errors(parts, ready.fitted(parts, scale, drawn, np.arange(2)), drawn.coefficients)[0]
-    setup, volume = ready.setup, ready.case.volumes[0]
+    nominal, volume = ready.setup.measurement, ready.case.volumes[0]
     for number in range(2):
-        truth = ready.case.truths.machine(drawn.coefficients[:, number])
-        nominal = setup.measurement
-        seen = observe(
-            nominal.machine, truth, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
-            nominal.targets, noise_scale=0.0,
-        )  # fmt: skip
-        noise = np.linalg.solve(setup.white, drawn.noise[number][..., None])[..., 0]
-        measured = replace(seen, observed=seen.observed + noise)
+        truth, measured = ready.case.truths.machine(drawn.coefficients[:, number]), measured_as(ready, drawn, number)
         model, prior = with_effects(measured, dict.fromkeys("XYZ", parse_basis("cubic:5")), (), 1.0)
         found = fit(measured, model, prior=prior)
         assert found.kept.all()
@@ -125,24 +133,73 @@ def test_evidence_prefers_as_the_fits_own_does():
     """Differences of log evidence between two choices: those of `calibration.fit`."""
     ready = Prepared.of(case_of({**C_FRAME, "fit": {}}))
     drawn = ready.sample(Chunk(0, 1))
-    setup, evidences = ready.setup, []
+    evidences = []
     for sizes, scale in ((4, 1.0), (6, 0.5)):
         choice = Choice(dict.fromkeys("XYZ", parse_basis(f"cubic:{sizes}")), scale)
         parts = tuple((axis, f"cubic:{sizes}") for axis in "XYZ")
         made = ready.fits.factorised(parts, scale)
         right = np.concatenate([ready.fits.right(part, drawn) for part in parts])[:, 0]
         own = 0.5 * (right @ made.solve(right[:, None])[:, 0] - made.log_determinant)
-        noise = np.linalg.solve(setup.white, drawn.noise[0][..., None])[..., 0]
-        seen = observe(
-            setup.measurement.machine, ready.case.truths.machine(drawn.coefficients[:, 0]), setup.measurement.state,
-            setup.measurement.instrument, np.random.default_rng(0), setup.poses, setup.measurement.targets,
-            noise_scale=0.0,
-        )  # fmt: skip
-        measured = replace(seen, observed=seen.observed + noise)
+        measured = measured_as(ready, drawn, 0)
         model, prior = with_effects(measured, choice.bases, (), scale)
         evidences.append((own, fit(measured, model, prior=prior).log_evidence))
     (a, other_a), (b, other_b) = evidences
     assert a - b == pytest.approx(other_a - other_b, abs=0.02 * abs(other_a - other_b) + 0.1)
+
+
+STATIONS = [[-1500, 1500, 300], [1500, -1500, 300], [4000, 1500, 300], [1500, 4500, 300]]
+
+
+def on_diagonals(**changes) -> Prepared:
+    """Eighty points of the four space diagonals."""
+    return Prepared.of(
+        case_of({"seed": 1, "case": [{**GANTRY, "strategy": "space-diagonals", "points": 80, **changes}]})
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "number"), [({}, 2), pytest.param({"runs": 3, "points": 50}, 1, marks=pytest.mark.slow)]
+)
+def test_on_diagonals_a_draw_chooses_as_the_fit_of_its_measurement(changes, number):
+    """By lines, or runs, that fits have not seen: the choice, and what such fits leave."""
+    ready = on_diagonals(**changes)
+    drawn, setup = ready.sample(Chunk(0, number)), ready.setup
+    for (parts, scale), draws in ready.choices(drawn).items():
+        for draw in draws.tolist():
+            measured = measured_as(ready, drawn, draw)
+            found = calibrate(measured, hold_out=False).choice
+            assert {axis: str(basis) for axis, basis in found.bases.items()} == dict(parts)
+            assert found.prior_scale == scale
+            lefts, gains = [], []
+            for each in (scale, 2.0):
+                model, prior = with_effects(measured, found.bases, (), each)
+                gains.append(held_out(measured, model, prior, np.ones(len(measured), bool)).gain)
+                lefts.append(ready.unseen.left(parts, each, drawn.observed[:, [draw]])[0] / setup.white[:, 0].size)
+            assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
+
+
+def test_on_diagonals_less_is_left_than_by_the_evidence_alone():
+    """From four stations the evidence is sure of bases that err between the lines: worse than no correction."""
+    ready = on_diagonals(tracker=STATIONS)
+    found, alone = (each.outcome(Chunk(0, 20)) for each in (ready, replace(ready, unseen=None)))
+    before, after, by_evidence = (np.quantile(x[0], 0.95) for x in (found.before, found.after, alone.after))
+    assert by_evidence > before
+    assert after < 0.7 * before
+    assert found.after.mean() < 0.6 * alone.after.mean()
+
+
+@pytest.mark.parametrize(
+    ("case", "entry"),
+    [
+        ({"strategy": "hexahedron"}, {}),
+        ({"strategy": "space-diagonals"}, {"prior": 30.0}),
+        ({"strategy": "space-diagonals"}, {"basis": "cubic:5"}),
+    ],
+)
+def test_elsewhere_the_choice_is_that_of_the_evidence(case, entry):
+    ready = Prepared.of(case_of({"fit": entry, "case": [{**GANTRY, "points": 60, **case}]}))
+    found, alone = (each.outcome(Chunk(0, 5)).after for each in (ready, replace(ready, unseen=None)))
+    assert np.array_equal(found, alone)
 
 
 def test_auto_is_no_worse_than_a_fixed_basis():

@@ -1,4 +1,4 @@
-"""The basis of every draw, chosen by its own evidence as `ncomp fit` does, for a whole chunk of draws at once.
+"""The basis of every draw, chosen as `ncomp fit` does, for a whole chunk of draws at once.
 
 Draws that stand at the same choice are judged together: each choice is factorised once for all of them.
 """
@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.calibrate import SMALLER
 from calibration.models import BasisChoice, distinct_positions, moving_axes
 from calibration.resolution import FINEST, PRIOR, SIZES, START, Choice, check_kinds
 from calibration.study.equations import BESIDES, Columns, Part, Sample
 from calibration.study.solver import Fits
+from calibration.study.unseen import Unseen
 from kinematics.transforms import Array
 
 Judge = Callable[[Choice, np.ndarray], Array]
@@ -42,8 +44,22 @@ class Search:
         return cls(kinds, rotary_kind, prior_scale, few)
 
 
-def chosen(fits: Fits, drawn: Sample, search: Search) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
-    """Numbers of the draws by the parts and the prior scale that their evidence prefers."""
+def chosen(
+    fits: Fits, drawn: Sample, search: Search, unseen: Unseen | None = None
+) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
+    """Numbers of the draws by the parts and the prior scale that they are fitted with.
+
+    What their evidence prefers; of data on a few diagonals what best predicts lines `unseen`, if the prior is free.
+    """
+    evidence = _evidence(fits, drawn)
+    best = _preferred(search, evidence, drawn)
+    if unseen is not None and search.prior_scale is None:
+        smaller = [_preferred(replace(search, prior_scale=scale), evidence, drawn) for scale in SMALLER]
+        best = _predicting(unseen, drawn, best, smaller)
+    return {(parts_of(fits, choice), choice.prior_scale): draws for choice, draws in _grouped(best)}
+
+
+def _evidence(fits: Fits, drawn: Sample) -> Judge:
     right: dict[Part, Array] = {}
 
     def evidence(choice: Choice, draws: np.ndarray) -> Array:
@@ -56,6 +72,11 @@ def chosen(fits: Fits, drawn: Sample, search: Search) -> dict[tuple[tuple[Part, 
         made = fits.factorised(parts, choice.prior_scale)
         return np.asarray(0.5 * (np.sum(sums * made.solve(sums), axis=0) - made.log_determinant))
 
+    return evidence
+
+
+def _preferred(search: Search, evidence: Judge, drawn: Sample) -> list[Choice]:
+    """The choice of each draw with the greatest evidence."""
     number = drawn.observed.shape[1]
     best, value = [_start(search.kinds[0], search)] * number, np.full(number, -np.inf)
     for kind in search.kinds:
@@ -65,7 +86,24 @@ def chosen(fits: Fits, drawn: Sample, search: Search) -> dict[tuple[tuple[Part, 
             for draw, own in zip(draws.tolist(), evidence(choice, draws).tolist(), strict=True):
                 if own > value[draw]:
                     best[draw], value[draw] = choice, own
-    return {(parts_of(fits, choice), choice.prior_scale): draws for choice, draws in _grouped(best)}
+    return best
+
+
+def _predicting(
+    unseen: Unseen, drawn: Sample, preferred: Sequence[Choice], smaller: Sequence[Sequence[Choice]]
+) -> list[Choice]:
+    """Of each draw's own choice and those with smaller priors, that whose fits best predict lines unseen."""
+    best, least = list(preferred), np.full(len(preferred), np.inf)
+    for choices in (preferred, *smaller):
+        pairs = enumerate(zip(choices, preferred, strict=True))
+        asked = [draw for draw, (one, own) in pairs if one is own or one.prior_scale < own.prior_scale]
+        for choice, some in _grouped([choices[draw] for draw in asked]):
+            draws = np.array(asked)[some]
+            left = unseen.left(parts_of(unseen.fits, choice), choice.prior_scale, drawn.observed[:, draws])
+            for draw in draws[left < least[draws]].tolist():
+                best[draw] = choice
+            least[draws] = np.minimum(least[draws], left)
+    return best
 
 
 def parts_of(fits: Fits, choice: Choice) -> tuple[Part, ...]:

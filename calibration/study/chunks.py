@@ -14,6 +14,7 @@ from calibration.study.cases import Case
 from calibration.study.equations import Columns, Part, Sample, sample
 from calibration.study.setups import Setup
 from calibration.study.solver import Fits
+from calibration.study.unseen import Unseen
 from kinematics.effects.geometric import TYPICAL
 from kinematics.errors import UserError
 from kinematics.transforms import Array
@@ -48,6 +49,8 @@ class Prepared:
     bases: tuple[Part, ...] | Search
     """The bases of all draws, or what each of them chooses from."""
     prior_scale: float
+    unseen: Unseen | None
+    """Lines that choices are judged by, of data on a few diagonals."""
 
     @classmethod
     def of(cls, case: Case) -> Prepared:
@@ -56,7 +59,7 @@ class Prepared:
         fits = Fits(Columns(setup, case.volumes, case.besides), case.truths)
         prior = case.fit.prior
         scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL
-        return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale)
+        return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale, Unseen.of(fits))
 
     def sample(self, chunk: Chunk) -> Sample:
         """The virtual machines of a chunk and what is observed of them."""
@@ -70,7 +73,7 @@ class Prepared:
     def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
         """Numbers of the draws by the bases and the prior that they are fitted with."""
         if isinstance(self.bases, Search):
-            return chosen(self.fits, drawn, self.bases)
+            return chosen(self.fits, drawn, self.bases, self.unseen)
         return {(self.bases, self.prior_scale): np.arange(drawn.observed.shape[1])}
 
     def outcome(self, chunk: Chunk) -> Outcome:
