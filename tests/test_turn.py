@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -198,3 +201,104 @@ def test_an_axis_of_less_than_a_turn_counts_as_before():
 
 def _short(axis: Axis) -> Axis:
     return replace(axis, travel=(0.0, 350.0)) if axis.name == "C" else axis
+
+
+# ---- by the command
+
+SETUP = ("--work-offset", "G54=0,0,0", "--work-offset", "0=0,0,0", "--tool-length", "T1=100")
+POSITIONS = ((20.0, 30.0, 100.0, 10.0), (-40.0, 55.5, 80.0, -25.0), (60.0, -70.0, 120.0, 0.0))
+OLDER = """{
+  "ncomp_calibration": 1,
+  "machine": {"name": "dmu50", "chain": "w C B b X Y Z t", "chain_hash": "04ecb243831f99a4"},
+  "provenance": {"made_by": "ncomp 0.1.0", "made_at": "2026-11-01T00:00:00Z", "source": "fit", "inputs": {}},
+  "demonstration": false,
+  "effects": [
+    {
+      "kind": "error-motion", "component": "Y", "axis": "C",
+      "basis": {"kind": "legendre", "interval": [0.0, 360.0], "degree": 2},
+      "parameters": [1.0, 30.0, -20.0], "units": {"parameters": "um"}, "u": [0.1, 0.1, 0.1], "note": ""
+    }
+  ]
+}
+"""
+
+
+HEADS = {
+    "iso": "G21 G90 G54\nT1 M6\nG0 Z250.",
+    "siemens": "G71 G90 G54\nT1 D1\nM6\nG0 Z250.",
+    "heidenhain": "BEGIN PGM P MM\nTOOL CALL 1 Z S1000\nL Z+250 R0 FMAX",
+}
+
+
+def program(dialect: str, turns: list[float], tilt: str = "A") -> str:
+    """Six moves at each position of C, degrees."""
+    rapid, feed, end = ("G0", "G1", "M30") if dialect != "heidenhain" else ("L", "L", "END PGM P MM")
+    fast = " R0 FMAX" if dialect == "heidenhain" else ""
+    rows = [
+        f"{rapid} X{x:+} Y{y:+} Z{z:+} {tilt}{a:+} C{c:+}{fast}\n{feed} X{x + 5:+} F500"
+        for c in turns
+        for x, y, z, a in POSITIONS
+    ]
+    return "\n".join([HEADS[dialect], *rows, end, ""])
+
+
+def words(text: bytes | str, letters: str = "XYZ") -> list[float]:
+    """Numbers of some words of a program, less those of its head."""
+    text = text.decode() if isinstance(text, bytes) else text
+    found = re.findall(rf"[{letters}]([+-]?[\d.]+)", text.partition("250")[2])
+    return [float(number) for number in found]
+
+
+def apart(one: Iterable[float], other: Iterable[float]) -> float:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize("dialect", HEADS)
+def test_turns_of_c_get_one_correction_in_every_dialect(dialect, command, tmp_path):
+    write_model(with_motion(TRUNNION, Legendre((0.0, 355.0), 3)), tmp_path / "c.json")
+
+    def corrected(dialect: str, turns: list[float]) -> list[np.ndarray]:
+        (tmp_path / "p.nc").write_text(program(dialect, turns))
+        run = ("p.nc", "--machine", "trunnion_ac", "-c", "c.json", *SETUP, "--dialect", dialect, "-o", "-")
+        done = command(*run)
+        assert done.status == 0, done.err
+        assert words(done.out, "C") == np.repeat(turns, len(POSITIONS)).tolist()
+        return np.split(np.array(words(done.out)), len(turns))
+
+    first, *others, away = corrected(dialect, [-90.0, 270.0, 630.0, 90.0])
+    np.testing.assert_array_equal(others, [first, first])
+    np.testing.assert_allclose(first, corrected("iso", [-450.0])[0], atol=6e-4)
+    assert 0.002 < apart(first, words(program(dialect, [-90.0]))) < 0.1
+    assert apart(first, away) > 0.002
+
+
+def test_an_unmeasured_arc_is_refused_by_the_command(command, tmp_path):
+    write_model(with_motion(TRUNNION, Legendre((0.0, 340.0), 3)), tmp_path / "c.json")
+    (tmp_path / "p.nc").write_text(program("iso", [-90.0, 710.0, 339.0, 360.0]))
+    run = ("p.nc", "--machine", "trunnion_ac", "-c", "c.json", *SETUP, "-o", "o.nc")
+    done = command(*run)
+    assert done.status == 2
+    assert "6 of 24 evaluated moves (25.0%) end outside the range" in done.err
+    assert "(lines 10-15)" in done.err
+    assert not (tmp_path / "o.nc").exists()
+    done = command(*run, "--accept", "outside")
+    assert done.status == 0, done.err
+    assert "10 deg" in done.err
+    assert (tmp_path / "o.nc").exists()
+
+
+def test_a_calibration_by_older_code_repeats_with_the_turn(command, tmp_path):
+    """The curve over 0 to 360 of C does not close: 60 um from one end to the other."""
+    text = (Path(machines.__file__).parent / "dmu50.toml").read_text()
+    (tmp_path / "long.toml").write_text(text.replace("travel = [0, 360]", "travel = [-720, 720]"))
+    (tmp_path / "older.json").write_text(OLDER)
+    turn = [0.0, 0.1, 45.0, 359.9]
+    every = [c + shift for shift in (0.0, 360.0, -720.0) for c in turn]
+    (tmp_path / "p.nc").write_text(program("iso", every, "B").replace("B-25.0", "B+25.0"))
+    done = command("p.nc", "--machine", "long.toml", "-c", "older.json", *SETUP, "-o", "-")
+    assert done.status == 0, done.err
+    first, *others = np.split(np.array(words(done.out)), 3)
+    np.testing.assert_array_equal(others, [first, first])
+    seam, near, away, end = np.split(first, len(turn))
+    assert max(apart(seam, end), apart(near, end)) < 0.001
+    assert apart(near, away) > 0.004
