@@ -81,7 +81,7 @@ class Bench:
         targets = [f"--target={name}={at}" for name, at in TARGETS.items()]
         targets += [f"--target=table.{name}={at}" for name, at in TABLE.items()]
         stations = ["--stands-on=bed", *(f"--tracker={at}" for at in STATIONS)]
-        way = ("--strategy", "axes", "--spacing", "45", "--rotary", "swept", "--rotary-points", str(rotary_points))
+        way = ("--strategy", "axes", "--rotary", "swept", "--rotary-points", str(rotary_points))
         self.do("plan", *way, "--range", f"C={turn}", *targets, "-o", "plan.csv")
         self.simulate("--strategy", "plan.csv", *stations, data="three.csv")
         self.do("three-points", "three.csv", "-o", "three.json")
@@ -181,6 +181,7 @@ def draws(folder: Path, count: int, *, head: bool) -> None:
     """Print what three points leave on random machines."""
     kind = "C on the table, B in the head" if head else "C on a trunnion"
     print(f"\n2. {kind}: {count} machines, um: RMS before, RMS and largest after", flush=True)
+    every = []
     for draw in range(count):
         rng = np.random.default_rng([SEED, draw, head])
         file = folder / f"drawn_{draw}_{head}.toml"
@@ -193,6 +194,9 @@ def draws(folder: Path, count: int, *, head: bool) -> None:
         figures += deviations_left(machine, *models, mounted=True)[1:] if head else ()
         cells = "".join(f"{value:8.2f}" for value in figures)
         print(f"{machine.chain:20} C from {low:7.1f}{cells}", flush=True)
+        every.append(figures)
+    print(f"{'median':34}" + "".join(f"{value:8.2f}" for value in np.median(every, axis=0)))
+    print(f"{'largest':34}" + "".join(f"{value:8.2f}" for value in np.max(every, axis=0)))
 
 
 def arc(folder: Path) -> None:
