@@ -32,9 +32,9 @@ from kinematics.turn import columns_of, gap_of, measured_arc
 
 HIGHEST_DEGREE = 15
 """That is tried, if the positions take it."""
-STEADY = 2.2
+STEADY = 2.45
 """Least squares polynomials swing between n evenly spaced positions from a degree of about 2 sqrt(n) on (Dahlquist and
-Bjorck, Numerical Methods, 4.4.3); 10 of 21 positions hold five half waves."""
+Bjorck, Numerical Methods, 4.4.3): 8 for 11, 11 for 21."""
 LEAST_WEIGHT = 0.01
 """Of a degree, among those of one curve, below which it is left out."""
 MISFIT = 1e-3
