@@ -427,7 +427,7 @@ def _model(
         values.append(split.matrix @ parameters)
         by_points.append(wider @ own)
         choice = one.curves.choice_covariance(one.motions.errors, results[name].covariance)
-        chosen.append(wider @ choice @ wider.T)
+        chosen.append(propagated(wider, choice))
     inputs = {measurement.source: measurement.fingerprint} if measurement.fingerprint else {}
     made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), "three-point identification", inputs)
     model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
