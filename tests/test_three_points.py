@@ -26,7 +26,7 @@ from calibration.truth import TABLE_1, random_truth
 from kinematics.deviation import exact_deviation
 from kinematics.errors import UserError
 from kinematics.forward import forward
-from kinematics.model import ErrorModel, read_model
+from kinematics.model import ErrorModel, decode_model, encode_model, read_model
 from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.cli import app
@@ -197,6 +197,15 @@ def test_a_wobble_is_widened_together_with_the_curve_that_holds_it_down(monkeypa
     pairs = zip(wide.model.effects, sharp.model.effects, strict=True)
     for one, other in (pair for pair in pairs if pair[0].axes[0] == "B"):
         assert (np.array(one.uncertainties) <= (max(factors) + 1e-6) * np.array(other.uncertainties) + 1e-9).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_model_with_averaged_degrees_is_read_again(seed):
+    seen = measured(DMU50, model(DMU50, random_effects(seed)), AROUND, rng=np.random.default_rng(seed))
+    found = identify(seen).model
+    again = decode_model(encode_model(found), "cal.json")
+    np.testing.assert_array_equal(again.covariance, np.array(again.covariance).T)
+    np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-12)
 
 
 def test_the_choice_of_degrees_is_in_the_uncertainty():
