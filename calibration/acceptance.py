@@ -12,10 +12,12 @@ import numpy as np
 from calibration.fit import Fit, fit
 from calibration.heldout import HeldOut
 from calibration.measurement import Measurement
+from calibration.models import moving_axes
 from calibration.normal import whitened, whiteners
 from calibration.prediction import Seen, relative_at_most
 from calibration.visibility import Visibility
 from kinematics.deviation import exact_deviation
+from kinematics.effects import COMPONENTS
 from kinematics.error_transform import place_transform
 from kinematics.errors import UserError
 from kinematics.forward import forward
@@ -43,7 +45,9 @@ def refuse_few(found: Fit, seen: Visibility) -> None:
             f"{measurement.source}: the rows show nothing of the machine's errors: no axis moves between the "
             "instrument and its targets, or nothing but what the registration takes up"
         )
-    unknown = registered + seen.parameters - seen.by_convention
+    # a finer basis than cubics is held by its priors where the rows don't determine it
+    cubics = 4 * len(COMPONENTS) * len(moving_axes(measurement))
+    unknown = registered + min(seen.parameters - seen.by_convention, cubics)
     told = _information(measurement.rows(np.flatnonzero(found.kept)))
     checked = found.observations * (1.0 - SPARE) >= registered + seen.rank_registered
     if checked and (told >= unknown or measurement.components == 1):

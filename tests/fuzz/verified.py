@@ -2,7 +2,7 @@
 
 A program is drawn as moves and written in one of three dialects. Of plain moves, and of moves of the tool point with
 rotary axes, the corrected text is reckoned anew: words by a regular expression, kinematics by `tests/virtual_machine`,
-errors by a polynomial evaluated here. Of all programs `verify` judges the two texts.
+errors by a polynomial evaluated there. Of all programs `verify` judges the two texts.
 """
 
 from __future__ import annotations
@@ -281,10 +281,13 @@ class Writer:
 
 
 def _effects(kind: str, chain: Any, rng: random.Random) -> list[dict[str, Any]]:
-    """Effects of a calibration, as its file has them; of polynomials, whose evaluation is written a second time here."""
+    """Effects of a calibration, as its file has them; of polynomials, which the tests work out a second time."""
     found = []
     for axis in chain.axes:
-        low, high = (max(-360.0, min(360.0, end)) if axis.rotary else end for end in axis.travel)
+        low, high = axis.travel
+        if axis.rotary and high - low >= 360.0:  # the whole turn, once
+            low = max(low, -180.0)
+            high = low + 360.0
         if kind in RECKONED:
             degree = 0 if kind == "constant" else 2
             for component in "XYZ" if kind == "constant" else "XYZABC":
@@ -437,6 +440,7 @@ def _axes(chain: Any, held: dict[str, float], tcp: bool) -> list[float]:
 
 
 def _points(chain: Any, q: Any, effects: list[dict[str, Any]]) -> Any:
+    from virtual_machine.calibrated import motion
     from virtual_machine.chain import tool_points
 
     errors = np.zeros((len(q), len(chain.axes), 6))
@@ -445,9 +449,7 @@ def _points(chain: Any, q: Any, effects: list[dict[str, Any]]) -> Any:
         if effect["kind"] == "location":
             errors[:, i, "XYZABC".index(effect["component"])] += effect["value"]
             continue
-        low, high = effect["basis"]["interval"]
-        share = (q[:, i] / chain.axes[i].per_file_unit - low) / (high - low)
-        values = sum(value * share**k for k, value in enumerate(effect["parameters"]))
+        values = motion(chain.axes[i], effect["basis"], effect["parameters"], q[:, i] / chain.axes[i].per_file_unit)
         errors[:, i, "XYZABC".index(effect["component"])] += values
     errors[..., :3] *= 1e-3
     errors[..., 3:] *= 1e-6

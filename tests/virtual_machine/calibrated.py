@@ -36,7 +36,7 @@ class Calibrated:
                 continue
             k = "XYZABC".index(effect["component"])
             if effect["kind"] == "error-motion":
-                result[:, i, k] += MICRO[k] * _motion(axis, effect["basis"], effect["parameters"], x)
+                result[:, i, k] += MICRO[k] * motion(axis, effect["basis"], effect["parameters"], x)
             elif effect["kind"] == "location" and (axis.rotary or k < 3):
                 result[:, i, k] += MICRO[k] * effect["value"]
             elif effect["kind"] == "location":
@@ -56,7 +56,7 @@ def _sideways(axis: Axis, about: int) -> Array:
     return np.asarray(axis.frame.T @ np.cross(axis.frame[:, about], axis.direction))
 
 
-def _motion(axis: Axis, basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> Array:
+def motion(axis: Axis, basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> Array:
     """An error motion of an axis; of one that can turn once round it repeats with the turn."""
     if not axis.rotary or axis.travel[1] - axis.travel[0] < 360.0:
         return _curve(basis, parameters, x)
