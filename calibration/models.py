@@ -17,7 +17,7 @@ from kinematics.effects import Backlash, Component, Effect, ErrorMotion
 from kinematics.effects.base import own_component
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel, no_errors
-from kinematics.turn import gap_of, measured_arc
+from kinematics.turn import gap_of, measured_arc, swept_arc
 
 STILL = 1e-6
 """mm or degrees: an axis that moves less stands still."""
@@ -94,7 +94,7 @@ def moving_axes(measurement: Measurement) -> dict[str, Interval]:
     ends = np.round(np.stack([low, high], axis=1), 9).tolist()
     for i, axis in enumerate(measurement.machine.axes):
         if axis.turns_fully:
-            ends[i] = measured_arc(positions[..., i])
+            ends[i] = measured_arc(positions[:, i]) if across is None else swept_arc(*ends[i])
     names = measurement.machine.names
     measured = set(names) if measurement.axis is None else set(measurement.axis.tolist())
     return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STILL and name in measured}

@@ -46,6 +46,11 @@ def measured_arc(positions: Array) -> Interval:
     return low, round(low + TURN - float(gaps[widest]), 9)
 
 
+def swept_arc(low: float, high: float) -> Interval:
+    """The arc of the turn that a motion from one position to another, degrees, sweeps; a whole turn where it counts."""
+    return (low, low + TURN) if high - low >= TURN - CLOSED else (low, high)
+
+
 def gap_of(arc: Interval) -> float:
     """Width of the part of the turn, degrees, that was not measured; 0 where the turn counts as measured all round."""
     gap = TURN - (arc[1] - arc[0])

@@ -26,7 +26,7 @@ from calibration.calibrate import calibrate
 from calibration.fit import fit
 from calibration.instruments import LaserTracker
 from calibration.measurement import Target
-from calibration.models import BasisChoice, with_effects
+from calibration.models import BasisChoice, moving_axes, with_effects
 from calibration.on_the_fly.blind import common_odd_mode
 from calibration.on_the_fly.cells import cell_numbers, correlation, reduced
 from calibration.on_the_fly.drive import Manner, driven
@@ -420,6 +420,16 @@ def test_vibration_that_is_fast_does_not_matter():
     readings, _ = followed(polyline(6), truth_of(7), rate=200.0, vibration=Vibration(5.0, 43.0))
     found = calibrate(on_path(readings, polyline(6)).measurement, hold_out=False)
     assert found.fit.rms_um < 2.0
+
+
+def test_a_path_sweeps_the_turn_between_its_ends():
+    machine = machines.load("dmu50")
+    corners = [[0.0, 0.0, 100.0, 0.0, 0.0], [50.0, 40.0, 200.0, 30.0, 200.0], [10.0, -40.0, 300.0, 5.0, 300.0]]
+    path = path_of(machine, np.array(corners))
+    readings, _ = followed(path, truth_of(3, machine), feeds=(3000.0,), rate=20.0)
+    low, high = moving_axes(on_path(readings, path).measurement)["C"]
+    assert low == pytest.approx(0.0, abs=5.0)
+    assert high == pytest.approx(300.0, abs=5.0)
 
 
 @pytest.mark.slow
