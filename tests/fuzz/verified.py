@@ -394,6 +394,8 @@ def _reckoned_fault(case: Case, text: str) -> str:
     commanded = list(_poses(text, chain))
     if len(nominal) != len(commanded):
         return f"reckoned: {len(commanded)} moves instead of {len(nominal)}"
+    if not nominal:
+        return ""
     wanted = _points(chain, np.array(nominal), [])
     before, after = (_points(chain, np.array(q), effects) for q in (nominal, commanded))
     worst, was = (1e3 * np.linalg.norm(points - wanted, axis=1) for points in (after, before))
@@ -404,8 +406,11 @@ def _reckoned_fault(case: Case, text: str) -> str:
 
 
 def _poses(text: str, chain: Any) -> Iterator[list[float]]:
-    """Axis positions, mm and rad, at the end of every move of the program; pieces of ncomp's own belong to it."""
-    held = dict.fromkeys(chain.names, 0.0)
+    """Axis positions, mm and rad, at the end of every move from the first on that knows X, Y and Z.
+
+    Moves that ncomp has added belong to the move of the program before them.
+    """
+    held, unknown = dict.fromkeys(chain.names, 0.0), set("XYZ")
     tcp, found = False, []
     for line in text.split("\n"):
         spoken = re.sub(r"\(.*|;.*", "", line)
@@ -416,6 +421,9 @@ def _poses(text: str, chain: Any) -> Iterator[list[float]]:
         if not words or "TAKE-UP" in line:
             continue
         held |= words
+        unknown -= words.keys()
+        if unknown:
+            continue
         q = _axes(chain, held, tcp)
         if "NCOMP FROM" in line:
             found[-1] = q

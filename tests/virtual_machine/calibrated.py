@@ -57,7 +57,7 @@ def _sideways(axis: Axis, about: int) -> Array:
 
 
 def motion(axis: Axis, basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> Array:
-    """An error motion of an axis; of one that can turn once round it repeats with the turn."""
+    """An error motion of an axis; of one that can turn once round it repeats with the turn, the mean of several."""
     if not axis.rotary or axis.travel[1] - axis.travel[0] < 360.0:
         return _curve(basis, parameters, x)
     if basis["kind"] == "harmonics":
@@ -73,8 +73,10 @@ def motion(axis: Axis, basis: Mapping[str, Any], parameters: Sequence[float], x:
     if basis["kind"] == "b-spline":
         seam = (parameters[0] + parameters[-1]) / 2.0
         return _curve(basis, [seam, *parameters[1:-1], seam], here)
+    starts = np.arange(low, high - 1.0, 360.0)
     start, end = _curve(basis, parameters, np.array([low, high]))
-    return _curve(basis, parameters, here) - (end - start) * (here - low) / 360.0
+    turns = [_curve(basis, parameters, here + first - low) for first in starts.tolist()]
+    return np.asarray(np.mean(turns, axis=0) - (end - start) / len(starts) * (here - low) / 360.0)
 
 
 def _curve(basis: Mapping[str, Any], parameters: Sequence[float], x: Array) -> Array:
