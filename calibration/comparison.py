@@ -28,7 +28,7 @@ from kinematics.basis import Interval
 from kinematics.deviation import exact_deviation
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.effects.base import own_component, own_motion, unit_of
-from kinematics.error_transform import place_transform
+from kinematics.error_transform import place_transform, pose_slopes
 from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Machine
@@ -230,7 +230,7 @@ def compare(
         for effect in model.effects
         if _left_out(effect)
     ]
-    motions, slopes, figures = [], {}, []
+    motions, figures = [], []
     used: dict[str, float] = {}
     for i, axis in enumerate(machine.axes):
         for k in range(6):
@@ -247,11 +247,9 @@ def compare(
             pair = [side.seen(i, k, positions) for side in sides]
             rule = _rule(machine, i, k, x, straightness)
             motions.append(_motion(machine, sides, (i, k), x, pair, rule))
-            if rule.slope is not None:
-                slopes[COMPONENTS[k] + axis.name] = [_Seen(s.values[:-1], s.design[:-1]) for s in pair], rule.slope
-            elif rule.mean:
+            if rule.mean:
                 figures.append(_location(sides, name, pair, unit_of(COMPONENTS[k])[0]))
-    figures = [*_squareness(machine, sides, slopes), *figures, *_reversals(machine, sides)]
+    figures = [*_squareness(machine, sides, straightness), *figures, *_reversals(machine, sides)]
     return Comparison(
         machine,
         used,
@@ -333,8 +331,6 @@ class _Rule(NamedTuple):
     text: str
     matrix: Array
     """`(n, n + 1)` on its values at the positions and, last, at the reference."""
-    slope: Array | None = None
-    """Weights `(n,)` of its slope, per mm, where it is a straightness."""
     mean: bool = False
     """True where its mean is a location error."""
 
@@ -348,7 +344,7 @@ def _rule(machine: Machine, i: int, k: int, x: Array, straightness: Straightness
         return _Rule("zero at the reference", np.eye(n, n + 1) - np.eye(1, n + 1, n))
     line = reference_line(straightness, x, np.zeros(n))
     matrix = np.concatenate([line.residual_of(x), np.zeros((n, 1))], axis=1)
-    return _Rule(f"from the {straightness} line", matrix, line.slope_of)
+    return _Rule(f"from the {straightness} line", matrix)
 
 
 def _motion(
@@ -371,33 +367,68 @@ def _location(sides: Sequence[_Side], name: str, pair: Sequence[_Seen], unit: st
 
 
 SQUARENESS = {("Y", "X"): ("C", -1.0), ("Z", "X"): ("B", 1.0), ("Z", "Y"): ("A", -1.0)}
-"""Squareness of the second axis to the first: the letter of E_C0Y - E_C0X, and its sign in the slopes of both."""
+"""Squareness of the second axis to the first: the letter of E_C0Y - E_C0X, and its sign in their scalar product."""
 
 
-def _squareness(machine: Machine, sides: Sequence[_Side], slopes: Mapping[str, Any]) -> Iterator[Figure]:
-    """E_C0Y - E_C0X, E_B0Z - E_B0X and E_A0Z - E_A0Y, of the first linear axis of each letter, um/m."""
-    first: dict[str, str] = {}
-    for axis in machine.axes:
+def _squareness(machine: Machine, sides: Sequence[_Side], straightness: Straightness) -> Iterator[Figure]:
+    """E_C0Y - E_C0X, E_B0Z - E_B0X and E_A0Z - E_A0Y, of the first linear axis of each letter, um/m.
+
+    The change of the angle between the lines along which two axes move the tool in the workpiece frame. A turn that all
+    axes share leaves it alone, and so does a constant angle of an axis that the straightness of the axes it carries
+    makes up for.
+    """
+    first: dict[str, int] = {}
+    for i, axis in enumerate(machine.axes):
         if not axis.rotary:
-            first.setdefault(own_component(axis.name), axis.name)
+            first.setdefault(own_component(axis.name), i)
     for (second, other), (letter, sign) in SQUARENESS.items():
         if second not in first or other not in first:
             continue
-        parts = [
-            (slopes[key], sign * own_motion(machine, axis)[2])
-            for key, axis in ((other + first[second], first[second]), (second + first[other], first[other]))
-            if key in slopes
-        ]
-        if not parts:
-            continue
+        i, j = first[second], first[other]
+        ends = [_common(sides, i, COMPONENTS.index(other)), _common(sides, j, COMPONENTS.index(second))]
+        lines = [_direction(machine, i), _direction(machine, j)]
+        scale = sign * 1e6 / float(np.linalg.norm(np.cross(lines[0], lines[1])))
         found = []
-        for number, side in enumerate(sides):
-            value = sum(1e3 * share * (weights @ pair[number].values) for (pair, weights), share in parts)
-            design = sum(1e3 * share * (weights @ pair[number].design) for (pair, weights), share in parts)
-            found.append((float(value), float(side.U(np.asarray(design)[None])[0])))
-        name = f"E_{letter}0{first[second]} - E_{letter}0{first[other]}"
-        title = f"squareness of {first[second]} to {first[other]}"
-        yield Figure(name, title, "um/m", found[0][0], found[1][0], found[0][1], found[1][1])
+        for side in sides:
+            leans = [_lean(side, a, known, straightness) for a, known in zip((i, j), ends, strict=True)]
+            value = scale * (lines[1] @ leans[0].values + lines[0] @ leans[1].values)
+            design = scale * (lines[1] @ leans[0].design + lines[0] @ leans[1].design)
+            found.append((float(value), float(side.U(design[None])[0]), design.any()))
+        if any(seen for *_, seen in found):
+            names = machine.names[i], machine.names[j]
+            name = f"E_{letter}0{names[0]} - E_{letter}0{names[1]}"
+            title = f"squareness of {names[0]} to {names[1]}"
+            yield Figure(name, title, "um/m", found[0][0], found[1][0], found[0][1], found[1][1])
+
+
+def _direction(machine: Machine, i: int) -> Array:
+    """Where the tool goes in the workpiece frame `(3,)` when a linear axis moves along its letter, others at home."""
+    home = _along(machine, i, np.array([machine.axes[i].home]), 0.0)
+    slope = pose_slopes(machine, home.positions)[0, :3, i]
+    return np.asarray(own_motion(machine, machine.names[i])[2] * slope / np.linalg.norm(slope))
+
+
+def _lean(side: _Side, i: int, ends: Interval | None, straightness: Straightness) -> _Seen:
+    """How far the line of a linear axis leans from its direction: vector `(3,)`, workpiece frame, mm per mm.
+
+    The slope of the reference line through the deviations across the axis over a range, mm. The axis' own angular error
+    motions count with their values at home: how they vary bends the line, by an amount that depends on the tool point.
+    """
+    machine = side.machine
+    axis, direction = machine.axes[i], _direction(machine, i)
+    low, high = ends if ends is not None and ends[0] < ends[1] else (axis.home, axis.home + 1.0)
+    x = np.linspace(low, high, POSITIONS)
+    here, home = _along(machine, i, x, 0.0), _along(machine, i, np.full(POSITIONS, axis.home), 0.0)
+    across = np.eye(3) - np.outer(direction, direction)
+    slope = own_motion(machine, axis.name)[2] * reference_line(straightness, x, np.zeros(POSITIONS)).slope_of
+    transform = across @ place_transform(machine, here.positions)[:, :3]
+    own = np.zeros(transform.shape[2])
+    own[6 * i + 3 : 6 * i + 6] = 1.0
+    parts = ((here, transform * (1.0 - own)), (home, transform * own))
+    errors = [side.model.errors(machine, state).reshape(POSITIONS, 1, -1) for state, _ in parts]
+    values = [np.sum(part * each, axis=2) for (_, part), each in zip(parts, errors, strict=True)]
+    designs = [side.model.design(machine, state, part) for state, part in parts]
+    return _Seen(slope @ (values[0] + values[1]), np.tensordot(slope, designs[0] + designs[1], axes=1))
 
 
 def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:

@@ -36,8 +36,11 @@ from kinematics.turn import columns_of
 
 DATUM_SLOPES = ("E_YX", "E_ZX", "E_ZY")
 """Straightness slopes that are zero by convention: X is x, Y lies in the x y plane."""
-ELSE = 1e-4
-"""Weight of all other parameters, which settles what the rules above leave open."""
+RULED = 2e-3
+"""Share of the largest singular value below which the rules leave a direction of the gauge open.
+
+To follow them there, parameters would have to grow until they only cancel one another.
+"""
 HARMONIC = 1e-2
 """Weight of the first harmonics, which only some bases can hold exactly."""
 TURN = np.deg2rad(60.0)
@@ -115,8 +118,12 @@ def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
     if not free.shape[1]:
         return np.eye(len(prior))
     scale = np.where(np.isfinite(prior), prior, 1.0)
-    rules = np.concatenate([_rules(machine, model) * scale, ELSE * np.eye(len(prior))])
-    along = np.linalg.lstsq(rules @ free, rules, rcond=None)[0]
+    rules = _rules(machine, model) * scale
+    u, values, directions = np.linalg.svd(rules @ free)
+    ruled = int(np.sum(values > RULED * values.max(initial=0.0)))
+    by_rules = (u[:, :ruled] / values[:ruled]).T @ rules
+    least = directions[ruled:] @ free.T  # of what the rules leave open nothing is kept
+    along = directions.T @ np.concatenate([by_rules, least])
     return np.asarray((np.eye(len(prior)) - free @ along) * scale[:, None] / scale)
 
 

@@ -43,7 +43,9 @@ def truth(machine: Machine, rng: np.random.Generator, size: float = 20.0) -> Err
         travel = tuple(np.clip(axis.travel, -180, 180).tolist()) if axis.rotary else axis.travel
         for component in COMPONENTS:
             values = rng.uniform(-size, size, 6) * [0.5, 1, 1, 1, 0.3, 0.3]
-            effects.append(ErrorMotion(component, axis.name, Fourier(travel, (0.5, 2.0)), tuple(values), u=(0.0,) * 6))
+            effects.append(
+                ErrorMotion(component, axis.name, Fourier(travel, (0.5, 2.0)), tuple(values.tolist()), u=(0.0,) * 6)
+            )
     return msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
 
 

@@ -4,10 +4,15 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
+from measured import truth
 
 import machines
+from calibration.datum import to_datum
+from calibration.locations import transformed
+from calibration.models import priors
 from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift, Wobble
 from kinematics.machine import Machine
@@ -102,6 +107,33 @@ def test_an_axis_against_its_letter_leans_the_same_way(command):
     refused = command("compare", "a.json", "b.json")
     assert refused.status == 2
     assert "--machine" in refused.err
+
+
+@pytest.mark.parametrize("kind", ["end-point", "least-squares"])
+@pytest.mark.parametrize("name", machines.names())
+def test_squareness_does_not_depend_on_which_axis_holds_a_constant_angle(command, name, kind):
+    # the same machine told in another frame: no measurement on the workpiece sees a difference
+    machine = machines.load(name)
+    whole = truth(machine, np.random.default_rng(8), 30.0)
+    model = msgspec.structs.replace(whole, covariance=np.eye(len(whole.parameters)).tolist())
+    moved = transformed(model, model.effects, to_datum(machine, model, priors(model)))
+    assert np.abs(moved.parameters - model.parameters).max() > 10.0
+    calibration("a.json", machine, *model.effects)
+    calibration("b.json", machine, *moved.effects)
+    _, _, figures = compared(command, "--straightness", kind)
+    square = [each for each in figures.values() if each["title"].startswith("squareness")]
+    assert len(square) == 3
+    assert max(abs(each["a"]) for each in square) > 5.0
+    assert [each["b"] for each in square] == pytest.approx([each["a"] for each in square], abs=0.1)
+
+
+def test_an_axis_leans_with_the_constant_angle_of_the_axis_that_carries_it(command):
+    # Z hangs on Y: E_AY of 20 urad leans Z by 20 um/m and leaves the line of Y where it is
+    calibration("a.json", machines.load("gantry"), motion("AY", (0.0, 500.0), 20.0))
+    calibration("b.json", machines.load("gantry"))
+    _, _, figures = compared(command)
+    assert figures["E_A0Z - E_A0Y"]["a"] == pytest.approx(20.0)
+    assert figures["E_A0Z - E_A0Y"]["b"] == 0.0
 
 
 def test_rotary_axes_have_their_location_apart(command):
