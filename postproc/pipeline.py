@@ -54,9 +54,11 @@ UNCERTAINTY_ROWS = 500
 SPOOLED = 1 << 24
 """Bytes of a program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
+"""Shares of the way of a written block at which the error between its ends is predicted."""
 CLOSELY = tuple(i / 16 for i in range(17))
 """Shares at which the input is looked at where its error jumps: the jump may lie between three."""
-"""Shares of the way of a written block at which the error between its ends is predicted."""
+ERROR_JUMPS = "its error jumps, or an axis with play turns back in it"
+TURNED_ALONE = "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else"
 
 
 @dataclass(frozen=True)
@@ -237,13 +239,13 @@ class Pipeline:
         """Gather what the correction is and what the exact model predicts before and after it."""
         job, report, own = self.job, self.report, ~motions.inner
         machine, judged, correctable = job.machine, motions.judged, motions.programmed & own
-        moved = written.ends - motions.target
-        report.corrected += int(((moved != 0.0) & motions.correctable)[correctable].any(axis=1).sum())
+        moved, said = written.ends - motions.target, motions.correctable & correctable[:, None]
+        report.corrected += int(((moved != 0.0) & said).any(axis=1).sum())
         report.not_judged += int((~judged & own).sum())
         for i in machine.translators:
-            report.correction.setdefault(machine.names[i], Statistic()).add(moved[correctable, i] * 1e3)
+            report.correction.setdefault(machine.names[i], Statistic()).add(moved[said[:, i], i] * 1e3)
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
-            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[correctable, i]) * 1e6)
+            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[said[:, i], i]) * 1e6)
         self._note_assumed(motions, correctable)
         self._note_left(motions)
         commanded = written.moves(motions)
@@ -255,7 +257,7 @@ class Pipeline:
             self._note_turning(motions, correction, written)
             self._flat_arcs.take(motions, correction, written.ends)
         if self.trace is not None:
-            self.trace.add(motions, correctable, moved, errors)
+            self.trace.add(motions, correctable, np.where(said, moved, np.nan), errors)
             self.trace.add_ways(motions, self.before)
 
     def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, judged: NDArrayBool) -> Array:
@@ -307,9 +309,7 @@ class Pipeline:
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
         for row in np.flatnonzero(motions.turning & (behind * 1e3 > self.job.tolerance_um)):
             line = motions.blocks[motions.block[row]].line
-            self.notes.add(
-                "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else", line
-            )
+            self.notes.add(TURNED_ALONE, line)
 
     def _judge_between(self, motions: Motions, commanded: Motions) -> None:
         """Along feed moves, where nothing is corrected by itself."""
@@ -322,10 +322,10 @@ class Pipeline:
         strayed = self._strayed(motions, commanded, self.after, rows)
         self.report.between_ends.add(strayed[judged])
         self._guard_between(motions, motions.judged_ways, strayed[judged])
-        beyond = strayed > self.job.tolerance_um
+        beyond, turning = strayed > self.job.tolerance_um, motions.turning
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
             block = int(motions.block[row])
-            reason = self.splitter.whole.get(block, "its error jumps, or an axis with play turns back in it")
+            reason = TURNED_ALONE if turning[row] else self.splitter.whole.get(block, ERROR_JUMPS)
             self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
 
     def _guard_between(self, motions: Motions, rows: NDArrayBool, strayed: Array) -> None:

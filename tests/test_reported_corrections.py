@@ -1,0 +1,61 @@
+"""What a run reports of the corrections: only those of positions that the program has said, with the right reason."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from programs import load, shifted
+from typer.testing import CliRunner
+
+from kinematics.model import encode_model
+from postproc.cli import app
+
+DRILLING = """\
+BEGIN PGM DRILLING MM
+TOOL CALL 1 Z S1000
+L X+0 Y+0 Z+15 R0 FMAX
+CYCL DEF 200 DRILLING Q200=2 Q201=-20 Q206=150 Q202=5 Q210=0 Q203=+0 Q204=50 Q211=0
+L X+10 Y+10 R0 FMAX M99
+L X-10 R0 FMAX M99
+L Z+60 R0 FMAX
+END PGM DRILLING MM
+"""
+TURNING_UNDER_TCP = """\
+G21 G90 G17 G54
+T1 M6
+G0 B0 C0
+G43.4 H1 X60 Y30 Z60
+G1 X20 Y10 Z30 B20 F1000
+C60
+M30
+"""
+
+
+def run(folder: Path, machine: str, name: str, program: str, *options: str) -> str:
+    """Screen of a run that has to succeed, for a machine whose X Y Z stand 100, -200, 300 um off."""
+    (folder / name).write_text(program)
+    (folder / "cal.json").write_bytes(encode_model(shifted(load(machine), X=100.0, Y=-200.0, Z=300.0)))
+    datum = ("--datum", "0=true", "--datum", "G54=true")
+    given = ("-m", machine, "-c", str(folder / "cal.json"), *datum, "-o", str(folder / "out"), *options)
+    result = CliRunner(env={"COLUMNS": "400"}).invoke(app, ["correct", str(folder / name), *given])
+    assert result.exit_code == 0, result.output or repr(result.exception)
+    return result.output
+
+
+def test_where_a_drilling_cycle_leaves_z_is_no_correction(tmp_path: Path) -> None:
+    run(tmp_path, "gantry", "drilling.h", DRILLING, "--json", str(tmp_path / "run.json"))
+    correction = json.loads((tmp_path / "run.json").read_text())["correction_um"]
+    assert correction["X"]["max"] == 100.0
+    assert correction["Z"] == {"max": 300.0, "rms": 300.0, "count": 3}
+
+
+def test_a_page_of_a_drilling_cycle_can_be_made(tmp_path: Path) -> None:
+    run(tmp_path, "gantry", "drilling.h", DRILLING, "--report", str(tmp_path / "page.html"))
+    assert "35300" not in (tmp_path / "page.html").read_text()
+
+
+def test_a_turn_under_tcp_is_named_as_the_reason_why_the_tool_point_strays(tmp_path: Path) -> None:
+    screen = run(tmp_path, "head_table", "turning.nc", TURNING_UNDER_TCP, "--accept", "worse")
+    assert "between its ends: a feed move of rotary axes alone keeps the linear axes" in screen
+    assert "its error jumps" not in screen
