@@ -20,6 +20,9 @@ from postproc.iso_statements import computed_word, returned, statement
 from postproc.program import Block, Refusal, Word
 from postproc.statements import Code, Step
 
+NO_NUMBER = -1.0
+"""Number of a program that has a name: no call finds it."""
+
 # Written so that there is one way only to match a text: trying all would take for ever on a long block.
 _WORD = r"[A-Za-z$][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
 WORDS = re.compile(rf"(?:[ \t]*{_WORD})+[ \t]*")
@@ -65,6 +68,8 @@ def parse_block(line: int, text: str) -> Block:
                     words.append(_word(item))
                 case "computed":
                     words.append(computed_word(item))
+                case "PROGRAM":
+                    words.append(_program(item))
                 case "SKIP":
                     skippable = True
                 case "COMMENT":
@@ -95,6 +100,13 @@ def _word(token: Token) -> Word:
     assert match is not None
     at = token.start_pos or 0
     return Word(match[1].upper(), float(match[3] + match[4]), at, at + match.start(2), at + match.end())
+
+
+def _program(token: Token) -> Word:
+    """A program that is named as FANUC allows beside O: by a colon and its number, or by a name."""
+    at = token.start_pos or 0
+    number = float(token[1:]) if token.startswith(":") else NO_NUMBER
+    return Word("O", number, at, at + 1, at + len(token))
 
 
 def _explain(text: str, fault: UnexpectedInput) -> str:
