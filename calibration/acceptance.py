@@ -93,7 +93,7 @@ def no_gain(found: Fit, before: Array, held: HeldOut | None) -> str:
     if found.chi2_reduced < QUIET:
         advice += (
             f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument hides what the data "
-            "show, --noise estimate takes it from the residuals"
+            "show; 'ncomp fit --noise estimate' takes it from the residuals"
         )
     kept = found.measurement.rows(np.flatnonzero(found.kept))
     rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))

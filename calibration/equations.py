@@ -204,8 +204,9 @@ def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) 
 
 
 def _first_targets(measurement: Measurement, registration: Registration) -> dict[str, Array]:
-    """Positions `(3,)`, mm, of the targets on table and bed: medians of where the first poses show them."""
-    found = {name: np.array(target.position) for name, target in measurement.targets.items() if not target.known}
+    """Positions `(3,)`, mm, of the targets on table and bed, and free ones: medians of where first poses show them."""
+    unknown = [name for name, target in measurement.targets.items() if target.free or not target.known]
+    found = {name: np.array(measurement.targets[name].position) for name in unknown}
     if not found:
         return found
     at_zero = registration.seen(measurement, seen_points(measurement, None, np.zeros((len(measurement), 3))))

@@ -167,22 +167,23 @@ class AxisModel:
     """`(parameters of the effects, p)`."""
 
 
-def tables(axis: Axis, positions: Array) -> Shape:
+def tables(axis: Axis, positions: Array, arc: Interval) -> Shape:
     """Interpolated tables with the measured positions as nodes, closed where the whole turn was measured."""
-    arc, nodes = _arc(axis, positions), np.unique(positions)
+    nodes = np.unique(positions)
     if axis.turns_fully:
         nodes = arc[0] + np.unique(np.round(np.mod(positions - arc[0], TURN), 6) % TURN)
         nodes = nodes if gap_of(arc) else np.append(nodes, arc[1])
     return Shape(axis, (BSpline(tuple(nodes.tolist()), 1),) * 6)
 
 
-def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int]) -> Candidates:
+def polynomials(
+    axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int], arc: Interval
+) -> Candidates:
     """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others weighted by AIC.
 
     A straightness is a line at least, for its slope is the orientation of the axis. Of an axis that turns fully and was
     measured all round, harmonics: a degree is their number.
     """
-    arc = _arc(axis, positions)
     least, most = _fewest(axis, arc), _most(axis, arc, len(positions))
     degrees = least.copy()
     open_ = []
@@ -198,17 +199,20 @@ def polynomials(axis: Axis, positions: Array, motions: RigidMotions, given: Mapp
             degrees[j] = degree
     steady = most if _closed(axis, arc) else int(STEADY * np.sqrt(len(positions)))
     highest = max(min(HIGHEST_DEGREE, most - 1, steady), int(least.max()))
-    return _by_aic(_Criterion(axis, arc, positions, motions), degrees, open_, least, highest)
+    return _by_aic(_Criterion(axis, arc, positions, motions, max(highest, *degrees)), degrees, open_, least, highest)
 
 
 @dataclass(frozen=True)
 class _Criterion:
-    """Akaike's information criterion of six curves."""
+    """Akaike's information criterion of six curves, of degrees up to the highest."""
 
     axis: Axis
     arc: Interval
     positions: Array
     motions: RigidMotions
+    highest: int
+    known: dict[tuple[int, ...], float] = field(default_factory=dict)
+    """Values that were worked out, by degrees."""
 
     def shape(self, degrees: Array) -> Shape:
         """The six curves of some degrees."""
@@ -216,14 +220,29 @@ class _Criterion:
         return Shape(self.axis, tuple(kind(self.arc, int(degree)) for degree in degrees))
 
     @cached_property
-    def weights(self) -> Array:
-        """See `_weights`."""
-        return _weights(self.motions)
+    def widest(self) -> tuple[Shape, Array, Array]:
+        """The curves of the highest degrees, their rows and the right side of these."""
+        weights, shape = self.motions.whitening, self.shape(np.full(6, self.highest))
+        rows = _rows(shape, self.positions, weights, HOLDS[0])
+        return shape, rows, np.append(weights @ self.motions.errors.reshape(-1), np.zeros(len(rows) - len(weights)))
 
     def __call__(self, degrees: Array) -> float:
-        shape = self.shape(degrees)
-        rows = _rows(shape, self.positions, self.weights, HOLDS[0])
-        observed = np.append(self.weights @ self.motions.errors.reshape(-1), np.zeros(len(rows) - len(self.weights)))
+        key = tuple(degrees.tolist())
+        if key not in self.known:
+            self.known[key] = self._value(self.shape(degrees))
+        return self.known[key]
+
+    def _value(self, shape: Shape) -> float:
+        widest, every, observed = self.widest
+        columns = [
+            *(
+                k
+                for part, own in zip(widest.parts, shape.bases, strict=True)
+                for k in range(part.start, part.start + own.size)
+            ),
+            *range(widest.parts[-1].stop, widest.size),
+        ]  # the first functions of a basis are those of one of lower degree
+        rows = every[:, columns]
         left = observed - rows @ np.linalg.lstsq(rows, observed, rcond=1e-14)[0]
         return float(left @ left) + 2.0 * shape.size
 
@@ -258,7 +277,7 @@ def _weighted(criterion: _Criterion, trials: list[Array]) -> tuple[tuple[Shape, 
     return tuple((criterion.shape(trial), share) for trial, share in zip(trials, shares, strict=True) if share)
 
 
-def _arc(axis: Axis, positions: Array) -> Interval:
+def arc_of(axis: Axis, positions: Array) -> Interval:
     """What was measured, mm or degrees: of an axis that turns fully, the arc of the turn."""
     return measured_arc(positions) if axis.turns_fully else (float(positions.min()), float(positions.max()))
 
@@ -293,7 +312,7 @@ def _degree(basis: Basis) -> int | None:
 
 def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
     """The curves of least squares through the error motions at positions `(n,)`, mm or degrees; gauge closed."""
-    weights, wobble = _weights(motions), slice(shape.parts[-1].stop, None)
+    weights, wobble = motions.whitening, slice(shape.parts[-1].stop, None)
     for hold in HOLDS:
         rows = _rows(shape, positions, weights, hold)
         estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
@@ -370,14 +389,6 @@ def _rows(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:
     """Whitened design, and below it what holds the wobble to a standard deviation, um and urad."""
     held = np.eye(shape.size)[shape.parts[-1].stop :] / hold
     return np.concatenate([weights @ shape.design(positions), held])
-
-
-def _weights(motions: RigidMotions) -> Array:
-    """Matrix `(6n + 6, 6n)` that whitens the error motions, and below it the conditions that close the gauge."""
-    values, vectors = np.linalg.eigh(motions.information)
-    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
-    conditions = motions.gauge / np.linalg.norm(motions.gauge, axis=1, keepdims=True)
-    return np.concatenate([root, np.sqrt(values[-1]) * conditions])
 
 
 def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotions) -> AxisModel:

@@ -1,15 +1,18 @@
 """Held-out residuals: every block of rows is predicted by a fit of all the others.
 
-Blocks are runs, or cells of space: never single rows, whose neighbours would give the answer away.
+Blocks are runs, cells of space, or positions with all rows at them: never single rows, whose neighbours would give the
+answer away.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from calibration.fit import fit
+from calibration.fit import Fit, fit
 from calibration.measurement import Measurement
 from calibration.normal import residuals, whitened, whiteners
 from calibration.outliers import Variance
@@ -54,21 +57,29 @@ def held_out(
 ) -> HeldOut | None:
     """Residuals of each block under a fit of the others; None when there are too few rows for blocks.
 
-    kept: mask `(n,)` of the rows to be used, outliers left out. Rows whose set-up or target the others hardly saw tell
-    of the registration, not of the machine, and don't count.
+    kept: mask `(n,)` of the rows to be used, outliers left out.
     """
     good = measurement.rows(np.flatnonzero(kept))
-    labels, what = blocks_of(good)
+    return predicted_by_others(good, *blocks_of(good), partial(fit, model=model, prior=prior, variance=variance))
+
+
+def predicted_by_others(
+    good: Measurement, labels: np.ndarray, what: str, refit: Callable[[Measurement], Fit]
+) -> HeldOut | None:
+    """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
+
+    labels `(n,)`: numbers of the blocks; rows below zero belong to none. Rows whose set-up or target the others hardly
+    saw tell of the registration, not of the machine, and don't count. None when too few rows count.
+    """
     missed = np.full((2, len(good), good.components), np.nan)
-    nominal = no_errors(good.machine)
-    for label in np.unique(labels):
+    for label in np.unique(labels[labels >= 0]):
         told = (labels == label) & placed(good, labels != label)
         if not told.any():
             continue
         others = good.rows(np.flatnonzero(labels != label))
-        for i, (start, root) in enumerate(((model, prior), (nominal, np.zeros(0)))):
+        for i, each in enumerate((refit, _nominal)):
             try:
-                found = fit(others, start, prior=root, variance=variance)
+                found = each(others)
             except UserError:  # the others are no measurement on their own
                 return None
             # effects with memory need the rows in between
@@ -77,7 +88,12 @@ def held_out(
     if 2 * told.sum() < len(good):
         return None
     part = good.rows(told)
-    return summed_up(missed[:, told], whiteners(part), part.per_micro, len(np.unique(labels)), what)
+    return summed_up(missed[:, told], whiteners(part), part.per_micro, len(np.unique(labels[labels >= 0])), what)
+
+
+def _nominal(measurement: Measurement) -> Fit:
+    """The nominal machine, registered on its own."""
+    return fit(measurement, no_errors(measurement.machine), prior=np.zeros(0))
 
 
 def summed_up(missed: Array, whitener: Array, per_micro: Array, blocks: int, what: str) -> HeldOut:

@@ -25,6 +25,8 @@ class Target:
     """mm: from the tool reference point, in the tool's directions; on the table or the bed, in the workpiece frame at
     zero pose of the machine."""
     carrier: Carrier = "tool"
+    free: bool = False
+    """True of a target on the tool whose position registration improves as well."""
 
     @property
     def known(self) -> bool:

@@ -16,6 +16,7 @@ it. It is closed so that
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -48,6 +49,14 @@ class RigidMotions:
     """Points `(k, 3)`, mm, on the component at position zero."""
     body_estimator: Array
     """Its derivatives `(3k, 3kn)`."""
+
+    @cached_property
+    def whitening(self) -> Array:
+        """Matrix `(6n + 6, 6n)` that whitens the error motions, and below it the conditions that close the gauge."""
+        values, vectors = np.linalg.eigh(self.information)
+        root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        conditions = self.gauge / np.linalg.norm(self.gauge, axis=1, keepdims=True)
+        return np.concatenate([root, np.sqrt(values[-1]) * conditions])
 
 
 def outward(axis: Axis, q: Array, errors: Array) -> Pose:

@@ -27,6 +27,7 @@ from calibration.error_curves import (
     Candidates,
     Curves,
     Misfit,
+    arc_of,
     averaged,
     axis_model,
     constants_design,
@@ -39,6 +40,7 @@ from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.rigid_motions import UNITS, RigidMotions, error_design, outward, solve
 from calibration.sight import seen_points
+from kinematics.basis import Interval
 from kinematics.covariance import propagated
 from kinematics.effects import COMPONENTS, Effect
 from kinematics.errors import UserError
@@ -66,6 +68,8 @@ class Choice:
     """Polynomials, or tables interpolated between the measured positions."""
     degrees: Mapping[str, int] = field(default_factory=dict)
     """Of polynomials, by name: {"XX": 4}; others weighted by AIC."""
+    arcs: Mapping[str, Interval] = field(default_factory=dict)
+    """Measured ranges by axis, mm or degrees; default: between the end positions, of a turn all but its widest gap."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,11 @@ class AxisResult:
     curves: Curves
     misfits: tuple[Misfit, ...]
     """Of the six curves from the points."""
+
+    @property
+    def arc(self) -> Interval:
+        """The measured range, mm or degrees."""
+        return self.curves.shape.bases[0].interval
 
     @property
     def u(self) -> Array:
@@ -121,7 +130,7 @@ class ThreePoints:
 
 
 @dataclass(frozen=True)
-class _Series:
+class Series:
     """One axis moving alone."""
 
     column: int
@@ -138,7 +147,7 @@ class _Series:
 class _Found:
     """One axis, and how it depends on all points."""
 
-    series: _Series
+    series: Series
     motions: RigidMotions
     curves: Curves
     by_points: Array
@@ -160,9 +169,15 @@ def identify(
     """
     _check(measurement)
     odd = [finding.says for finding in usable(measurement)]
-    choice = choice or Choice()
-    places, number = _physical_points(measurement)
-    series = _all_series(measurement, places, number)
+    return identified(measurement, choice or Choice(), datums, odd)
+
+
+def identified(
+    measurement: Measurement, choice: Choice, datums: Mapping[str, Array] | None = None, odd: Sequence[str] = ()
+) -> ThreePoints:
+    """As `identify`, of data that can be used; `odd`: what was found about them."""
+    places, number = physical_points(measurement)
+    series = all_series(measurement, places, number)
     on_bed = {name: number for (name, _), number in places.items() if measurement.targets[name].carrier == "bed"}
     if datums is None:
         anchors = _on_tool(measurement, number)
@@ -174,7 +189,9 @@ def identify(
         _refuse_line(measurement, one, points)
         found[measurement.machine.axes[one.column].name] = _identify(measurement.machine, one, points, found, choice)
     _refuse_unknown(choice, found)
-    notes = odd + ([] if points.freedom else ["every point was seen once: no repeatability, u by the sheet alone"])
+    notes = list(odd) + (
+        [] if points.freedom else ["every point was seen once: no repeatability, u by the sheet alone"]
+    )
     results = {name: _result(measurement.machine, one, points) for name, one in found.items()}
     notes += _missed(results)
     model = _model(measurement, found, results, points)
@@ -204,7 +221,7 @@ def _side(machine: Machine, carrier: str) -> np.ndarray:
     return np.array([axis.side == side for axis in machine.axes])
 
 
-def _physical_points(measurement: Measurement) -> tuple[Places, np.ndarray]:
+def physical_points(measurement: Measurement) -> tuple[Places, np.ndarray]:
     """Points by target and position of the axes that move it, and the number `(rows,)` of the one that a row sees."""
     assert measurement.state.target is not None
     names = measurement.state.target.astype(str).tolist()
@@ -218,7 +235,7 @@ def _physical_points(measurement: Measurement) -> tuple[Places, np.ndarray]:
     return places, np.array(number)
 
 
-def _all_series(measurement: Measurement, places: Places, number: np.ndarray) -> list[_Series]:
+def all_series(measurement: Measurement, places: Places, number: np.ndarray) -> list[Series]:
     """The series of all axes: of the tool's side, then of the table's, from the bed outward."""
     machine = measurement.machine
     columns = range(len(machine.axes))
@@ -237,7 +254,7 @@ def _all_series(measurement: Measurement, places: Places, number: np.ndarray) ->
     return series
 
 
-def _series(measurement: Measurement, column: int, places: Places, positions: Array) -> _Series | None:
+def _series(measurement: Measurement, column: int, places: Places, positions: Array) -> Series | None:
     """The positions of one axis while the others on its side stand still; None when there are none."""
     machine = measurement.machine
     carrier = "tool" if machine.axes[column].side == "tool" else "table"
@@ -260,7 +277,7 @@ def _series(measurement: Measurement, column: int, places: Places, positions: Ar
     _refuse_missing(measurement, column, line, targets)
     numbers = np.array([[line[q][target] for target in targets] for q in sorted(line)])
     at = positions[numbers[:, 0]]
-    return _Series(column, at[:, column], at[0], tuple(targets), numbers)
+    return Series(column, at[:, column], at[0], tuple(targets), numbers)
 
 
 def _refuse_missing(
@@ -281,7 +298,7 @@ def _refuse_missing(
             )
 
 
-def _refuse_line(measurement: Measurement, series: _Series, points: stations.Points) -> None:
+def _refuse_line(measurement: Measurement, series: Series, points: stations.Points) -> None:
     seen = points.positions[series.numbers[0]]
     spread = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
     if spread[1] < IN_LINE * spread[0]:
@@ -306,7 +323,7 @@ def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
 
 
 def _identify(
-    machine: Machine, series: _Series, points: stations.Points, before: Mapping[str, _Found], choice: Choice
+    machine: Machine, series: Series, points: stations.Points, before: Mapping[str, _Found], choice: Choice
 ) -> _Found:
     """One axis, given those between it and the bed."""
     axis = machine.axes[series.column]
@@ -327,12 +344,13 @@ def _identify(
 
 
 def _candidates(axis: Axis, positions: Array, motions: RigidMotions, choice: Choice) -> Candidates:
+    arc = choice.arcs.get(axis.name) or arc_of(axis, positions)
     if choice.kind == "table":
-        return Candidates(tables(axis, positions))
-    return polynomials(axis, positions, motions, choice.degrees)
+        return Candidates(tables(axis, positions, arc))
+    return polynomials(axis, positions, motions, choice.degrees, arc)
 
 
-def _feet(machine: Machine, series: _Series, before: Mapping[str, _Found]) -> tuple[dict[str, Pose], Pose]:
+def _feet(machine: Machine, series: Series, before: Mapping[str, _Found]) -> tuple[dict[str, Pose], Pose]:
     """Poses, seen from the bed, at the feet of the axes in between that are known, and at the foot of this one."""
     tool_side = machine.axes[series.column].side == "tool"
     inner = range(series.column) if tool_side else range(len(machine.axes) - 1, series.column, -1)
@@ -350,7 +368,7 @@ def _feet(machine: Machine, series: _Series, before: Mapping[str, _Found]) -> tu
     return feet, pose
 
 
-def _by_foot(machine: Machine, inner: _Found, series: _Series, pose: Pose, at_bed: Array, back: Pose) -> Array:
+def _by_foot(machine: Machine, inner: _Found, series: Series, pose: Pose, at_bed: Array, back: Pose) -> Array:
     """How far all points move `(3kn, 3 points)` at the foot of this axis by what is known of one further in."""
     axis, i = machine.axes[inner.series.column], inner.series.column
     q = series.standing[[i]]

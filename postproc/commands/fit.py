@@ -28,6 +28,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
+    residual_table,
     show_insignificant,
     whole_results,
     write_json,
@@ -239,7 +240,7 @@ def show(found: Calibration, to: Console) -> None:
 
     from kinematics.effects import LocationError
 
-    fitted, seen, held = found.fit, found.visibility, found.held_out
+    fitted, seen = found.fit, found.visibility
     measurement = fitted.measurement
     bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
     show_insignificant(found.significant_share, to)
@@ -251,12 +252,7 @@ def show(found: Calibration, to: Console) -> None:
         f"rank         {seen.rank} with the instrument's position known, {seen.rank_registered} as it is; "
         f"{seen.by_convention} directions are the frame's and fixed by convention"
     )
-    table = Table("residual, um", "RMS", "max")
-    table.add_row("before (nominal machine)", f"{found.before_rms_um:.2f}", f"{found.before_max_um:.2f}")
-    table.add_row("after", f"{fitted.rms_um:.2f}", f"{fitted.max_um:.2f}")
-    if held is not None:
-        table.add_row(f"held out ({held.blocks} {held.what})", f"{held.rms_um:.2f}", f"{held.max_um:.2f}")
-    to.print(table)
+    to.print(residual_table((found.before_rms_um, found.before_max_um), fitted, found.held_out))
     to.print(f"noise        {_noise(fitted)}")
     to.print(f"uncertainty  {found.seen}")
     locations = [effect for effect in found.model.effects if isinstance(effect, LocationError)]

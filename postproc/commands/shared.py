@@ -14,7 +14,10 @@ from kinematics.errors import UserError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
+    from calibration.fit import Fit
+    from calibration.heldout import HeldOut
     from kinematics.machine import Machine
     from kinematics.model import ErrorModel
 
@@ -187,6 +190,18 @@ def write_json(results: dict[str, Any], file: BinaryIO) -> None:
     import json
 
     file.write((json.dumps(results, indent=2) + "\n").encode())
+
+
+def residual_table(before: tuple[float, float], after: Fit, held: HeldOut | None) -> Table:
+    """Residuals, um, RMS and largest, of the nominal machine, of the model and of what was held out."""
+    from rich.table import Table
+
+    table = Table("residual, um", "RMS", "max")
+    table.add_row("before (nominal machine)", f"{before[0]:.2f}", f"{before[1]:.2f}")
+    table.add_row("after", f"{after.rms_um:.2f}", f"{after.max_um:.2f}")
+    if held is not None:
+        table.add_row(f"held out ({held.blocks} {held.what})", f"{held.rms_um:.2f}", f"{held.max_um:.2f}")
+    return table
 
 
 def show_insignificant(share: float, to: Console) -> None:

@@ -15,6 +15,7 @@ from postproc.commands.shared import (
     check_places,
     machine_of,
     refuse_one_place,
+    residual_table,
     show_insignificant,
     whole_results,
     write_json,
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from calibration.three_points import AxisResult, Kind, ThreePoints
+    from calibration.three_points_check import Check
 
 EPILOG = (
     "Examples:\n\n"
@@ -54,20 +56,23 @@ def three_points(
     from calibration.acceptance import refuse_uncertain
     from calibration.beyond_measured import calibration_file
     from calibration.three_points import Choice, identify
+    from calibration.three_points_check import check
     from postproc.terminal import console, say
     from postproc.terminal import output as screen
 
     refuse_one_place(json, str(output), "the calibration")
     check_places((data, plan), (output, json))
     measurement = read_data(data, machine_of(machine), file_format, header, columns, plan)
-    found = identify(measurement, Choice(_kind(basis), _degrees(degree or [])))
+    choice = Choice(_kind(basis), _degrees(degree or []))
+    found = identify(measurement, choice)
     for note in found.notes:
         say("note", note)
     refuse_uncertain(found.model, measurement)
+    checked = check(measurement, found, choice)
     with whole_results(json, str(output)) as (results, file):
         file.write(calibration_file(found.model, measurement.machine))
-        write_json(summary(found), results)
-    show(found, console if json == "-" else screen, tables)
+        write_json(summary(found, checked), results)
+    show(found, checked, console if json == "-" else screen, tables)
 
 
 def _kind(basis: str) -> Kind:
@@ -88,12 +93,18 @@ def _degrees(texts: list[str]) -> dict[str, int]:
     return degrees
 
 
-def summary(found: ThreePoints) -> dict[str, Any]:
+def summary(found: ThreePoints, checked: Check) -> dict[str, Any]:
     """The result for programs; um and urad, positions in mm and degrees, u with k = 1."""
     from calibration.three_points_figures import locations, ranges, squarenesses
 
-    points = found.points
+    points, held = found.points, checked.held_out
     return {
+        "before": {"rms_um": checked.before_rms_um, "max_um": checked.before_max_um},
+        "after": {
+            "rms_um": checked.fit.rms_um,
+            "max_um": checked.fit.max_um,
+            "heldout_rms_um": None if held is None else held.rms_um,
+        },
         "chi2_reduced": points.chi2 / points.freedom if points.freedom else None,
         "repeatability_um": points.repeatability_um if points.freedom else None,
         "locations": {f.name: {"value": f.value, "u": f.u, "unit": f.unit} for f in locations(found)},
@@ -146,7 +157,7 @@ def _straightness(axis: AxisResult) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def show(found: ThreePoints, to: Console, tables: bool = False) -> None:
+def show(found: ThreePoints, checked: Check, to: Console, tables: bool = False) -> None:
     """The result for people; `tables` with every position of every axis."""
     from rich.table import Table
 
@@ -159,6 +170,7 @@ def show(found: ThreePoints, to: Console, tables: bool = False) -> None:
             f"rounds       chi2/dof {points.chi2 / points.freedom:.3g} by the tracker's sheet; the machine's "
             f"repeatability beyond it {points.repeatability_um:.2g} um"
         )
+    to.print(residual_table((checked.before_rms_um, checked.before_max_um), checked.fit, checked.held_out))
     for axis in found.axes.values():
         to.print(_axis_summary(axis))
         if tables:
