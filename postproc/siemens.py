@@ -12,7 +12,7 @@ from postproc.added_blocks import WORKED_OUT
 from postproc.contours import follow_contour
 from postproc.control_state import ControlState
 from postproc.expressions import Constant, NotKnown, whole
-from postproc.frames import Frame, cartesian, renamed
+from postproc.frames import Frame, Placement, cartesian, renamed
 from postproc.iso_codes import HARMLESS_M, TOOL_CHANGE
 from postproc.motions import Motions
 from postproc.moves import Arc, AxisWord, Kind, Known
@@ -350,7 +350,8 @@ class SiemensInterpreter:
             self.recorder.move_to_machine_position(index, positions, tuple(AxisWord(i, 0, False) for i in positions))
             said = " ".join(f"{self.machine.names[i]}{angle:g}" for i, angle in positions.items())
             self.notes.add(f"CYCLE800 taken to turn the rotary axes to {said}", block.line)
-            self.places.swivel(swivel.plane)
+            tilts = swivel.plane != Placement() or any(positions.values())
+            self.places.swivel(swivel.plane if tilts else None)
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
         self.recorder.forget(list(cartesian(self.machine)))
 

@@ -45,7 +45,8 @@ def read_swivel(block: Block, word: Word, scope: Scope, unit: float) -> Swivel |
                 raise block.refuse(f"{name} of CYCLE800: {reason}") from None
     state, direction = STATES.get(int(values.get("ST", 0.0))), values.get("DIR", -1.0)
     if state is None:
-        raise block.refuse(f"CYCLE800 with ST = {values['ST']:g}: the tool is aligned, or no axis moves")
+        known = ", ".join(map(str, STATES))
+        raise block.refuse(f"CYCLE800 with ST = {values['ST']:g} is not followed, only with ST = {known}")
     if direction not in (-1.0, 1.0):
         raise block.refuse("CYCLE800 that turns no axis (DIR = 0)")
     turn = _turned(block, int(values.get("MODE", 0.0)), [values.get(name, 0.0) for name in "ABC"])
