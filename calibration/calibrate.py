@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
+from calibration.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.datum import to_datum
 from calibration.diagnosis.sanity import Finding, usable
 from calibration.fit import Fit, fit
@@ -21,19 +22,12 @@ from calibration.measurement import Measurement
 from calibration.models import moving_axes, stated_bases, with_effects
 from calibration.outliers import Variance, duplicates
 from calibration.prediction import Seen
-from calibration.resolution import Choice, choose, finer
+from calibration.resolution import choose, finer
 from calibration.suspects import Suspect, suspects
 from calibration.visibility import Visibility, visibility
 from kinematics.effects import Effect
 from kinematics.model import ErrorModel, Provenance
-
-AUTO = "auto"
-AUTOMATIC_KINDS = ("b-spline", "cubic")
-"""Kinds of basis that `auto` tries."""
-SMALLER = (0.1, 0.2, 0.3, 0.5)
-"""Sizes of error motions, as multiples of the typical ones, that are tried on data on a few lines."""
-ROTARY_KIND = "fourier"
-"""What it takes for rotary axes: their errors repeat with the turn, and harmonics hold a shift of what they carry."""
+from kinematics.transforms import Array
 
 
 @dataclass(frozen=True)
@@ -122,26 +116,27 @@ def _choice(
     if basis == AUTO or basis.startswith(f"{AUTO}:"):
         kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
         rotary_kind = ROTARY_KIND if basis == AUTO else None
-        pick = partial(choose, measurement, kinds, rotary_kind=rotary_kind, effects=effects, progress=progress)
-        choice = pick(prior_scale=prior_scale)
-        if prior_scale is not None or lines(measurement) is None:
-            return choice
-        smaller = [pick(prior_scale=scale) for scale in SMALLER if scale < choice.prior_scale]
-        return _predicting(measurement, [choice, *smaller], effects)
+        unexplained = None if lines(measurement) is None else partial(_unexplained, measurement, effects)
+        return choose(
+            measurement,
+            kinds,
+            rotary_kind=rotary_kind,
+            effects=effects,
+            prior_scale=prior_scale,
+            unexplained=unexplained,
+            progress=progress,
+        )
     return Choice(stated_bases(basis, axes), prior_scale or 1.0)
 
 
-def _predicting(measurement: Measurement, choices: Sequence[Choice], effects: Sequence[Effect]) -> Choice:
-    """The choice whose fits predict the lines that they have not seen best; the first where none can be held out.
+def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Choice, _: np.ndarray) -> Array:
+    """Squares `(1,)` that fits of a choice leave of lines that they have not seen, less those of the nominal machine.
 
-    The evidence asks how probable the data are on the lines, not what the model does between them.
+    In units of the instrument's variance; infinite where no line can be held out.
     """
-    gains = []
-    for choice in choices:
-        model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
-        held = held_out(measurement, model, prior, ~duplicates(measurement))
-        gains.append(-np.inf if held is None else held.gain)
-    return choices[int(np.argmax(gains))]
+    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+    held = held_out(measurement, model, prior, ~duplicates(measurement))
+    return np.array([np.inf if held is None else -held.gain])
 
 
 def in_datum(found: Fit) -> ErrorModel:

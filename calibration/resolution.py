@@ -1,13 +1,13 @@
 """How finely the error motions of each axis are written: chosen by the evidence, the probability of the data.
 
 Too coarse a basis leaves a misfit that no number of points averages out; too fine a one is paid for in the determinant.
-All sizes of one axis after the other are tried until none is better.
+The search is that of `calibration.basis_search`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import pairwise
 
@@ -15,14 +15,14 @@ import msgspec
 import numpy as np
 
 from calibration import equations
+from calibration.basis_search import FINEST, SIZES, Choice, Search, Unexplained, chosen
 from calibration.cores import each
-from calibration.fit import Fit, Progress, fit
+from calibration.fit import DOUBT, Fit, Progress, fit
 from calibration.measurement import Measurement
 from calibration.models import (
     BasisChoice,
     axis_effects,
     distinct_positions,
-    moving_axes,
     parse_basis,
     priors,
     with_effects,
@@ -30,24 +30,9 @@ from calibration.models import (
 from calibration.normal import Normal, residuals, whitened, whiteners
 from calibration.problem import solution
 from kinematics.effects import Effect
-from kinematics.errors import UserError
 from kinematics.model import Design, ErrorModel, no_errors
 from kinematics.transforms import Array
 
-SIZES: Mapping[str, tuple[int, ...]] = {
-    "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
-    "cubic": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
-    "legendre": (1, 2, 3, 4, 5, 6, 8, 10, 12, 16),
-    "polynomial": (1, 2, 3, 4, 5, 6, 8),
-    "fourier": (1, 2, 3, 4, 6, 8, 12, 16),
-}
-PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
-"""Of the typical sizes."""
-PRIOR = "prior"
-START = 4
-"""Where in SIZES the search begins."""
-FINEST = 48
-"""Parameters of a linear axis at most."""
 FINE = 24
 """Nodes of the first fit."""
 ROWS = 5000
@@ -60,23 +45,6 @@ REGISTRATION: Part = ("", "registration")
 BESIDES: Part = ("", "besides")
 
 
-@dataclass(frozen=True)
-class Choice:
-    """Basis of each axis, and the size of the errors as a multiple of the typical ones."""
-
-    bases: Mapping[str, BasisChoice]
-    prior_scale: float = 1.0
-
-    def variants(self, part: str, most: Mapping[str, int]) -> list[Choice]:
-        """Choices that differ in one part: an axis, with at most so many parameters, or the prior."""
-        if part == PRIOR:
-            return [replace(self, prior_scale=scale) for scale in PRIOR_SCALES]
-        kind = self.bases[part].kind
-        sizes = [BasisChoice(kind, size) for size in SIZES[kind]]
-        few = [basis for basis in sizes if basis.over((0.0, 1.0)).size <= most[part]]
-        return [replace(self, bases={**self.bases, part: basis}) for basis in few or sizes[:1]]
-
-
 def choose(
     measurement: Measurement,
     kinds: Sequence[str],
@@ -85,30 +53,19 @@ def choose(
     effects: Sequence[Effect] = (),
     prior_scale: float | None = None,
     finest: int = FINEST,
+    unexplained: Unexplained | None = None,
     progress: Progress = lambda _: None,
 ) -> Choice:
-    """The choice with the greatest evidence, all axes in the same kind of basis, one of `kinds`.
+    """The choice of `basis_search.chosen` for a measurement.
 
-    rotary_kind: another kind for rotary axes. effects: what is fitted besides. A given prior_scale stays. No axis gets
-    more parameters than there are positions of it, and no linear one more than `finest`. A first fit finds outliers,
-    registration and, where the sheet promises too much, the size of the noise. UserError for a kind that there is not.
+    rotary_kind: another kind for rotary axes. effects: what is fitted besides. A given prior_scale stays. A first fit
+    finds outliers, registration and, where the sheet promises too much (p < DOUBT), the size of the noise.
     """
-    check_kinds(kinds)
-    axes = list(moving_axes(measurement))
-    most = {axis: distinct_positions(measurement, axis) for axis in axes}
-    most |= {axis: min(number, finest) for axis, number in most.items() if axis[0] not in "ABC"}
-    fine = {axis: BasisChoice("b-spline", max(2, min(FINE, most[axis]))) for axis in axes}
+    search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest)
+    fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
     first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance="estimate")
-    evidence = Evidence(first, effects)
-    parts = [*axes, *([PRIOR] if prior_scale is None else [])]
-    found = []
-    for kind in kinds:
-        own = {axis: rotary_kind if rotary_kind and axis[0] in "ABC" else kind for axis in axes}
-        start = Choice({axis: BasisChoice(own[axis], SIZES[own[axis]][START]) for axis in axes}, prior_scale or 1.0)
-        for axis in axes:
-            start = start.variants(axis, most)[:START][-1]
-        found.append(_climb(start, parts, most, evidence, progress))
-    return max(found, key=evidence)
+    evidence = LinearEvidence(first, effects)
+    return chosen(search, 1, lambda choices, _: evidence.of_all(choices), unexplained, progress)[0]
 
 
 def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
@@ -126,34 +83,7 @@ def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
     return replace(choice, bases=bases)
 
 
-def check_kinds(kinds: Sequence[str]) -> None:
-    """UserError for a kind of basis that there is not."""
-    unknown = [kind for kind in kinds if kind not in SIZES]
-    if unknown:
-        raise UserError(f"basis auto:{unknown[0]}: there is none of that kind ({', '.join(SIZES)})")
-
-
-def _climb(
-    best: Choice,
-    parts: Sequence[str],
-    most: Mapping[str, int],
-    evidence: Callable[[Choice], float],
-    progress: Progress,
-) -> Choice:
-    """The choice that no change of one part makes better."""
-    while True:
-        before = best
-        for part in parts:
-            progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in best.bases.items()))
-            own = evidence(best)
-            others = [choice for choice in best.variants(part, most) if choice != best]
-            found = [own, *each(evidence, others)]
-            best = [best, *others][int(np.argmax(found))]
-        if best == before:
-            return best
-
-
-class Evidence:
+class LinearEvidence:
     """Log marginal likelihood of choices, up to a constant of the data, to first order about a first fit.
 
     The normal equations of a choice are put together from blocks, one for each pair of its parts (registration, each
@@ -164,7 +94,7 @@ class Evidence:
         rows = np.flatnonzero(first.kept)
         some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
         self._measurement, self._registration = first.measurement.rows(some), first.registration
-        self._factor = max(first.variance_factor, 1.0)
+        self._factor = first.variance_factor if first.p_value < DOUBT else 1.0
         self._effects = tuple(effects)
         # what is fitted besides stays as the first fit found it, and may move from there
         besides = sum(len(effect.parameters) for effect in effects)
@@ -184,8 +114,11 @@ class Evidence:
         self._blocks: dict[tuple[Part, Part], Array] = {}
         self._known: dict[str, float] = {}
 
-    def __call__(self, choice: Choice) -> float:
-        """The evidence of a choice."""
+    def of_all(self, choices: Sequence[Choice]) -> Array:
+        """The evidence `(choices, 1)` of choices."""
+        return np.array(each(self._of, choices))[:, None]
+
+    def _of(self, choice: Choice) -> float:
         key = repr(choice)
         if key not in self._known:
             self._known[key] = self._evidence(choice)

@@ -14,12 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
+from calibration.basis_search import Choice
 from calibration.calibrate import calibrate
 from calibration.fit import fit
 from calibration.heldout import held_out
 from calibration.measurement import Measurement
 from calibration.models import parse_basis, with_effects
-from calibration.resolution import Choice
 from calibration.simulate import observe
 from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import SIZE, Chunk, Prepared
@@ -157,25 +157,77 @@ def on_diagonals(**changes) -> Prepared:
     )
 
 
+BACKLASH = {"fit": {"effects": ["backlash:axis=X,width=0"]}, "errors": {"effects": ["backlash:axis=X,width=12"]}}
+LINES = {"strategy": "space-diagonals"}
+ALIKE = {
+    "hexahedron": ({"seed": 4, "case": [{**GANTRY, "points": 90}]}, [5]),
+    "diagonals": ({"seed": 1, "case": [{**GANTRY, **LINES, "points": 80}]}, [1]),
+    "residuals above the sheet by chance": (
+        {"seed": 8, "fit": {"basis": "auto:legendre"}, "case": [{**GANTRY, **LINES, "points": 60}]},
+        [2, 8],
+    ),
+    "an effect besides": ({**C_FRAME, **BACKLASH}, [0]),
+    "three tools": (
+        {**C_FRAME, "fit": {"basis": "auto:cubic"}, "case": [{**C_FRAME["case"][0], **LINES, "points": 60}]},
+        [2, 3],
+    ),
+    "runs": ({"seed": 1, "case": [{**GANTRY, **LINES, "runs": 3, "points": 50}]}, [0]),
+    "200 points": ({"seed": 5, "case": [{**GANTRY, **LINES, "points": 200}]}, range(8)),
+    "four stations": ({"seed": 2, "case": [{**GANTRY, **LINES, "points": 80, "tracker": STATIONS}]}, range(8)),
+    "part": (
+        {
+            "machine": "cframe",
+            "instrument": {"kind": "part", "u_um": 2.0},
+            **BACKLASH,
+            "case": [{"name": "part", "strategy": "grid", "points": 90, "order": "shuffled"}],
+        },
+        [0, 1],
+    ),
+    "five axes": (
+        {
+            "machine": "dmu50",
+            "case": [
+                {"name": "five axes", "strategy": "random", "points": 120, "rotary": "random", "tools": TOOLS,
+                 "ranges": {"C": [0, 360]}, "tracker": [[-1500, -800, 400], [1500, -900, 300]]}
+            ],
+        },
+        [0],
+    ),
+}  # fmt: skip
+SLOW_TO_CHOOSE = ("three tools", "runs", "200 points", "four stations", "five axes")
+
+
 @pytest.mark.parametrize(
-    ("changes", "number"), [({}, 2), pytest.param({"runs": 3, "points": 50}, 1, marks=pytest.mark.slow)]
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW_TO_CHOOSE else []) for name in ALIKE]
 )
-def test_on_diagonals_a_draw_chooses_as_the_fit_of_its_measurement(changes, number):
-    """By lines, or runs, that fits have not seen: the choice, and what such fits leave."""
+def test_a_draw_chooses_its_basis_as_the_fit_of_its_measurement(name):
+    """The same bases and size of the errors, whatever the other draws of its chunk prefer."""
+    content, draws = ALIKE[name]
+    ready = Prepared.of(case_of(content))
+    drawn = ready.sample(Chunk(0, 10))
+    chosen = {draw: (parts, scale) for (parts, scale), some in ready.choices(drawn).items() for draw in some.tolist()}
+    for draw in draws:
+        measured = measured_as(ready, drawn, draw)
+        basis = content.get("fit", {}).get("basis", "auto")
+        found = calibrate(measured, basis=basis, effects=ready.case.besides, hold_out=False).choice
+        parts, scale = chosen[draw]
+        assert {axis: str(basis) for axis, basis in found.bases.items()} == {axis: of for axis, of in parts if axis}
+        assert found.prior_scale == scale
+
+
+@pytest.mark.parametrize("changes", [{}, pytest.param({"runs": 3, "points": 50}, marks=pytest.mark.slow)])
+def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes):
+    """By lines, or runs, that fits have not seen."""
     ready = on_diagonals(**changes)
-    drawn, setup = ready.sample(Chunk(0, number)), ready.setup
-    for (parts, scale), draws in ready.choices(drawn).items():
-        for draw in draws.tolist():
-            measured = measured_as(ready, drawn, draw)
-            found = calibrate(measured, hold_out=False).choice
-            assert {axis: str(basis) for axis, basis in found.bases.items()} == dict(parts)
-            assert found.prior_scale == scale
-            lefts, gains = [], []
-            for each in (scale, 2.0):
-                model, prior = with_effects(measured, found.bases, (), each)
-                gains.append(held_out(measured, model, prior, np.ones(len(measured), bool)).gain)
-                lefts.append(ready.unseen.left(parts, each, drawn.observed[:, [draw]])[0] / setup.white[:, 0].size)
-            assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
+    drawn, setup = ready.sample(Chunk(0, 1)), ready.setup
+    ((parts, scale), _), *_ = ready.choices(drawn).items()
+    measured, bases = measured_as(ready, drawn, 0), {axis: parse_basis(basis) for axis, basis in parts}
+    lefts, gains = [], []
+    for each in (scale, 2.0):
+        model, prior = with_effects(measured, bases, (), each)
+        gains.append(held_out(measured, model, prior, np.ones(len(measured), bool)).gain)
+        lefts.append(ready.unseen.left(parts, each, drawn.observed)[0] / setup.white[:, 0].size)
+    assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
 
 
 def test_on_diagonals_less_is_left_than_by_the_evidence_alone():

@@ -15,7 +15,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from calibration.calibrate import AUTOMATIC_KINDS, ROTARY_KIND
+from calibration.basis_search import AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.diagnosis.frame import Frame
 from calibration.diagnosis.library import Candidate, at_zero
 from calibration.fit import Fit, Progress, fit
@@ -23,7 +23,7 @@ from calibration.measurement import Measurement
 from calibration.models import moving_axes, priors, with_effects
 from calibration.outliers import Variance
 from calibration.problem import HELD
-from calibration.resolution import Choice, choose
+from calibration.resolution import choose
 from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError, QuantisedCompensation
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.calibrate import AUTO, AUTOMATIC_KINDS, ROTARY_KIND
+from calibration.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Search
 from calibration.models import moving_axes, stated_bases
-from calibration.study.bases import Search, chosen, with_besides
+from calibration.study.bases import chosen, with_besides
 from calibration.study.cases import Case
 from calibration.study.equations import Columns, Part, Sample, sample
 from calibration.study.setups import Setup
@@ -116,5 +116,5 @@ def _bases(case: Case, fits: Fits, prior_scale: float | None) -> tuple[Part, ...
         if prior_scale is not None and np.isinf(prior_scale):
             raise UserError(f'basis = "{text}" goes by the evidence, which needs a prior')
         kinds = AUTOMATIC_KINDS if text == AUTO else (text.removeprefix(f"{AUTO}:"),)
-        return Search.of(fits.columns, kinds, ROTARY_KIND if text == AUTO else None, prior_scale)
+        return Search.of(fits.columns.measurement, kinds, ROTARY_KIND if text == AUTO else None, prior_scale)
     return with_besides(fits.columns, stated_bases(text, axes))
