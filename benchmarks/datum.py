@@ -1,4 +1,4 @@
-"""A part that was touched off on a machine with errors: how far it is from its datum, cut three ways.
+"""A part that was touched off on a machine with errors: its distance from the datum, cut with three programs.
 
     python benchmarks/datum.py
 

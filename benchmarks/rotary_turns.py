@@ -8,7 +8,7 @@
    spindle nose, at 2000 positions of all axes, C from -720 to 720, RMS and largest, best aligned. The data of a head
    do not show a shift of the tool in it: given as it is, and with the tool set anew.
 3. **An arc.** C of trunnion_ac measured from 0 to 340 in steps of 5 degrees: the error left inside and in the gap, its
-   standard uncertainty as the report of the correction has it, and what `ncomp PROGRAM` refuses.
+   standard uncertainty in the report of the correction, and the refusal of `ncomp PROGRAM`.
 
 Errors are those of the virtual calibration paper, Table 1, and ncomp's own of rotary axes (`calibration.truth`).
 """
@@ -46,7 +46,7 @@ TILTS = {"B": (0.0, 180.0), "A": (-110.0, 20.0)}
 
 @dataclass(frozen=True)
 class Bench:
-    """A folder in which commands are run, and the machine they are told."""
+    """A folder in which commands are run, and their machine."""
 
     folder: Path
     machine: str
@@ -128,7 +128,7 @@ def two_turns(folder: Path) -> str:
 
 
 def turns(folder: Path) -> None:
-    """Print what is left in each turn."""
+    """Print the error after correction in each turn."""
     print("1. program at 300 positions, error relative to the datum at block ends, um RMS")
     print(f"{'':22}{'before':>8}" + "".join(f"{name:>10}" for name in TURNS))
     for machine, tilt in ((two_turns(folder), "B"), ("trunnion_ac", "A")):
@@ -178,7 +178,7 @@ def _length(deviation: Array, columns: Array) -> Array:
 
 
 def draws(folder: Path, count: int, *, head: bool) -> None:
-    """Print what three points leave on random machines."""
+    """Print the error after a correction by three points on random machines."""
     kind = "C on the table, B in the head" if head else "C on a trunnion"
     print(f"\n2. {kind}: {count} machines, um: RMS before, RMS and largest after", flush=True)
     every = []
@@ -200,7 +200,7 @@ def draws(folder: Path, count: int, *, head: bool) -> None:
 
 
 def arc(folder: Path) -> None:
-    """Print what is left where a part of the turn was not measured, and what is refused."""
+    """Print the error after correction where a part of the turn was not measured, and the refusal."""
     print("\n3. C measured from 0 to 340: um RMS before, after, and u as reported")
     bench = Bench(folder, "trunnion_ac", 4)
     calibration = bench.three_points("0:340", 69)

@@ -1,6 +1,6 @@
 """When a calibration is refused: too few data for its parameters, or predictions worse than without it.
 
-Worse as held-out data show it, or as its own uncertainty says.
+Held-out data, or the calibration's own uncertainty, show that it is worse.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def refuse_few(found: Fit, seen: Visibility) -> None:
     measurement, registered = found.measurement, len(found.registration.names)
     if seen.parameters and not seen.rank_registered:
         raise UserError(
-            f"{measurement.source}: the rows show nothing of the machine's errors: no axis moves between the "
-            "instrument and its targets, or nothing but what the registration takes up"
+            f"{measurement.source}: the rows do not show the machine's errors: no axis moves between the instrument "
+            "and its targets, or the registration absorbs every motion; measure positions at which an axis moves"
         )
     # a finer basis than cubics is held by its priors where the rows don't determine it
     cubics = 4 * len(COMPONENTS) * len(moving_axes(measurement))
@@ -148,7 +148,7 @@ def _without_clamp(points: Array) -> Array:
 
 
 def _usual_target(measurement: Measurement) -> tuple[float, ...]:
-    """Place, mm, of the target that most rows on the tool have; zero where there is none."""
+    """Position, mm, of the target on the tool with the most rows; zero if there is none."""
     targets = list(measurement.targets.values())
     on_tool = np.array([target.known for target in targets])[measurement.target_number]
     if not on_tool.any():

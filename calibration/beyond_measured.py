@@ -22,7 +22,7 @@ from kinematics.transforms import Array
 from kinematics.turn import beyond, gap_of
 
 SHARE = 0.5
-"""Of what an error motion changes by in the measured range: it may change by so much more outside."""
+"""Largest permitted change of an error motion outside the measured range, as a share of its change inside."""
 FLOOR = 10.0
 """um and urad: a change that is never refused."""
 STEPS = 721
@@ -30,7 +30,7 @@ STEPS = 721
 
 
 class Growth(NamedTuple):
-    """An error motion that leaves what was measured of it; um or urad."""
+    """An error motion that exceeds its measured values outside the measured range; um or urad."""
 
     name: str
     unit: str
@@ -62,7 +62,7 @@ def check_beyond_measured(model: ErrorModel, machine: Machine) -> None:
 
 
 def growths(model: ErrorModel, machine: Machine) -> Iterator[Growth]:
-    """Of each error motion whose axis was measured over a part of its travel, or of its turn."""
+    """The growth of each error motion whose axis was measured over a part of its travel, or of its turn."""
     alone = model.part(_depends_on_positions)
     for i, axis in enumerate(machine.axes):
         arc = _measured(alone, axis)
@@ -113,7 +113,7 @@ def _everywhere(axis: Axis, arc: Interval) -> Array:
 
 
 def _along(model: ErrorModel, machine: Machine, column: int, x: Array) -> Array:
-    """Error motions `(n, 6)` of an axis, mm and rad, while the others stand at home."""
+    """Error motions `(n, 6)` of an axis, mm and rad, with the others at home."""
     q = np.tile([axis.home for axis in machine.axes], (len(x), 1))
     q[:, column] = x
     return model.errors(machine, State(q * machine.scale, np.zeros_like(q)))[:, column]

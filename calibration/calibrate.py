@@ -46,7 +46,7 @@ class Calibration:
     """What the residuals depend on."""
     held_out: HeldOut | None
     findings: tuple[Finding, ...]
-    """What is odd about the data."""
+    """Anomalies of the data."""
     seen: Seen
     """Predicted deviations at the measured states relative to their mean, with uncertainties."""
 

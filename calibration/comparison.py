@@ -62,7 +62,7 @@ class Figure(NamedTuple):
 
     @property
     def U(self) -> float:
-        """Of the difference, k = 2."""
+        """Expanded uncertainty of the difference, k = 2."""
         return float(np.hypot(self.U_a, self.U_b))
 
     def json(self) -> dict[str, Any]:
@@ -96,7 +96,7 @@ class Motion:
 
     @property
     def U(self) -> Array:
-        """Of the difference, k = 2, `(n,)`."""
+        """Expanded uncertainties of the differences, k = 2, `(n,)`."""
         return np.hypot(self.U_a, self.U_b)
 
     @property
@@ -169,7 +169,7 @@ class Comparison:
     """Squareness, location errors of rotary axes, reversal."""
     volume: Volume
     left_out: tuple[str, ...]
-    """What was not compared, and why."""
+    """Effects that were not compared, each with the reason."""
 
     def json(self) -> dict[str, Any]:
         """For programs: U with k = 2; differences are B minus A."""
@@ -201,7 +201,7 @@ class _Side:
         self.intervals = _intervals(machine, self.model)
 
     def seen(self, i: int, k: int, positions: Array, way: float = 0.0) -> _Seen:
-        """Component k of axis i, um or urad, at its positions, mm and rad, approached that way."""
+        """Component k of axis i, um or urad, at its positions, mm and rad, approached in direction `way`."""
         state = _along(self.machine, i, positions, way)
         values = self.model.errors(self.machine, state)[:, i, k]
         chosen = np.zeros((len(positions), 1, 6 * (len(self.machine.axes) + 1)))
@@ -211,7 +211,7 @@ class _Side:
         return _Seen(values / size, design / size)
 
     def U(self, design: Array) -> Array:
-        """Expanded uncertainties `(n,)` of what has these derivatives."""
+        """Expanded uncertainties `(n,)` of quantities with these derivatives by the parameters."""
         return COVERAGE * self.model.propagated(design[:, None, :])[:, 0]
 
 

@@ -122,7 +122,7 @@ def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
     u, values, directions = np.linalg.svd(rules @ free)
     ruled = int(np.sum(values > RULED * values.max(initial=0.0)))
     by_rules = (u[:, :ruled] / values[:ruled]).T @ rules
-    least = directions[ruled:] @ free.T  # of what the rules leave open nothing is kept
+    least = directions[ruled:] @ free.T  # components that the rules do not determine are removed
     along = directions.T @ np.concatenate([by_rules, least])
     return np.asarray((np.eye(len(prior)) - free @ along) * scale[:, None] / scale)
 

@@ -57,7 +57,7 @@ def width(points: Array) -> float:
 
 
 def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
-    """What is to be observed `(n, d)`, mm and rad, as far as it counts, with these effects on it.
+    """Expected observations `(n, d)`, mm and rad, in the components that count, with these effects on them.
 
     NaN for runs of an interferometer whose zero the registration does not hold.
     """
@@ -112,7 +112,7 @@ def registration_design(measurement: Measurement, registration: Registration) ->
 
 
 def covariance(measurement: Measurement) -> Array:
-    """Covariances `(n, d, d)`, mm2 or rad2, of what counts of the observations; rows in motion are means.
+    """Covariances `(n, d, d)`, mm2 or rad2, of the components that count; rows in motion are means.
 
     Sheet and scatter describe the same readings (GUM 4.3.10): scatter counts as far as it exceeds the sheet.
     """

@@ -32,7 +32,10 @@ def spread(table: Table, machine: Machine) -> Table:
         _check(table, machine, name, match)
     clash = [name for name in ("component", "deviation_um", "deviation_urad") if name in table.names]
     if clash:
-        raise UserError(f"{table.head} column {clash[0]}: stands beside columns of error motions ({', '.join(found)})")
+        raise UserError(
+            f"{table.head} column {clash[0]}: not allowed beside columns of error motions ({', '.join(found)}): "
+            "keep one kind of column"
+        )
     kept = [name for name in table.names if name not in found and name != "axis"]
     cells, beside = table.cells(list(found)), table.cells(kept)
     filled = np.stack([column != "" for column in cells.values()], axis=1)

@@ -1,14 +1,14 @@
 """Curves through the six error motions of an axis, and its location errors taken out of them.
 
-The curves are fitted to all six at once, weighted by what the points say of them together. Degrees of polynomials are
-given, or weighted by Akaike's information criterion (AIC): the Bayesian one leaves out what is smaller than the noise
-of a point, of which u then says nothing. The curve is the mean of those of all degrees by their weights, and their
-spread is in its u (Buckland, Burnham and Augustin, Biometrics 53, 1997, 603-618).
+The curves are fitted to all six at once, weighted by the joint covariance of the points. Degrees of polynomials are
+given, or weighted by Akaike's information criterion (AIC): the Bayesian criterion neglects errors that are smaller than
+the noise of a point, and u would not contain them. The curve is the mean of the curves of all degrees by their weights,
+and their spread is in its u (Buckland, Burnham and Augustin, Biometrics 53, 1997, 603-618).
 
-The gauge of the points (`rigid_motions`) takes from a rotary axis what turns along with the component; what it takes
-from a polynomial is none, so polynomials of a rotary axis have a wobble of that kind beside them, and are written with
-it as one polynomial of a degree that holds both. A rotary axis that turns fully, and was measured all round, has
-harmonics of the turn in place of polynomials.
+The gauge of the points (`rigid_motions`) removes from a rotary axis the first harmonic that turns along with the
+component. A polynomial does not contain this harmonic, so polynomials of a rotary axis have such a wobble beside them,
+and both are written as one polynomial of sufficient degree. A rotary axis that turns fully, and was measured over the
+whole turn, has harmonics of the turn instead of polynomials.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ STEADY = 2.45
 """Least squares polynomials swing between n evenly spaced positions from a degree of about 2 sqrt(n) on (Dahlquist and
 Bjorck, Numerical Methods, 4.4.3): 8 for 11, 11 for 21."""
 LEAST_WEIGHT = 0.01
-"""Of a degree, among those of one curve, below which it is left out."""
+"""Weight of a degree, among those of one curve, below which it is left out."""
 MISFIT = 1e-3
 """Chance of a chi2 below which a curve is said to miss its points."""
 NO_SCATTER = 1e-6
@@ -66,12 +66,12 @@ class Shape:
 
     @property
     def degrees(self) -> tuple[int | None, ...]:
-        """Of the polynomials, or the number of harmonics; None of tables."""
+        """Degrees of the polynomials, or numbers of harmonics; None for tables."""
         return tuple(_degree(basis) for basis in self.bases)
 
     @property
     def wobbles(self) -> tuple[Wobble, ...]:
-        """Radial and tilt, turning along with what the axis carries; none beside tables and harmonics: they hold it."""
+        """Radial and tilt wobble that turns with the component; none for tables and harmonics, which contain it."""
         if not self.axis.rotary or not isinstance(self.bases[0], Legendre):
             return ()
         letter = self.axis.error_frame[:, "ABC".index(self.axis.name[0])]
@@ -339,7 +339,7 @@ def averaged(candidates: Candidates, positions: Array, motions: RigidMotions) ->
 
 
 def _widest(candidates: Candidates) -> Shape:
-    """Of each curve the basis of its highest degree."""
+    """The shape with the highest degree of each curve."""
     shapes = [candidates.best, *(shape for others in candidates.others for shape, _ in others)]
     bases = tuple(max((shape.bases[j] for shape in shapes), key=lambda basis: basis.size) for j in range(6))
     return Shape(candidates.best.axis, bases)
@@ -386,7 +386,7 @@ def widening(axis: Axis, effects: tuple[Effect, ...], found: tuple[Misfit, ...])
 
 
 def _rows(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:
-    """Whitened design, and below it what holds the wobble to a standard deviation, um and urad."""
+    """Whitened design, and below it the prior rows of the wobble with standard deviation `hold`, um and urad."""
     held = np.eye(shape.size)[shape.parts[-1].stop :] / hold
     return np.concatenate([weights @ shape.design(positions), held])
 

@@ -31,7 +31,7 @@ LINE_MM = 1.0
 LEAST_OF_LINE = 4
 """Rows of a line."""
 LEAST_LINES, MOST_LINES = 3, 24
-"""Fewer lines say nothing of each other; more of them fill the volume."""
+"""Fewer lines do not predict each other; more of them fill the volume."""
 FINE = 1e3
 """Directions that differ by less than its inverse are one."""
 
@@ -46,10 +46,10 @@ class HeldOut(NamedTuple):
     what: str
     """What the blocks are."""
     nominal_rms_um: float
-    """What the nominal machine leaves of the same rows, registered by the others."""
+    """RMS residual of the same rows on the nominal machine, registered by the others, um."""
     gain: float
-    """Mean square of what the nominal machine leaves of them, less that of the fit, in units of the instrument's
-    variance; below zero where the fit predicts worse."""
+    """Mean square residual of the nominal machine minus that of the fit, in units of the instrument's variance; below
+    zero if the fit predicts worse."""
 
 
 def held_out(
@@ -119,7 +119,7 @@ def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
 def lines(measurement: Measurement) -> np.ndarray | None:
     """Numbers `(n,)` of the lines that positions measured one after the other lie on; None unless all are diagonals.
 
-    A diagonal has two linear axes or more moving. What lies between a few of them, they hardly say.
+    On a diagonal two linear axes or more move. A few diagonals determine the errors between them poorly.
     """
     linear = np.flatnonzero(~measurement.machine.rotary)
     positions = measurement.state.positions[:, linear]

@@ -52,7 +52,7 @@ class Interferometer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     u_straightness_um_per_m: float = 0.0
     """um per m of travel from the first position of the run."""
     u_angle_urad: float = 0.0
-    """Of angular error motions of a linear axis."""
+    """Standard uncertainty of angular error motions of a linear axis, urad."""
     components: Literal[1] = 1
 
 

@@ -152,7 +152,7 @@ class Problem:
         """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
         root, limited = _root(self.prior)
         values, vectors = np.linalg.eigh(solved.information / widened + np.diag(limited))
-        # each direction is known at least as well as by its prior; rounding must not say otherwise
+        # each direction is known at least as well as by its prior, also after rounding
         least = 1.0 if limited.all() else np.finfo(float).eps * values[-1]
         half = _times((vectors / np.sqrt(np.maximum(values, least))).T, root.T).T
         return np.asarray(half @ half.T)

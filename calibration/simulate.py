@@ -64,10 +64,10 @@ def observe(
 
     poses: of a tracker, by station, from what it stands on to its own frame (see `tracker_pose`); of a part its
     alignment, which is drawn where none is given. axis, run and component `(n,)`: of an interferometer; each run reads
-    zero where it begins, and that of a straightness is turned against the axis. A state that does not say them gets
-    approach and last moves from the order of its rows, the first target, the first station, and stands still (no
-    velocity, no acceleration). noise_scale: what the instrument's noise is in terms of its sheet; 0 is none. `progress`
-    is called with numbers of rows done.
+    zero at its start, and a run of a straightness also has a slope. For missing entries of the state, approach and last
+    moves follow from the order of its rows; target and station are the first ones, and velocity and acceleration are
+    zero. noise_scale: the instrument's noise as a multiple of its specification; 0 for none. `progress` is called with
+    the numbers of rows done.
     """
     blank = replace(_blank(machine, instrument, state, poses, targets, stands_on, axis, run), component=component)
     registration = _registration(blank, poses, rng)

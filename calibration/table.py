@@ -19,7 +19,7 @@ from kinematics.files import fingerprint, read_input
 from kinematics.transforms import Array
 
 LARGEST = 1e12
-"""Largest number that is read: squares of what a slip of the hand makes must stay finite."""
+"""Largest number that is read: the squares of mistyped numbers must stay finite."""
 
 
 class Entry(NamedTuple):
@@ -53,7 +53,7 @@ class Table:
         return len(self.rows)
 
     def numbers(self, names: Sequence[str]) -> dict[str, Array]:
-        """Columns `(n,)` of numbers up to LARGEST; UserError with the place of the first cell that is none."""
+        """Columns `(n,)` of numbers up to LARGEST; UserError with line and column of the first cell without one."""
         if not names:
             return {}
         try:

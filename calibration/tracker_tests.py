@@ -1,7 +1,7 @@
 """A laser tracker's standard uncertainties from its tests by ASME B89.4.19: ranging, length and two-face.
 
 The model is that of `LaserTracker`: along the beam r = u_range + u_range_per_m D, across it a = u_angle +
-u_angle_per_m D in either direction. Variances of what the tests measure, to first order:
+u_angle_per_m D in either direction. Variances of the measured quantities, to first order:
 
     ranging    length between two points in line with the tracker:      r(D1)^2 + r(D2)^2
     length     bar of length L across the beam, centre at D:            2 (c^2 r(d)^2 + (1 - c^2) a(d)^2),
@@ -56,7 +56,7 @@ class TrackerTests:
         return np.where(self.kind == "two-face", 2.0, 1.0)
 
     def variances(self, parameters: Array) -> Array:
-        """Of each component `(n,)`, um2, by the four parameters."""
+        """Variances of each component `(n,)`, um2, by the four parameters."""
         r = parameters[0] + parameters[1] * self.ranges
         a = parameters[2] + parameters[3] * self.ranges
         return np.asarray(np.sum(self.along[:, None] * r**2 + (1.0 - self.along[:, None]) * a**2, axis=1))
@@ -87,7 +87,7 @@ class Fitted:
         return LaserTracker(*self.parameters.tolist())
 
     def chi2(self, kind: str) -> tuple[float, int]:
-        """Of measured errors of one kind, and its degrees of freedom."""
+        """chi2 of the measured errors of one kind, and its degrees of freedom."""
         rows = self.tests.kind == kind
         freedom = self.tests.freedom[rows]
         return float(np.sum(freedom * (self.tests.value[rows] / self.predicted[rows]) ** 2)), int(freedom.sum())
@@ -101,7 +101,7 @@ class Fitted:
 def read_tests(path: Path) -> TrackerTests:
     """The tests in a file: columns test, range_mm, range_2_mm (ranging), length_mm (length), error_um or stated_um.
 
-    UserError with line and column for what can't be used.
+    UserError with line and column for unusable cells.
     """
     table = read_table(path, "tests of a tracker")
     known = ["test", "range_mm", "range_2_mm", "length_mm", "error_um", "stated_um"]
@@ -129,7 +129,7 @@ def read_tests(path: Path) -> TrackerTests:
 
 
 def fit_tests(tests: TrackerTests) -> Fitted:
-    """Parameters of the tracker; UserError where the tests say nothing of ranges or of angles, or are too few."""
+    """Parameters of the tracker; UserError if tests of ranges or of angles are missing or too few."""
     from scipy.optimize import minimize
 
     _refuse_blind(tests)

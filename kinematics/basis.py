@@ -104,7 +104,7 @@ class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
 class Harmonics(_Scaled, frozen=True, tag_field="kind", tag="harmonics"):
     """1, then sin(n q), cos(n q) for n = 1 ... order: repeats with the turn of a rotary axis at q degrees.
 
-    The interval says what was measured; the functions go on all round.
+    The interval is the measured one; the functions continue over the whole turn.
     """
 
     order: Degree
@@ -122,7 +122,7 @@ class Harmonics(_Scaled, frozen=True, tag_field="kind", tag="harmonics"):
 
     @property
     def bend_length(self) -> float:
-        """How short a way its functions may bend there and back on, degrees: half the shortest wave."""
+        """Shortest feature length of its functions, degrees: half the shortest wave."""
         return 180.0 / self.order if self.order else math.inf
 
 

@@ -39,10 +39,9 @@ def correct_position(
 
     tool `(n, 3)` mm; movable `(n, axes)`: axes that may move, of which only the translators do. start `(n, axes)`:
     positions that all other axes take (default: nominal). shift `(n, 3)`, mm, workpiece frame: from the nominal tool
-    point to the target. The nominal machine is aimed past the target by what the exact model says it misses, until
-    nothing is missed: each round leaves about the slope of the errors (1e-4) of what the round before did. Where the
-    errors jump and the target lies in the jump, the side of it that misses less is taken. UserError where nothing
-    settles.
+    point to the target. The target of the nominal machine is shifted by the tool point error of the exact model until
+    this error vanishes: each iteration reduces it by about the slope of the errors (1e-4). If the errors jump and the
+    target lies in the jump, the side with the smaller error is taken. UserError if the iteration does not converge.
     """
     target = tool_point(machine, nominal, tool) + shift
     aim = target.copy()
@@ -65,8 +64,8 @@ def _beside_jumps(
     """The positions q `(n, axes)`, where they are unsettled `(n,)` those beside a jump that miss the target least.
 
     wanted: targets and tools `(n, 3)`, mm; axes that move `(n, axes)`; positions `(n, axes)` of all others. Each axis
-    goes towards the target by steps that are halved whenever it turns back, down to its resolution: then it stands
-    beside the jump, and of both sides along each axis, and the uncorrected position, the best is taken.
+    moves towards the target by steps that are halved whenever it reverses, down to its resolution: then it is beside
+    the jump, and the best position of both sides along each axis, and of the uncorrected one, is taken.
     """
     target, tool, others = wanted[0][unsettled], wanted[1][unsettled], wanted[3][unsettled]
     moving: NDArrayBool = wanted[2][unsettled]

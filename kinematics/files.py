@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def writing(place: str | Path) -> Iterator[None]:
-    """UserError that names the place, for a fault of the system while it is written; a reader that has gone is none."""
+    """UserError that names the file, for a system error during writing; a closed pipe is no such error."""
     try:
         yield
     except BrokenPipeError:
@@ -47,7 +47,7 @@ def named_file(handle: int, becomes: str | Path) -> io.BufferedRandom:
 
 
 class Draft:
-    """A result in a temporary file of the same folder, before it takes the place of what stands there.
+    """A result in a temporary file of the same folder, before it replaces an existing file.
 
     UserError when the folder can't be written, or the disk is full. A link stays, and its target is replaced.
     """
@@ -68,7 +68,7 @@ class Draft:
             self._temporary.chmod(mode & 0o777)
 
     def publish(self) -> None:
-        """Take the place of what stands there, at once."""
+        """Replace the existing file in one step."""
         with writing(self.path):
             self._temporary.replace(self._target)
 
@@ -81,7 +81,7 @@ class Draft:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """A binary file that takes the place of `path` when the block ends well, and leaves no trace when it doesn't."""
+    """A binary file that replaces `path` if the block ends without an error, and leaves no trace otherwise."""
     with closing(Draft(path)) as draft:
         yield draft.file
         draft.complete()

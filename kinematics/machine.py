@@ -27,7 +27,7 @@ Vector = tuple[float, float, float]
 TURN = 360.0
 """Degrees."""
 EVERY_OTHER = "default"
-"""Name of the entry that stands for all work offsets, or tools, that are not named."""
+"""Name of the entry that holds for all work offsets, or tools, that are not named."""
 ISO_DIRECTION: Mapping[str, Vector] = {
     "X": (1, 0, 0), "U": (1, 0, 0), "A": (1, 0, 0),
     "Y": (0, 1, 0), "V": (0, 1, 0), "B": (0, 1, 0),
@@ -117,8 +117,8 @@ class Control:
     scaled_axes: Literal["", "XYZ", "XY"] = ""
     """Axes that Klartext cycle 11 scales (machine parameter 7410); without it such programs are refused."""
     repeats: Literal["", "truncate", "round"] = ""
-    """How often Klartext `CALL LBL REP` with a parameter that is not whole repeats: as often as its whole part says, or
-    the nearest whole number (a half upwards); without it such programs are refused."""
+    """Number of repeats of Klartext `CALL LBL REP` with a parameter that is not whole: its integer part, or the nearest
+    whole number (a half upwards); without it such programs are refused."""
 
 
 @dataclass(frozen=True)

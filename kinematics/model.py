@@ -27,7 +27,7 @@ ROUNDING = 1e-9
 LONGEST_BEND = np.deg2rad(40.0)
 """rad."""
 VALID_DAYS = 365.0
-"""Validity of a calibration that does not say its own, days."""
+"""Validity of a calibration without `valid_days`, days."""
 
 
 class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -191,7 +191,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return np.asarray(np.sqrt(np.maximum(variance, 0.0) + besides))  # below zero by rounding only
 
     def unmeasured_variance(self, machine: Machine, state: State, transform: Array) -> Array:
-        """Variances `(n, rows)` of what `transform` makes of errors in an arc of a turn that was not measured.
+        """Variances `(n, rows)` after `transform` of errors in an arc of a turn that was not measured.
 
         Each error motion has its typical size there, times `turn.spread_beyond`; they are independent.
         """
@@ -331,7 +331,7 @@ def decode_model(data: bytes, source: str) -> ErrorModel:
 
 
 def _hint(fault: str, data: bytes) -> str:
-    """What is expected, for the faults that are easily made by hand."""
+    """The expected form, for frequent typing errors."""
     if "made_at" in fault:
         return "; expected e.g. 2026-01-31T12:00:00Z"
     if "malformed" in fault and any(word in data for word in (b"NaN", b"Infinity")):

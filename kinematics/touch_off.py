@@ -39,7 +39,7 @@ class TouchOff:
     """The touch-off of one work offset, as far as the control knows it; positions `(axes,)`, mm and degrees."""
 
     name: str
-    """Of the work offset."""
+    """Name of the work offset."""
     offset: tuple[float, ...]
     """The work offset that was stored."""
     position: tuple[float, ...]

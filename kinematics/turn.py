@@ -1,6 +1,6 @@
 """The turn of a rotary axis: positions a whole turn apart are one pose, and so have one error.
 
-`Axis.turns_fully` says which axes this holds for. An error motion of such an axis is known on an *arc* of the turn,
+This holds for the axes with `Axis.turns_fully`. An error motion of such an axis is known on an *arc* of the turn,
 the interval of its basis. `columns_of` makes its functions repeat with the turn:
 
 - harmonics repeat by themselves;
@@ -32,7 +32,7 @@ BENDING = 2.0
 def measured_arc(positions: Array) -> Interval:
     """The arc of the turn that positions `(n,)`, degrees, cover: all but the widest gap between neighbours.
 
-    From its lower end, which is one of the positions, upward; a whole turn where no gap stands out.
+    It counts upward from its lower end, which is one of the positions; a whole turn if no gap is distinct.
     """
     x = np.asarray(positions, float)
     turned, first = np.unique(np.round(np.mod(x, TURN), 9) % TURN, return_index=True)

@@ -95,8 +95,8 @@ def _build(entries: _MachineFile) -> Machine:
         axes.append(make_axis(name, side, **(msgspec.structs.asdict(entry) | {"point": point})))
     if len(axes) > 1 and all(axis.rotary for axis in axes):
         raise UserError(
-            f"the chain {entries.chain!r} has rotary axes only: ncomp needs linear axes that place the tool point, and "
-            "an arm of revolute axes (a robot) can be neither measured nor corrected with it"
+            f"the chain {entries.chain!r} has rotary axes only: ncomp needs linear axes that position the tool point; "
+            "it can neither measure nor correct an arm of revolute axes (a robot)"
         )
     control = _control(entries.control, chained)
     offsets, offsets_assumed = _assumed(entries.work_offsets, "work_offsets")
@@ -120,8 +120,8 @@ def _assumed(table: dict[str, Any], where: str) -> tuple[dict[str, Any], bool]:
     assumed = _entry(table.get("assumed", False), bool, f"{where}.assumed")
     if EVERY_OTHER in entries and not assumed:
         raise UserError(
-            f"{where}.{EVERY_OTHER} stands for all that nobody gives, which is an assumption: write assumed = true "
-            f"in [{where}]"
+            f"{where}.{EVERY_OTHER} holds for all names that are not given, which is an assumption: write "
+            f"assumed = true in [{where}]"
         )
     return entries, assumed
 

@@ -240,9 +240,9 @@ def test_other_commands_refuse_what_nobody_gave(arguments, command):
 MACHINE_FILES = {
     "default without assumed": (
         "[work_offsets]\ndefault = {X = 1}\n",
-        "work_offsets.default stands for all that nobody gives, which is an assumption: write assumed = true",
+        "work_offsets.default holds for all names that are not given, which is an assumption: write assumed = true",
     ),
-    "default tool without assumed": ("[tools]\ndefault = 1.0\n", "tools.default stands for all that nobody gives"),
+    "default tool without assumed": ("[tools]\ndefault = 1.0\n", "tools.default holds for all names that are not given"),
     "assumed is no word": ('[tools]\nassumed = "yes"\n', "tools.assumed: Expected `bool`, got `str`"),
     "an axis that there is not": (
         "[work_offsets]\nassumed = true\ndefault = {C = 1}\n", "work_offsets.default: no axis C in the chain",

@@ -159,7 +159,7 @@ def test_an_export_takes_units_and_signs_from_its_map(tmp_path: Path) -> None:
         ("run,direction,axis,X,EYX_um", "1,+,Y,0,1", "Y, but the row has an error motion of X"),
         ("run,direction,X,EYX_um", "1,+,0,", "no error motion in any row"),
         ("run,direction,X,EYX_um", "1,+,0,a", "'a' is no number"),
-        ("run,direction,X,EYX_um,deviation_um", "1,+,0,1,1", "stands beside columns of error motions"),
+        ("run,direction,X,EYX_um,deviation_um", "1,+,0,1,1", "not allowed beside columns of error motions"),
         ("axis,run,direction,component,target_mm,deviation_um", "X,1,+,Q,0,1", "'Q' is none of X, Y, Z, A, B, C"),
         ("axis,run,direction,component,target_mm,deviation_um", "X,1,+,B,0,1", "needs the column deviation_urad"),
     ],

@@ -94,7 +94,7 @@ def test_all_positions_are_found_and_none_is_false(tmp_path: Path, seed: int) ->
     measurement = read(tmp_path, plan, recorded(plan, stops))
     assert found_rows(measurement, plan.positions) == expected
     assert len(listed(measurement, "position without a stand")) == len(whole) - len(expected)
-    assert len(listed(measurement, "stand that the plan lacks")) == foreign
+    assert len(listed(measurement, "stand that is not in the plan")) == foreign
     assert not listed(measurement, "not certain")
 
 
@@ -160,7 +160,9 @@ def test_a_line_that_may_begin_at_another_position_is_refused_with_both_names(tm
     plan = read_plan(tmp_path / "plan.csv", BZT)
     stops = stops_of(plan, np.random.default_rng(1))
     assert len(read(tmp_path, plan, recorded(plan, stops))) == len(stops)
-    with pytest.raises(UserError, match=r"fits the plan in several ways: .* may be position X\.\d+ .* or position X"):
+    with pytest.raises(
+        UserError, match=r"several possible assignments to the plan: .* may be position X\.\d+ .* or position X"
+    ):
         read(tmp_path, plan, recorded(plan, stops[1:]))
 
 
@@ -241,16 +243,16 @@ def test_a_log_that_is_not_of_the_plan_is_refused(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     stops = stops_of(plan, rng)
     log = recorded(plan, stops)
-    with pytest.raises(UserError, match="would fit in inch: expected mm"):
+    with pytest.raises(UserError, match="if the log were in inch: mm are expected"):
         read(tmp_path, plan, replace(log, points=log.points / 25.4))
     elsewhere = [replace(stop, position=np.array(stop.position) + rng.uniform(-60, 60, 3)) for stop in stops]
-    with pytest.raises(UserError, match="is the log of another plan"):
+    with pytest.raises(UserError, match="check that log, plan and machine belong together"):
         read(tmp_path, plan, recorded(plan, elsewhere))
     with pytest.raises(UserError, match="10 or more readings per second"):
         read(tmp_path, plan, log.kept(np.arange(len(log.time)) % 200 == 0))
     with pytest.raises(UserError, match="time goes back after"):
         read(tmp_path, plan, replace(log, time=np.where(log.time > 5.0, log.time - 1.0, log.time)))
-    with pytest.raises(UserError, match="never stands still"):
+    with pytest.raises(UserError, match="no standstill of the target"):
         read(tmp_path, plan, recorded(plan, [replace(stop, dwell=0.05) for stop in stops]))
 
 

@@ -97,7 +97,7 @@ def test_the_command_and_the_study_take_the_tests(tmp_path: Path) -> None:
     study = study_of(
         {"machine": "gantry", "instrument": {"tests": "b89.csv", "u_range_um": 1.0}, "case": [case]}, "study"
     )
-    with pytest.raises(UserError, match="in place of u_range_um"):
+    with pytest.raises(UserError, match="without u_range_um"):
         read_cases(study, tmp_path)
 
 

@@ -5,8 +5,8 @@ between which straight lines stay close, and a pair on both sides of each jump. 
 every fit (`calibration.datum`): a laser's zero is no property of the axis. The reversal is a backlash, and where the
 reversal changes along the axis a table of its differences beside it.
 
-A laser measures along one line. Joined to a calibration of the same machine, the error motion is the reading less what
-the other effects of that calibration do on that line: angular errors by their arm, and squareness.
+A laser measures along one line. Joined to a calibration of the same machine, the error motion is the reading minus the
+contribution of the other effects of that calibration on that line: angular errors by their arm, and squareness.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from kinematics.transforms import Array
 NODE_UM, NODE_U = 0.05, 0.5
 """Straight lines between the nodes stay so close to the estimate: um, and as a share of its median uncertainty."""
 MOST_NODES = 600
-"""Nodes of a table: their covariance stands in the file."""
+"""Largest number of nodes of a table, because the file contains their covariance."""
 CHANGES = 3.0
 """Times its standard uncertainty, by which the reversal at a position differs from its mean where it changes."""
 JUMP_MM = 0.05
@@ -51,7 +51,7 @@ SAME = 1e-6
 
 @dataclass(frozen=True)
 class Line:
-    """Where the laser measured: the other axes stood still, and one target hung on the tool."""
+    """The measured line: the other axes stood still, and the tool carried one target."""
 
     positions: Array
     """`(axes,)`, mm and rad; that of the measured axis does not count."""
@@ -87,13 +87,13 @@ def line_of(measurements: Sequence[Measurement], axis: str) -> Line:
 
 @dataclass(frozen=True)
 class AxisModel:
-    """The calibration of one axis, and what is to be known of it."""
+    """The calibration of one axis, with its notes."""
 
     model: ErrorModel
     effects: tuple[str, ...]
     """Names of those that the estimate made."""
     nodes: int
-    """Of its table."""
+    """Number of nodes of its table."""
     notes: tuple[str, ...]
 
 
@@ -185,7 +185,7 @@ def _curves(found: Estimate) -> _Curves:
 
 
 def _unseen(table: TableRows, row: int) -> float:
-    """Standard uncertainty, um, that a target outside the segment takes for what lies between it and its neighbours.
+    """Standard uncertainty, um, of a target outside the segment for the unknown error between it and its neighbours.
 
     No run shows the error there. Twice the RMS by which the curve inside strays from the middles of straight lines as
     long as the gap, for in the middle of the gap half of it is left.
@@ -211,7 +211,7 @@ def _thinned(curves: _Curves) -> tuple[_Curves, float]:
         tolerance *= 1.5
         rows = _nodes(curves.positions, columns, tolerance)
     thin = curves.at(rows)
-    # what lies between nodes strays evenly within the tolerance
+    # between nodes the deviation is uniformly distributed within the tolerance
     strays = np.where(np.arange(len(thin.values)) < len(rows), tolerance**2 / 3.0, 0.0)
     return _Curves(thin.positions, thin.values, thin.covariance + np.diag(strays)), tolerance
 
@@ -273,7 +273,7 @@ def _with_values(
 def _joined(
     own: ErrorModel, base: ErrorModel, machine: Machine, axis: str, line: Line, both: bool
 ) -> tuple[list[str], ErrorModel]:
-    """Names of the effects of `base` that gave way, and `base` with those of the axis in their place."""
+    """Names of the replaced effects of `base`, and `base` with the effects of the axis instead."""
     gives_way = _gives_way(axis, both)
     rest = base.part(lambda effect: not gives_way(effect))
     motion = own.effects[0]

@@ -3,7 +3,7 @@
 A continuous curve is right up to a straight line (two unknown constants a direction, without prior); a reading at a
 target is that curve, plus what is common to its run (an offset, a slope along the axis: drift), plus noise. A direction
 without continuous run is the other one plus a reversal: a constant, a slope, and a random course between targets.
-Targets outside the continuous segment have an error of their own each, so they say nothing about the lines; a target
+Targets outside the continuous segment each have their own error, so they carry no information on the lines; a target
 on a jump may lie on either side of it, and its readings count accordingly. Standard
 deviations of noise, drift and reversal are those of restricted maximum likelihood (REML); the noise is never less than
 the instrument's sheet, and counts as what its degrees of freedom leave possible (GUM Supplement 1, 6.4.9.4). Estimates

@@ -30,7 +30,7 @@ NEAR = 5e-3
 SCALE = 1e-3
 """Share that no machine is out of scale by."""
 ROUNDS = 8
-"""Of registering the points, and moving a target to where they show it."""
+"""Largest number of iterations of registering the points and estimating the position of a target from them."""
 TRIMMED = 50
 """One row of so many, at least one, may be as far off as it likes."""
 

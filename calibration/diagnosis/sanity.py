@@ -82,7 +82,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
 
 
 def usable(measurement: Measurement) -> list[Finding]:
-    """What is odd about a measurement; UserError for what forbids its use."""
+    """Anomalies of a measurement; UserError for those that forbid its use."""
     findings = sanity(measurement)
     fatal = [finding.says for finding in findings if finding.fatal]
     if fatal:

@@ -36,7 +36,7 @@ def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorM
 
 
 def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float, float]]:
-    """Ranges, degC, by sensor, of the measurement and of what the present calibration was measured for."""
+    """Temperature ranges, degC, by sensor: of the measurement and of the present calibration together."""
     ranges = dict(fit.measurement.temperatures)
     stated = msgspec.UNSET if present is None else present.provenance.temperatures_degC
     for sensor, (low, high) in {} if stated is msgspec.UNSET else stated.items():

@@ -56,7 +56,7 @@ def read_any(
 ) -> Measurement:
     """The measurement in a file of one of FORMATS; UserError lists them when it is none.
 
-    header: keys of the measurement file that this one does not say, or says otherwise. columns: name or path of the
+    header: keys of the measurement file that this file lacks or that replace its own. columns: name or path of the
     column map of a delimited export; plan: CSV that names of points are looked up in, or whose positions the stands of
     a tracker's log are.
     """

@@ -17,7 +17,7 @@ the instrument is. Nothing of it is guessed. Ready maps stand in `calibration/re
     y = 5
     z = 6
 
-    [units]                      # of what is mapped: xyz, linear, rotary (positions of axes), time, temperature, errors
+    [units]                      # of the columns: xyz, linear, rotary (positions of axes), time, temperature, errors
                                  # and angles (error motions: um, mm, inch; urad, arcsec, mrad, deg)
     xyz = "mm"
 

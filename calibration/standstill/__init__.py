@@ -1,4 +1,4 @@
-"""Standstills in a tracker's stream: where the machine stood, and which position of the plan each stand is.
+"""Standstills in a tracker's stream: the stands of the machine, and the position of the plan of each stand.
 
 log (time, x, y, z) -> stands -> stands and positions of the plan, in order -> rows of a measurement
 """

@@ -1,9 +1,9 @@
-"""Which position of the plan a stand is, the tracker's frame unknown: both come in one order, with some left out.
+"""Assignment of stands to positions of a plan in the same order; some may be missing, and the frame is unknown.
 
-First by distances alone, which no frame changes: stands that follow each other lie as far apart as positions that do.
-The pose of the tracker comes from these pairs; by it, all stands are assigned to positions in order, each at most
-once, as many as possible (dynamic programming, Needleman and Wunsch 1970), and both steps are repeated. An assignment
-is certain when every other one that gives a stand another state of the machine loses stands by it.
+The first step uses distances alone, which do not depend on the frame: successive stands are as far apart as successive
+positions. These pairs give the pose of the tracker. With the pose as many stands as possible are assigned to positions
+in order, each at most once (dynamic programming, Needleman and Wunsch 1970), and both steps are repeated. The
+assignment of a stand is certain if every assignment of the stand to another state of the machine contains fewer pairs.
 """
 
 from __future__ import annotations
@@ -17,55 +17,55 @@ from calibration.registration import rigid
 from kinematics.transforms import Array, Pose, turn
 
 NEAR, NEAR_PER_MM = 1.0, 3e-4
-"""mm, and mm per mm of the plan's extent: stands farther from every position are none of the plan."""
+"""Limit, mm, and mm per mm of the plan's extent: stands farther from every position are not in the plan."""
 NEAREST = 0.05
-"""mm: a stand so near is never too far from its position."""
+"""Smallest tolerance for the distance of a stand from its position, mm."""
 OF_TYPICAL = 6.0
-"""Largest distance of a stand from its position, in typical ones."""
+"""Largest distance of a stand from its position, as a multiple of the typical distance."""
 GUESS = 25.0
-"""mm: how far a target on table or bed may be from its guess."""
+"""Largest distance of a target on table or bed from its approximate position, mm."""
 DISTANCE, OF_DISTANCE, OF_GUESSED = 0.2, 1e-3, 0.1
-"""mm, and shares: how far a distance between two stands may be from the nominal one."""
+"""Tolerances of the distance between two stands, mm and as shares of the nominal distance."""
 SKIPS = 4
-"""Stands or positions that may be left out in one go at no more than `SKIP` each."""
+"""Largest number of successive stands or positions that are left out at a cost of `SKIP` each."""
 SKIP, RESTART = 0.3, 2.0
-"""Cost of leaving one out; of going on anywhere. A pair gains 1."""
+"""Cost of leaving one out; cost of continuing at any position. A pair gains 1."""
 ROUNDS = 8
 TRIALS = 400
 MARGIN = 0.5
-"""Pairs that another assignment must lose to be none."""
+"""Loss of another assignment, in pairs; if it is smaller, the present assignment is uncertain."""
 
 
 class Positions(NamedTuple):
     """Positions of a plan, one row each, in the order of measuring."""
 
     base: Array
-    """`(m, 3)`, mm: where the zero of what carries the target is, in the frame that the tracker stands on."""
+    """Zero of the carrier of the target `(m, 3)`, mm, in the frame to which the tracker is fixed."""
     turns: Array
-    """`(m, 3, 3)`: from the directions of what carries the target."""
+    """Rotations `(m, 3, 3)` from the directions of the carrier of the target."""
     target: np.ndarray
     """Number of the target `(m,)`."""
     state: np.ndarray
     """Number of the state of the machine and target `(m,)`: alike where it makes no difference which one it is."""
     places: Mapping[int, Array]
-    """Where the targets sit on what carries them `(3,)`, mm, by number."""
+    """Positions of the targets on their carriers `(3,)`, mm, by number."""
     guessed: frozenset[int]
-    """Targets whose place is a guess."""
+    """Targets whose position is approximate."""
 
     @property
     def points(self) -> Array:
-        """`(m, 3)`, mm."""
+        """Nominal points `(m, 3)`, mm."""
         arms = np.array([self.places[number] for number in self.target.tolist()]).reshape(-1, 3)
         return np.asarray(self.base + turn(self.turns, arms))
 
     @property
     def near(self) -> float:
-        """mm: no error of a machine takes a stand farther from its position."""
+        """Largest distance of a stand from its position by errors of the machine, mm."""
         return NEAR + NEAR_PER_MM * float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     @property
     def known(self) -> np.ndarray:
-        """Mask `(m,)` of positions with a target whose place is known."""
+        """Mask `(m,)` of positions with a target whose position is known."""
         return ~np.isin(self.target, sorted(self.guessed))
 
 
@@ -73,21 +73,21 @@ class Matched(NamedTuple):
     """Stands and positions together."""
 
     position: np.ndarray
-    """Row of the plan `(k,)` of each stand; -1 of those that are none of the plan."""
+    """Row of the plan `(k,)` of each stand; -1 for stands that are not in the plan."""
     certain: np.ndarray
-    """Mask `(k,)`: False where another position, or another stand, would do as well."""
+    """Mask `(k,)`: False where another position, or another stand, fits equally well."""
     distance: Array
-    """From the nominal position `(k,)`, mm; from the nearest one where a stand is none of the plan."""
+    """Distance from the nominal position `(k,)`, mm; from the nearest one for a stand that is not in the plan."""
     pose: Pose
-    """From the frame that the tracker stands on to its own."""
+    """Pose from the frame to which the tracker is fixed to the frame of the tracker."""
     other: tuple[int, int] | None
-    """First stand and another position of the plan that it could be if all were shifted along the plan."""
+    """First stand and its position in another assignment, in which all stands are shifted along the plan."""
 
 
 def match(stands: Array, positions: Positions, allowed: np.ndarray) -> Matched | None:
     """Assign stands `(k, 3)`, mm, to positions `(m,)`; allowed `(k, m)`: False where the target is another.
 
-    None where they have fewer than four in common, or nothing shows which.
+    None if they have fewer than four pairs, or if no assignment can be found.
     """
     pairs = _by_distances(stands, positions, allowed)
     if len(pairs) < 4:
@@ -107,7 +107,7 @@ def match(stands: Array, positions: Positions, allowed: np.ndarray) -> Matched |
 
 
 def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> np.ndarray:
-    """Pairs `(p, 2)` of stands and positions that follow each other at the same distances."""
+    """Pairs `(p, 2)` of successive stands and successive positions with the same distances."""
     points, (k, m) = positions.points, allowed.shape
     best = np.where(allowed, 1.0, -np.inf)
     came = np.full((k, m, 2), -1)
@@ -126,7 +126,7 @@ def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> n
 
 
 def _misfit(stands: Array, points: Array, positions: Positions, ends: tuple[int, int], step: int) -> Array:
-    """How much the distance of two stands differs from those of positions `step` apart `(m - step,)`; 1 is much."""
+    """Misfit `(m - step,)` of the distance of two stands to those of positions `step` apart; 1 is large."""
     nominal = np.linalg.norm(points[step:] - points[:-step], axis=1)
     seen = float(np.linalg.norm(stands[ends[1]] - stands[ends[0]]))
     known = positions.known[step:] & positions.known[:-step]
@@ -137,7 +137,7 @@ def _misfit(stands: Array, points: Array, positions: Positions, ends: tuple[int,
 
 
 def _take(best: Array, came: np.ndarray, offered: Array, source: tuple[int, int], rows: slice) -> None:
-    """Take what is offered to some positions where it is better; it comes from that stand, so many positions before."""
+    """Update the best sums of `rows` where `offered` is better; `source`: its stand, and its positions before."""
     better = np.isfinite(best[rows]) & (offered > best[rows])
     numbers = np.arange(rows.start, rows.stop)[better]
     best[numbers] = offered[better]
@@ -145,7 +145,7 @@ def _take(best: Array, came: np.ndarray, offered: Array, source: tuple[int, int]
 
 
 def _restart(best: Array, came: np.ndarray, anywhere: Array, reached: np.ndarray) -> None:
-    """Go on from the best pair before, wherever it is."""
+    """Continue from the best pair before, at any position."""
     offered = anywhere[:-1] + 1.0 - RESTART
     better = np.isfinite(best[1:]) & (offered > best[1:])
     best[1:][better], came[1:][better] = offered[better], reached[:-1][better]
@@ -163,7 +163,7 @@ def _running(values: Array, reached: np.ndarray) -> tuple[Array, np.ndarray]:
 
 
 def _followed(best: Array, came: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """The pairs of the best way, in order."""
+    """The pairs of the best sequence, in order."""
     if not allowed.any():
         return np.empty((0, 2), int)
     at = np.unravel_index(int(np.argmax(best)), best.shape)
@@ -175,7 +175,7 @@ def _followed(best: Array, came: np.ndarray, allowed: np.ndarray) -> np.ndarray:
 
 
 def _robust_pose(stands: Array, positions: Positions, pairs: np.ndarray) -> Pose | None:
-    """The pose that most pairs agree on; those with known targets, where there are enough."""
+    """The pose with the most agreeing pairs; of pairs with known targets if there are enough."""
     known = pairs[positions.known[pairs[:, 1]]]
     use, near = (known, positions.near) if len(known) >= 4 else (pairs, GUESS)
     nominal, seen = positions.points[use[:, 1]], stands[use[:, 0]]
@@ -200,7 +200,7 @@ def _near(pose: Pose, nominal: Array, seen: Array, near: float) -> np.ndarray:
 def _refined(
     stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose
 ) -> tuple[Pose, Positions, Array] | None:
-    """Pose, targets and tolerances `(m,)` from all stands that they assign, repeated until these stay."""
+    """Pose, targets and tolerances `(m,)` from all assigned stands, iterated until the assignment is constant."""
     tolerance = np.where(positions.known, positions.near, GUESS)
     before: np.ndarray | None = None
     for _ in range(ROUNDS):
@@ -219,7 +219,7 @@ def _refined(
 
 
 def _posed(stands: Array, positions: Positions, position: np.ndarray, rows: np.ndarray) -> tuple[Pose, Positions]:
-    """Pose, and places of guessed targets, from assigned stands."""
+    """Pose, and positions of guessed targets, from assigned stands."""
     known = rows[positions.known[position[rows]]]
     use = known if len(known) >= 4 else rows
     places = dict(positions.places)
@@ -237,7 +237,7 @@ def _posed(stands: Array, positions: Positions, position: np.ndarray, rows: np.n
 
 
 def _gains(stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose, tolerance: Array) -> Array:
-    """What a pair of stand and position gains `(k, m)`: from 1 where they meet to 0, and not at all from there on."""
+    """Gain of each pair of stand and position `(k, m)`: 1 at distance 0, decreasing, -inf beyond the tolerance."""
     points = pose.apply(positions.points)
     gain = np.empty(allowed.shape)
     for i, stand in enumerate(stands):

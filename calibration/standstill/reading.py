@@ -23,13 +23,13 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 
 COLUMNS = ("time_s", "x", "y", "z", "target", "station")
-"""Of a log, besides temperatures; what else there is to know stands in the plan."""
+"""Columns of a log, besides temperatures; the plan contains the other columns."""
 SHORT = 0.5
 """Stands shorter than this share of the usual one are listed."""
 LISTED = 12
 """Lines of each kind in the notes."""
 LEAST_SHARE = 0.5
-"""Share of the stands that belong to the plan, or the log is of another one."""
+"""Least share of the stands that belong to the plan; below it the log is of another plan."""
 SCALES = {"inch": 1 / 25.4, "m": 1e-3, "um": 1e3}
 """Size of a mm in units that a log may be written in."""
 
@@ -77,7 +77,7 @@ def is_log(table: Table, machine: Machine) -> bool:
 def standstills(log: Table, path: Path, machine: Machine) -> tuple[Table, list[str]]:
     """The stands of a log at the positions of a plan, as a table of a measurement file, and notes.
 
-    UserError where log and plan do not belong together, or fit each other in several ways.
+    UserError if log and plan do not belong together, or if several assignments are possible.
     """
     plan = read_plan(path, machine)
     log = _with_targets(log, path)
@@ -127,7 +127,7 @@ def _station(log: Table, name: str, columns: _Log, plan: Plan) -> _Station:
     positions = _positions(log, plan, planned)
     found = find_stands(Stream(columns.stream.time[rows], columns.stream.points[rows]), where, _radius(positions))
     if not len(found.stands):
-        raise UserError(f"{where}: the target never stands still; data taken on the fly need --path, not --plan")
+        raise UserError(f"{where}: no standstill of the target; data taken on the fly need --path, not --plan")
     allowed = np.ones((len(found.stands), len(planned)), bool)
     if columns.target is not None:
         assert plan.state.target is not None
@@ -170,45 +170,46 @@ def _positions(log: Table, plan: Plan, planned: np.ndarray) -> Positions:
 
 
 def _radius(positions: Positions) -> float:
-    """Radius of a stand, mm: a quarter of the shortest step of the plan, where that is small."""
+    """Radius of a stand, mm: at most a quarter of the shortest step of the plan."""
     steps = np.linalg.norm(np.diff(positions.points, axis=0), axis=1)
     steps = steps[steps > 1e-6]
     return float(min(RADIUS, steps.min() / 4.0)) if len(steps) else RADIUS
 
 
 def _no_match(found: Found, positions: Positions) -> str:
-    """Why no stand could be assigned."""
+    """The reason why no stand could be assigned."""
     text = (
-        f"{len(found.stands)} stands, {len(positions.target)} positions in the plan, and fewer than four in common: "
-        "is the log of another plan, another machine, or stands_on or a target wrong?"
+        f"{len(found.stands)} stands and {len(positions.target)} positions in the plan have fewer than four pairs: "
+        "check that log, plan and machine belong together, and check stands_on and the targets."
     )
     nominal = np.median(np.linalg.norm(np.diff(positions.points, axis=0), axis=1))
     seen = np.median(np.linalg.norm(np.diff(found.stands.points, axis=0), axis=1)) if len(found.stands) > 1 else 0.0
     for unit, size in SCALES.items():
         if nominal > 0.0 and abs(seen / nominal / size - 1.0) < 0.05:
-            return f"{text} Its lengths would fit in {unit}: expected mm"
+            return f"{text} The lengths would fit if the log were in {unit}: mm are expected"
     return text
 
 
 def _refuse_doubtful(where: str, plan: Plan, planned: np.ndarray, found: Found, matched: Matched) -> None:
-    """UserError where the log belongs to another plan, or may begin at another position of this one."""
+    """UserError if the log belongs to another plan, or may begin at another position of this one."""
     count = int(np.count_nonzero(matched.position >= 0))
     if count < LEAST_SHARE * len(found.stands):
         raise UserError(
-            f"{where}: only {count} of {len(found.stands)} stands are near a position of the plan: is the log of "
-            "another plan, or of another machine?"
+            f"{where}: only {count} of {len(found.stands)} stands are near a position of the plan: check that log, "
+            "plan and machine belong together"
         )
     if matched.other is not None:
         stand, other = matched.other
         raise UserError(
-            f"{where}: the log fits the plan in several ways: the stand at {found.stands.begin[stand]:.2f} s may be "
+            f"{where}: the log has several possible assignments to the plan: the stand at "
+            f"{found.stands.begin[stand]:.2f} s may be "
             f"{_name(plan, planned[matched.position[stand]])} or {_name(plan, planned[other])}; delete the positions "
             "that were not measured from the plan"
         )
 
 
 def _name(plan: Plan, row: int) -> str:
-    """A position for people."""
+    """Text of a position, for messages."""
     machine = plan.machine
     places = " ".join(
         f"{axis.name}{value:g}"
@@ -219,7 +220,7 @@ def _name(plan: Plan, row: int) -> str:
 
 
 def _notes(log: Table, station: _Station, plan: Plan) -> Iterator[str]:
-    """What was found and, by name, what was not."""
+    """Notes on the assigned stands and, by name, on all others."""
     found, stands = station.found, station.found.stands
     head = f"{log.source}, station {station.name}" if "station" in log.names else log.source
     yield (
@@ -232,14 +233,14 @@ def _notes(log: Table, station: _Station, plan: Plan) -> Iterator[str]:
     kinds = {
         "position without a stand": _without_stand(station, plan),
         "not certain, left out": _uncertain(station, plan),
-        "stand that the plan lacks": _foreign(station),
+        "stand that is not in the plan": _foreign(station),
         "slow motion, no stand": found.creeping,
         "short stand, used": _short(station, plan),
     }
-    for what, lines in kinds.items():
-        yield from (f"{what}: {line}" for line in lines[:LISTED])
+    for kind, lines in kinds.items():
+        yield from (f"{kind}: {line}" for line in lines[:LISTED])
         if len(lines) > LISTED:
-            yield f"{what}: ... and {len(lines) - LISTED} more"
+            yield f"{kind}: ... and {len(lines) - LISTED} more"
 
 
 def _typical(values: Array) -> float:
@@ -255,7 +256,7 @@ def _uncertain(station: _Station, plan: Plan) -> list[str]:
     doubtful = np.flatnonzero((station.matched.position >= 0) & ~station.matched.certain)
     return [
         f"{_name(plan, station.planned[station.matched.position[i]])}, stand at {station.found.stands.begin[i]:.2f} s: "
-        "another stand or another position would do as well"
+        "another stand or another position fits equally well"
         for i in doubtful.tolist()
     ]
 
@@ -301,15 +302,15 @@ def _table(log: Table, columns: _Log, plan: Plan, stations: list[_Station], note
 
 
 def _approach(plan: Plan, stations: list[_Station], notes: list[str]) -> dict[str, list[str]]:
-    """Direction of approach, by axis: the plan's; 0 where the machine may have come from elsewhere."""
+    """Direction of approach, by axis: the plan's; 0 if the machine may have come from another position."""
     found = [_approaches(plan, station) for station in stations]
     assert plan.state.approach is not None
     planned = np.concatenate([plan.state.approach[station.plan_rows] for station in stations])
     unknown = int(np.count_nonzero((np.concatenate(found) != planned).any(axis=1)))
     if unknown:
         notes.append(
-            f"{unknown} rows follow a position without a stand, or a stand that the plan lacks: from which side an "
-            "axis came is not known (dir_ 0)"
+            f"{unknown} rows follow a position without a stand, or a stand that is not in the plan: the direction of "
+            "approach of an axis is not known (dir_ 0)"
         )
     return {
         name: [str(int(sign)) for sign in column]

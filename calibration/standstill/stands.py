@@ -1,7 +1,7 @@
-"""Stands in a tracker's stream of points: where the target stood still, for how long, and how the readings scatter.
+"""Stands in a tracker's stream of points: position and duration of each standstill of the target, and its scatter.
 
-Readings are taken together to medians of 25 ms. A stand is an interval in which these stay within a radius, and in
-which they do not creep. Interruptions of the beam and short disturbances do not end it when the target is where it was.
+Readings are combined into medians over 25 ms. A stand is an interval in which these stay within a radius and do not
+creep. Interruptions of the beam and short disturbances do not end it if the target is at the same position after them.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from kinematics.transforms import Array
 BLOCK_S, BLOCK_READINGS = 0.025, 5
 """Duration of a block, and the readings that it has at least."""
 SHORTEST_S = 0.2
-"""Shortest stand."""
+"""Shortest duration of a stand, s."""
 RADIUS = 0.02
-"""mm: largest radius of a stand, unless the noise of the blocks is larger."""
+"""Largest radius of a stand, mm, unless the noise of the blocks is larger."""
 OF_NOISE = 6.0
 """Radius of a stand in standard deviations of a block's median."""
 CREEP = 0.005
-"""mm/s: a stand that significantly moves faster is none."""
+"""Speed, mm/s: a target that moves significantly faster does not stand still."""
 DRIFT = 0.003
-"""mm: smaller drifts within a stand do not count as creeping."""
+"""Drift within a stand, mm: a smaller one does not count as creeping."""
 AWAY = 0.5
-"""mm: excursions between two stands at one place that are smaller are disturbances, no moves."""
+"""Excursion between two stands at one position, mm: a smaller one is a disturbance, not a move."""
 GAP_READINGS = 5.0
 """Intervals without a reading that interrupt the stream."""
 SLOWEST = 0.1
@@ -103,7 +103,7 @@ class _Part(NamedTuple):
 
 
 def find_stands(stream: Stream, where: str, radius: float = RADIUS) -> Found:
-    """The stands of a stream; UserError, naming `where`, for a stream that is none."""
+    """The stands of a stream; UserError, naming `where`, if it is not a stream."""
     interval = _interval(stream, where)
     noise = _noise(stream.points)
     kept = np.flatnonzero(_with_beam(stream.points, noise))
@@ -191,7 +191,7 @@ def _still(blocks: _Blocks, radius: float) -> Iterator[_Part]:
 
 
 def _merged(blocks: _Blocks, parts: list[_Part], radius: float) -> Iterator[list[_Part]]:
-    """Parts of one stand together: at one place, with nothing but an interruption or a disturbance between them."""
+    """Parts of one stand together: at one position, with only an interruption or a disturbance between them."""
     current: list[_Part] = []
     for part in parts:
         if part.end - part.first < 2:
@@ -217,7 +217,7 @@ def _lasts(blocks: _Blocks, rows: np.ndarray) -> bool:
 
 
 def _steady(blocks: _Blocks, rows: np.ndarray) -> np.ndarray:
-    """Blocks of a stand without the ends in which it still settles or already leaves; none when it creeps."""
+    """Blocks of a stand without the ends in which the target still settles or already moves; none if it creeps."""
     rows = rows[1:-1]
     for share in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
         cut = int(share * len(rows))
@@ -232,7 +232,7 @@ def _steady(blocks: _Blocks, rows: np.ndarray) -> np.ndarray:
 
 
 def _drift(blocks: _Blocks, rows: np.ndarray) -> tuple[Array, float]:
-    """Way `(3,)`, mm, of a straight motion through the blocks from the first to the last, and its uncertainty."""
+    """Displacement `(3,)`, mm, of a straight motion through the blocks from first to last, and its uncertainty."""
     time = blocks.time[rows]
     from_middle = time - time.mean()
     square = float(from_middle @ from_middle)

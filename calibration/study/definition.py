@@ -174,7 +174,10 @@ def instrument_of(entry: InstrumentEntry, where: str, folder: Path) -> Instrumen
     given = {key: value for key in keys if (value := getattr(entry, key)) is not None}
     if entry.tests is not None:
         if given or entry.kind != "laser-tracker":
-            raise UserError(f"{where}: [instrument] tests: of a laser tracker, in place of u_range_um and its like")
+            raise UserError(
+                f"{where}: [instrument] tests: only for a laser tracker and without u_range_um and the other "
+                "uncertainties: delete either"
+            )
         return fit_tests(read_tests(folder / entry.tests)).instrument
     for key, value in given.items():
         if key not in known:

@@ -1,4 +1,4 @@
-"""Data on a few diagonals: what a fit of all lines but one leaves of that line, for a whole chunk of draws at once."""
+"""Data on a few diagonals: residuals of each line in a fit of all other lines, for a whole chunk of draws at once."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Line(NamedTuple):
     others: np.ndarray
     """True `(N,)` for those that are fitted."""
     registration: Array
-    """Orthonormal columns `(others, r)` of what the registration does to the others."""
+    """Orthonormal columns `(others, r)` of the effect of the registration on the other lines."""
     carried: Array
-    """`(told, r)`: what it then does to the line."""
+    """Effect `(told, r)` of the same registration on the line."""
 
     def split(self, columns: Array) -> tuple[Array, Array]:
         """Columns `(N, k)` at the others and at the line, the registration by the others taken out of both."""
@@ -67,7 +67,7 @@ class Unseen:
         return cls(fits, held) if 2 * number >= len(measurement) else None
 
     def left(self, parts: Sequence[Part], prior_scale: float, observed: Array) -> Array:
-        """Squares `(draws,)` of what the fits leave of the lines, whitened, for observations `(N, draws)`."""
+        """Sums of squares `(draws,)` of the whitened residuals of the lines, for observations `(N, draws)`."""
         columns = np.concatenate([self._columns(part) for part in parts], axis=1)
         columns *= self.fits.scale(parts, prior_scale)
         total = np.zeros(observed.shape[1])
