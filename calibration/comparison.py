@@ -10,8 +10,9 @@ axis with the others at home, approached from neither side, over the range that 
 | angular positioning of a rotary axis | zero at the reference position |
 | radial, axial and tilt error motions of a rotary axis | less their mean, which is the location error, listed apart |
 
-The difference is B minus A. All of it is linear in the errors, so that uncertainties follow from the parameters'
-covariance to first order (GUM); the two calibrations count as independent of one another.
+Both calibrations are moved into one frame first (`common_frame`). The difference is B minus A. All of it is linear in
+the errors, so that uncertainties follow from the parameters' covariance to first order (GUM); the two calibrations
+count as independent of one another.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
+from calibration.common_frame import Sampled, common_frame
 from calibration.reference_lines import reference_line
 from calibration.volumetric import VolumetricError, volumetric_error_um
 from kinematics.basis import Interval
@@ -45,6 +48,8 @@ POINTS = 1000
 """In the common volume, at random with a fixed seed."""
 COVERAGE = 2.0
 """k of the expanded uncertainty U."""
+CONFIDENCE = 0.95
+"""Probability with which two calibrations that agree show no significant difference of an error motion."""
 LEAST = 1e-9
 """um and urad: errors below this are none."""
 
@@ -88,6 +93,8 @@ class Motion:
     U_b: Array
     known: tuple[bool, bool]
     """In which of the calibrations it is."""
+    significant: bool
+    """True where the uncertainties explain the difference, over all positions, with less than 5 % probability."""
 
     @property
     def difference(self) -> Array:
@@ -103,11 +110,6 @@ class Motion:
     def largest(self) -> int:
         """Row of the largest difference."""
         return int(np.argmax(np.abs(self.difference)))
-
-    @property
-    def significant(self) -> bool:
-        """True where the largest difference is more than its U."""
-        return bool(abs(self.difference[self.largest]) > max(self.U[self.largest], LEAST))
 
     def json(self) -> dict[str, Any]:
         """For programs."""
@@ -210,9 +212,16 @@ class _Side:
         size = unit_of(COMPONENTS[k])[1]
         return _Seen(values / size, design / size)
 
-    def U(self, design: Array) -> Array:
-        """Expanded uncertainties `(n,)` of quantities with these derivatives by the parameters."""
-        return COVERAGE * self.model.propagated(design[:, None, :])[:, 0]
+    def covariance(self, design: Array) -> Array:
+        """Covariance `(n, n)` of quantities with these derivatives `(n, p)`."""
+        if self.model.covariance is not None:
+            return np.asarray(design @ np.array(self.model.covariance) @ design.T)
+        u = np.array([v for effect in self.model.effects for v in effect.uncertainties])
+        return np.asarray((design * u**2) @ design.T)
+
+    def U(self, design: Array) -> float:
+        """Expanded uncertainty of one quantity with these derivatives `(p,)`."""
+        return float(COVERAGE * np.sqrt(np.maximum(self.covariance(design[None])[0, 0], 0.0)))
 
 
 def compare(
@@ -230,35 +239,63 @@ def compare(
         for effect in model.effects
         if _left_out(effect)
     ]
+    tracks, outside = _tracks(machine, sides, references or {})
+    left_out += outside
     motions, figures = [], []
-    used: dict[str, float] = {}
-    for i, axis in enumerate(machine.axes):
-        for k in range(6):
-            ends = _common(sides, i, k)
-            if ends is None:
-                continue
-            name = f"E_{COMPONENTS[k]}{axis.name}"
-            if ends[0] >= ends[1]:
-                left_out.append(f"{name}: no range that both calibrations know")
-                continue
-            x = _positions(machine, i, ends)
-            at = used.setdefault(axis.name, _reference(machine, i, ends, references or {}))
-            positions = np.append(x, at) * machine.scale[i]
-            pair = [side.seen(i, k, positions) for side in sides]
-            rule = _rule(machine, i, k, x, straightness)
-            motions.append(_motion(machine, sides, (i, k), x, pair, rule))
-            if rule.mean:
-                figures.append(_location(sides, name, pair, unit_of(COMPONENTS[k])[0]))
+    for track, pair in zip(tracks, _in_common_frame(machine, sides, tracks), strict=True):
+        rule = _rule(machine, track, straightness)
+        motions.append(_motion(machine, sides, track, pair, rule))
+        if rule.mean:
+            figures.append(_location(sides, track.name(machine), pair, unit_of(COMPONENTS[track.component])[0]))
     figures = [*_squareness(machine, sides, straightness), *figures, *_reversals(machine, sides)]
     return Comparison(
         machine,
-        used,
+        {machine.names[track.axis]: track.reference for track in tracks},
         straightness,
         tuple(motions),
         tuple(figures),
         _volume(machine, sides, tool_mm),
         tuple(left_out),
     )
+
+
+def _tracks(
+    machine: Machine, sides: Sequence[_Side], references: Mapping[str, float]
+) -> tuple[list[Sampled], list[str]]:
+    """The error motions that either calibration knows, over the range that both know; and which have none, and why."""
+    tracks, outside = [], []
+    used: dict[str, float] = {}
+    for i, axis in enumerate(machine.axes):
+        for k in range(6):
+            ends = _common(sides, i, k)
+            name = f"E_{COMPONENTS[k]}{axis.name}"
+            if ends is None:
+                continue
+            if ends[0] >= ends[1]:
+                outside.append(f"{name}: no range that both calibrations know")
+                continue
+            at = used.setdefault(axis.name, _reference(machine, i, ends, references))
+            tracks.append(Sampled(i, k, ends, _positions(machine, i, ends), at))
+    return tracks, outside
+
+
+def _in_common_frame(
+    machine: Machine, sides: Sequence[_Side], tracks: Sequence[Sampled]
+) -> Iterator[tuple[_Seen, ...]]:
+    """Each error motion of both calibrations, at its positions and, last, at the reference."""
+    if not tracks:
+        return
+    frame = common_frame(machine, tracks)
+    ends = np.cumsum([len(track.everywhere) for track in tracks])[:-1]
+    pairs = []
+    for side in sides:
+        seen = [
+            side.seen(track.axis, track.component, track.everywhere * machine.scale[track.axis]) for track in tracks
+        ]
+        values = np.split(frame.moved(np.concatenate([each.values for each in seen])), ends)
+        designs = np.split(frame.moved(np.concatenate([each.design for each in seen])), ends)
+        pairs.append(map(_Seen, values, designs))
+    yield from zip(*pairs, strict=True)
 
 
 def _left_out(effect: Effect) -> str:
@@ -335,8 +372,8 @@ class _Rule(NamedTuple):
     """True where its mean is a location error."""
 
 
-def _rule(machine: Machine, i: int, k: int, x: Array, straightness: Straightness) -> _Rule:
-    axis, n = machine.axes[i], len(x)
+def _rule(machine: Machine, track: Sampled, straightness: Straightness) -> _Rule:
+    axis, k, x, n = machine.axes[track.axis], track.component, track.positions, len(track.positions)
     own = COMPONENTS[k] == own_component(axis.name)
     if axis.rotary and not own:
         return _Rule("less its mean", np.eye(n, n + 1) - np.append(np.full(n, 1.0 / n), 0.0), mean=True)
@@ -347,22 +384,50 @@ def _rule(machine: Machine, i: int, k: int, x: Array, straightness: Straightness
     return _Rule(f"from the {straightness} line", matrix)
 
 
-def _motion(
-    machine: Machine, sides: Sequence[_Side], place: tuple[int, int], x: Array, pair: Sequence[_Seen], rule: _Rule
-) -> Motion:
-    i, k = place
-    axis = machine.axes[i]
+def _motion(machine: Machine, sides: Sequence[_Side], track: Sampled, pair: Sequence[_Seen], rule: _Rule) -> Motion:
+    axis, place = machine.axes[track.axis], (track.axis, track.component)
     values = [rule.matrix @ seen.values for seen in pair]
-    U = [side.U(rule.matrix @ seen.design) for side, seen in zip(sides, pair, strict=True)]
+    covariances = [side.covariance(rule.matrix @ seen.design) for side, seen in zip(sides, pair, strict=True)]
+    U = [COVERAGE * np.sqrt(np.maximum(np.diag(covariance), 0.0)) for covariance in covariances]
+    significant = _significant(values[1] - values[0], covariances[0] + covariances[1])
     known = (place in sides[0].intervals, place in sides[1].intervals)
-    name, unit = f"E_{COMPONENTS[k]}{axis.name}", unit_of(COMPONENTS[k])[0]
-    return Motion(name, axis.name, axis.unit, unit, rule.text, x, values[0], values[1], U[0], U[1], known)
+    unit = unit_of(COMPONENTS[track.component])[0]
+    return Motion(
+        track.name(machine),
+        axis.name,
+        axis.unit,
+        unit,
+        rule.text,
+        track.positions,
+        values[0],
+        values[1],
+        U[0],
+        U[1],
+        known,
+        significant,
+    )
+
+
+def _significant(difference: Array, covariance: Array) -> bool:
+    """Whether a difference `(n,)` is more, at any of its positions, than its uncertainty explains at all of them.
+
+    The coverage factor is Sidak's for as many independent positions as the correlations leave (their participation
+    ratio): one position gives k = 1.96, a polynomial of five terms about 2.5.
+    """
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size, known = np.maximum(np.abs(difference) - LEAST, 0.0), u > LEAST
+    if np.any(size[~known] > 0.0) or not known.any():
+        return bool(np.any(size > 0.0))
+    correlation = covariance[np.ix_(known, known)] / np.outer(u[known], u[known])
+    independent = known.sum() ** 2 / np.sum(correlation**2)
+    k = ndtri((1.0 + CONFIDENCE ** (1.0 / independent)) / 2.0)
+    return bool(np.any(size[known] > k * u[known]))
 
 
 def _location(sides: Sequence[_Side], name: str, pair: Sequence[_Seen], unit: str) -> Figure:
     """The mean of an error motion of a rotary axis."""
     means = [float(seen.values[:-1].mean()) for seen in pair]
-    U = [float(side.U(seen.design[:-1].mean(axis=0)[None])[0]) for side, seen in zip(sides, pair, strict=True)]
+    U = [side.U(seen.design[:-1].mean(axis=0)) for side, seen in zip(sides, pair, strict=True)]
     return Figure(f"{name[:3]}0{name[3:]}", "location of the axis line", unit, *means, *U)
 
 
@@ -393,7 +458,7 @@ def _squareness(machine: Machine, sides: Sequence[_Side], straightness: Straight
             leans = [_lean(side, a, known, straightness) for a, known in zip((i, j), ends, strict=True)]
             value = scale * (lines[1] @ leans[0].values + lines[0] @ leans[1].values)
             design = scale * (lines[1] @ leans[0].design + lines[0] @ leans[1].design)
-            found.append((float(value), float(side.U(design[None])[0]), design.any()))
+            found.append((float(value), side.U(design), design.any()))
         if any(seen for *_, seen in found):
             names = machine.names[i], machine.names[j]
             name = f"E_{letter}0{names[0]} - E_{letter}0{names[1]}"
@@ -443,7 +508,7 @@ def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:
         for side in sides:
             ahead, behind = side.seen(i, k, x, 1.0), side.seen(i, k, x, -1.0)
             value = forward * float(np.mean(ahead.values - behind.values))
-            found.append((value, float(side.U((ahead.design - behind.design).mean(axis=0)[None])[0])))
+            found.append((value, side.U((ahead.design - behind.design).mean(axis=0))))
         if any(abs(value) > LEAST for value, _ in found):
             unit = unit_of(COMPONENTS[k])[0]
             title = "mean reversal, forward minus backward"

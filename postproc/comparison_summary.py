@@ -25,6 +25,7 @@ def show(found: Comparison, names: tuple[str, str], to: Console) -> None:
         to.print(f"{letter}            {name}")
     to.print(f"reference    {', '.join(f'{axis} {at:g}' for axis, at in found.reference.items())}")
     to.print(f"straightness from the {found.straightness} line; slopes are in the squareness")
+    to.print("frame        both calibrations are moved into the frame of ncomp fit")
     to.print(_table("error motions, ISO 230-1", MOTIONS, motion_rows(found)))
     if found.figures:
         to.print(_table("single figures", FIGURES, figure_rows(found)))

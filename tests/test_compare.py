@@ -10,13 +10,13 @@ import pytest
 from measured import truth
 
 import machines
-from calibration.datum import to_datum
+from calibration.datum import gauge, to_datum
 from calibration.locations import transformed
 from calibration.models import priors
-from kinematics.basis import Polynomial
+from kinematics.basis import Harmonics, Legendre, Polynomial
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift, Wobble
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Provenance, reference, write_model
+from kinematics.model import ErrorModel, Provenance, no_errors, reference, write_model
 
 CFRAME, TABLE = machines.load("cframe"), machines.load("head_table")
 MADE = Provenance("test", datetime(2026, 1, 1, tzinfo=UTC))
@@ -125,6 +125,29 @@ def test_squareness_does_not_depend_on_which_axis_holds_a_constant_angle(command
     assert len(square) == 3
     assert max(abs(each["a"]) for each in square) > 5.0
     assert [each["b"] for each in square] == pytest.approx([each["a"] for each in square], abs=0.1)
+
+
+@pytest.mark.parametrize("name", machines.names())
+def test_one_machine_written_in_two_frames_is_equal(command, name):
+    machine, rng = machines.load(name), np.random.default_rng(9)
+    bases = [Harmonics((0.0, 360.0), 3) if axis.turns_fully else Legendre(axis.travel, 4) for axis in machine.axes]
+    effects = [
+        ErrorMotion(letter, axis.name, basis, tuple(rng.uniform(-20, 20, basis.size).tolist()), u=(1.0,) * basis.size)
+        for axis, basis in zip(machine.axes, bases, strict=True)
+        for letter in "XYZABC"
+    ]
+    calibration("a.json", machine, *effects)
+    model = msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
+    directions = gauge(machine, model, priors(model))
+    other = model.with_parameters(model.parameters + 30.0 * directions @ rng.normal(size=directions.shape[1]), None)
+    calibration(
+        "b.json", machine, *(msgspec.structs.replace(each, u=(1.0,) * each.basis.size) for each in other.effects)
+    )
+    assert np.abs(other.parameters - model.parameters).max() > 30.0
+    _, motions, figures = compared(command)
+    assert max(each["largest"]["difference"] for each in motions.values()) < 0.05
+    assert max(abs(each["difference"]) for each in figures.values()) < 0.05
+    assert min(each["range"]["a"] for each in motions.values()) > 1.0
 
 
 def test_an_axis_leans_with_the_constant_angle_of_the_axis_that_carries_it(command):

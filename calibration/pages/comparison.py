@@ -32,7 +32,10 @@ def comparison_page(found: Comparison, names: tuple[str, str], command: str) -> 
 
 def _sections(found: Comparison) -> Iterator[Section]:
     reference = ", ".join(f"{axis} {at:g}" for axis, at in found.reference.items())
-    text = f"{SIGN}\nReference position: {reference}. Straightness from the {found.straightness} line."
+    text = (
+        f"{SIGN}\nReference position: {reference}. Straightness from the {found.straightness} line. Both calibrations "
+        "are moved into the frame of ncomp fit."
+    )
     yield Section("Error motions, ISO 230-1", text, Table(MOTIONS, list(_motion_rows(found))))
     if found.figures:
         rows = list(_figure_rows(found))
