@@ -99,7 +99,13 @@ def test_the_machine_without_errors():
     assert decode_model(encode_model(model), "none") == model
 
 
-@pytest.mark.parametrize("covariance", [None, correlated(12, seed=7)], ids=["independent", "correlated"])
+@pytest.mark.parametrize(
+    "covariance",
+    [
+        pytest.param(None, id="independent", marks=pytest.mark.slow),
+        pytest.param(correlated(12, seed=7), id="correlated"),
+    ],
+)
 def test_standard_uncertainty_equals_monte_carlo_through_the_exact_kinematics(covariance):
     model = msgspec.structs.replace(SMALL, covariance=None if covariance is None else as_rows(covariance))
     u = np.array([u for effect in model.effects for u in effect.uncertainties])

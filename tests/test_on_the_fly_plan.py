@@ -352,6 +352,7 @@ def test_on_the_fly_agrees_with_points_at_rest():
     assert np.sqrt(np.mean(apart**2)) < 1.5
 
 
+@pytest.mark.slow
 def test_uncertainty_of_what_one_tool_vector_shows_apart_from_the_shift_that_it_does_not(command, tmp_path):
     """The correction between positions is known as it errs; the shift common to all, within the unseen tilt."""
     (tmp_path / "mill.toml").write_text(

@@ -77,7 +77,7 @@ def exact_rows(motions):
 
 
 @pytest.mark.parametrize("name", MACHINES)
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(seed=seeds, tcp=st.booleans(), blocks=st.integers(3, 60))
 def test_random_programs(name, seed, tcp, blocks):
     machine = load(name)
@@ -114,7 +114,7 @@ def test_random_programs(name, seed, tcp, blocks):
 
 
 @pytest.mark.parametrize("name", ["gantry", pytest.param("dmu50", marks=pytest.mark.slow)])
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(seed=seeds)
 def test_chunks_of_any_size_give_the_same_bytes(name, seed):
     machine = load(name)
@@ -167,7 +167,7 @@ def another(machine, seed):
 
 
 @pytest.mark.parametrize("name", MACHINES)
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(seed=seeds, tcp=st.booleans(), told=st.booleans())
 def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp, told):
     """The corrected program, on a machine set up in another way than ncomp was told, stays beside the original."""

@@ -54,7 +54,7 @@ RANGE = {"temperatures_degC": {"spindle": (18.0, 28.0)}}
 IMPLAUSIBLE = {
     "stale": (made(of_x(), 400.0), (), ("400 days old", "valid for 365 days")),
     "stale by its own": (made(of_x(), 40.0, valid_days=30.0), (), ("40 days old", "valid for 30 days")),
-    "future": (made(of_x(), -2.0), (), ("2 days ahead", "clock")),
+    "future": (made(of_x(), -2.0), (), ("days ahead", "clock")),
     "temperature": (
         made(WARM, 1.0, **RANGE),
         ("--temperature", "spindle=31.5"),

@@ -96,6 +96,7 @@ def test_fit_finds_all_six_error_motions_of_an_axis(tmp_path: Path) -> None:
         assert np.sqrt(np.mean(left**2)) < 0.15 * np.sqrt(np.mean(without_line(true[component], x, degree) ** 2)) + 0.3
 
 
+@pytest.mark.slow
 def test_slope_and_offset_of_a_straightness_are_the_lasers_not_the_machines(tmp_path: Path) -> None:
     data = simulated(tmp_path)
     command("fit", str(data), "--machine", "cframe", "--basis", "cubic:6", "-o", str(tmp_path / "one.json"))

@@ -23,6 +23,8 @@ from kinematics.model import no_errors, read_model, write_model
 from kinematics.state import State
 from postproc.tables.formats import FORMATS
 
+QUICK = ("csv", "heidenhain", "linuxcnc", "siemens-cec")
+"""Formats that the default run applies too; CI applies all."""
 SETTINGS = {"fanuc": ("--set", "largest=100", "--set", "total=6000"), "mitsubishi": ("--set", "unit_um=0.2")}
 TOOL = np.array([0.0, 0.0, -80.0])
 ENDLESS = (0.0, 360.0)
@@ -134,12 +136,15 @@ def check_round_trip(command, written, sign="error"):
     assert left["after_tables"]["rms"] < 0.5 + 0.05 * left["before"]["rms"]
 
 
-@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize(
+    "format", [each if each in QUICK else pytest.param(each, marks=pytest.mark.slow) for each in FORMATS]
+)
 def test_a_c_frame_is_left_as_the_sheet_says(command, format):
     calibration(load("cframe"), Path("cal.json"))
     check_left(exported(command, "cframe", format, "cal.json", "tables"), "cal.json")
 
 
+@pytest.mark.slow
 def test_fanuc_by_direction(command):
     """Points of negative travel are others than those of positive travel."""
     calibration(load("cframe"), Path("cal.json"))
