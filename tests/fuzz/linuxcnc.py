@@ -186,8 +186,8 @@ class Judge:
         """Tolerance of the end (3,), mm: large for axes that the program has not placed in the frame in force."""
         placed = self.placed.follow(i)
         limits = np.array([AT_ENDS if axis in placed else self.loose for axis in "XYZ"])
-        if len(placed) < 3:
-            limits += 2e-3 * self.loose
+        if len(placed) < 3:  # an arc that is not cut, for want of an axis, stays round where it is nearly full
+            limits += (2e-2 if self.groups[i].programmed.kind == "arc" else 2e-3) * self.loose
         code = self.placed.code(i)
         if COMPENSATION.search(code):
             self.beside = not self.strict_before

@@ -1,8 +1,9 @@
 """`correct` held against `verify`, against the text, and against a second reckoner, in three dialects on all machines.
 
-A program is drawn as moves and written in one of three dialects. Of plain moves, and of moves of the tool point with
-rotary axes, the corrected text is reckoned anew: words by a regular expression, kinematics by `tests/virtual_machine`,
-errors by a polynomial evaluated there. Of all programs `verify` judges the two texts.
+A program is drawn as moves and written in one of three dialects. Of straight moves, also in loops, with variables, in
+frames, in tilted planes and of the tool point with rotary axes, the corrected text is reckoned anew: words, variables
+and planes by `reckoner`, kinematics by `tests/virtual_machine`, errors by a polynomial evaluated there. Of all programs
+`verify` judges the two texts.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ import json
 import random
 import re
 import sys
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,12 +22,15 @@ import numpy as np
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel, decode_model, no_errors
 from postproc.dialects import find_dialect
+from postproc.notes import Notes
 from postproc.pipeline import Job, Pipeline
 from postproc.report import Report
 from postproc.source import ENCODING, HEAD_SIZE, Source
+from postproc.unroll import unrolled
 from postproc.verify import merged, read_motions, verify
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.ncomp import reason_of
+from tests.fuzz.reckoner import Reckoner, about
 
 TESTS = Path(__file__).parents[1]
 MACHINES = ("gantry", "cframe", "bzt_pfu", "dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table")
@@ -48,8 +51,11 @@ ACCEPTED = frozenset(("stale", "future", "temperature", "outside", "insignifican
 """What random errors are not expected to keep to; worse than before no move may be."""
 KINDS = ("constant", "smooth", "located", "play", "steps", "cyclic")
 RECKONED = ("constant", "smooth", "located")
-_WORD = re.compile(r"([A-Z]+)\s*=?\s*(?:AC\()?([-+]?\d*[.,]?\d+)\)?")
-_COORDINATE = re.compile(r"(?<![A-Z])(I?[XYZABC]|[IJKR]|CR|PR|I?PA)(\s*=?\s*(?:AC\(|IC\()?)[-+]?(\d+[.,]?\d*|[.,]\d+)")
+_COORDINATE = re.compile(
+    r"(?<![A-Z])(I?[XYZABC]|[IJKR]|CR|PR|I?PA)(\s*=?\s*(?:AC\(|IC\()?)"
+    r"(\[[^\]]*\]|[-+]?(#\d+|QL?\d+|R\d[^\s)]*|\d+[.,]?\d*|[.,]\d+))"
+)
+_OWN = re.compile(r"NCOMP|FN 1: QL4")
 
 
 class Move(NamedTuple):
@@ -67,7 +73,7 @@ def draw(seed: int) -> Case:
     rng = random.Random(seed)
     machine, dialect = rng.choice(MACHINES), rng.choice(list(ENDINGS))
     chain = _chain(machine)
-    tcp = bool(_rotary(chain)) and rng.random() < 0.5
+    tcp = bool(_rotary(chain)) and rng.random() < 0.35
     writer = Writer(dialect, rng, chain)
     text = writer.program(tcp)
     kind = rng.choice(KINDS)
@@ -76,6 +82,7 @@ def draw(seed: int) -> Case:
         "tcp": tcp,
         "plain": writer.plain,
         "dialect": dialect,
+        "unroll": writer.loops and rng.random() < 0.7,
         "tolerance": rng.choice((1.0, 1.0, 5.0, *LARGE[kind == "play" :])),
     }
     return Case(text, f"part{ENDINGS[dialect]}", machine, json.dumps(_effects(kind, chain, rng)), (json.dumps(plan),))
@@ -88,7 +95,9 @@ class Writer:
         self.dialect, self.rng, self.chain = dialect, rng, chain
         self.rotary = _rotary(chain)
         self.plain = True
-        """Every block is a move with absolute words."""
+        """The reckoner knows every block."""
+        self.loops = False
+        """Blocks run more than once."""
         self.lines: list[str] = []
         self.at: dict[str, float] = {}
         self.label = 0
@@ -106,10 +115,19 @@ class Writer:
         if tcp:
             self.lines.append({"iso": "G43.4 H1", "siemens": "TRAORI", "heidenhain": "M128"}[self.dialect])
             self.move(True, {axis: self.place(axis) for axis in [*"XYZ", *self.rotary]})
+        known = (
+            self.loop,
+            self.shift,
+            self.turn,
+            self.formulas,
+            *((self.tilted,) * 4 if len(self.rotary) == 2 else ()),
+        )
         fancy = (
             ()
-            if tcp or rng.random() < 0.5
-            else (self.arc, self.loop, self.increments, self.shift, self.turn, self.hole, self.call)
+            if tcp or rng.random() < 0.15
+            else known
+            if rng.random() < 0.5
+            else (self.arc, self.loop, self.increments, self.shift, self.turn, self.hole, self.call, *known)
         )
         for _ in range(rng.randint(2, 9)):
             rng.choice((self.line, self.line, self.rapid, *fancy))()
@@ -187,7 +205,7 @@ class Writer:
         self.everywhere()
 
     def loop(self) -> None:
-        self.plain = False
+        self.loops = True
         place = {axis: self.place(axis) for axis in "XYZ"}
         passes, number = self.rng.randint(2, 4), self.number()
         self.move(True, place)
@@ -197,6 +215,10 @@ class Writer:
         self.move(False, place)
         body = self.lines[body_at:]
         del self.lines[body_at:]
+        self.repeat(body, number, passes)
+
+    def repeat(self, body: list[str], number: int, passes: int) -> None:
+        """Lines that run several times."""
         if self.dialect == "iso":
             self.lines += ["#100=0", f"WHILE[#100 LT {passes}]DO1", *body, "#100=#100+1", "END1"]
         elif self.dialect == "siemens":
@@ -204,13 +226,70 @@ class Writer:
         else:
             self.lines += [f"LBL {number}", *body, f"CALL LBL {number} REP{passes - 1}"]
 
+    def formulas(self) -> None:
+        """Coordinates by variables, which grow in a loop."""
+        self.loops = True
+        self.everywhere()
+        number, passes = self.number(), self.rng.randint(2, 4)
+        name = {"iso": "#{}", "siemens": "R{}", "heidenhain": "Q{}"}[self.dialect].format
+        one, two = name(50 + 2 * number), name(51 + 2 * number)
+        equals = " = " if self.dialect == "heidenhain" else "="
+        first, step = self.place("X") / 2, round(self.rng.uniform(-4, 4), 3)
+        self.lines += [
+            f"{one}{equals}{first:.4f}",
+            f"{two}{equals}{one} * {step}".replace(" ", " " if self.dialect == "heidenhain" else ""),
+        ]
+        body = [
+            {
+                "iso": f"G1 X{one} Y[{two}-{one}*0.5] F500",
+                "siemens": f"G1 X={one} Y={two}-{one}*0.5 F500",
+                "heidenhain": f"L X+{one} Y-{two} F500",
+            }[self.dialect],
+            {"iso": f"G1 Z[{two}]", "siemens": f"G1 Z={two}", "heidenhain": f"L Z+{two}"}[self.dialect],
+            f"{one}{equals}{one}+{abs(step)}".replace("+", " + " if self.dialect == "heidenhain" else "+"),
+        ]
+        self.repeat(body, number, passes)
+        self.everywhere()
+
+    def tilted(self) -> None:
+        """A plane across the tool as some position of the rotary axes stands it up, turned about it by any angle."""
+        stands = {axis: self.place(axis) for axis in self.rotary}
+        named = tuple(axis for axis in self.chain.names if axis in self.rotary)
+        upright = _tool_directions(self.chain, [stands[axis] for axis in named])
+        plane = upright @ about("Z", self.rng.choice((0.0, 90.0, self.rng.uniform(-180, 180))))
+        by = {axis: round(self.rng.uniform(-9, 9), 3) for axis in "XYZ"}
+        tip = " ".join(f"{axis}{value:.3f}" for axis, value in by.items())
+        if self.dialect == "iso":
+            self.move(True, stands)
+            first, second, third = _euler(plane)
+            self.lines += [f"G68.2 {tip} I{first:.8f} J{second:.8f} K{third:.8f}", "G53.1"]
+        elif self.dialect == "siemens":
+            a, b, c = _axis_by_axis(plane)
+            lower = stands[_tilting(self.chain)] < 0
+            self.lines += [
+                f'CYCLE800(1,"TC",0,57,{",".join(f"{by[axis]:.3f}" for axis in "XYZ")},{a:.8f},{b:.8f},{c:.8f},'
+                f"0,0,0,{-1 if lower else 1},100,1)",
+                "; STANDS " + " ".join(f"{axis}{value}" for axis, value in stands.items()),
+            ]
+        else:
+            a, b, c = _spatial(plane)
+            self.datum(by)
+            self.lines.append(f"PLANE SPATIAL SPA{a:+.8f} SPB{b:+.8f} SPC{c:+.8f} STAY")
+            self.move(True, stands)
+        self.everywhere()
+        for _ in range(self.rng.randint(1, 4)):
+            rapid = self.rng.random() < 0.3
+            self.move(rapid, {axis: self.place(axis) for axis in self.rng.sample("XYZ", self.rng.randint(1, 3))})
+        self.lines.append({"iso": "G69", "siemens": "CYCLE800()", "heidenhain": "PLANE RESET STAY"}[self.dialect])
+        if self.dialect == "heidenhain":
+            self.datum(dict.fromkeys(by, 0.0))
+        self.everywhere()
+
     def shift(self) -> None:
-        self.plain = False
         by = {axis: round(self.rng.uniform(-9, 9), 3) for axis in "XYZ"}
         self.frame(by, None)
 
     def turn(self) -> None:
-        self.plain = False
         self.frame(
             {axis: round(self.rng.uniform(-9, 9), 3) for axis in "XY"}, self.rng.choice((90, 30, -45, 180, 12.5))
         )
@@ -326,6 +405,8 @@ def judge(case: Case) -> Outcome:
     model = _model(case.machine, case.calibration)
     try:
         none, _ = _run(Job(source, dialect, machine, no_errors(machine), setup))
+        if plan.get("unroll"):
+            source = unrolled(source, dialect, lambda: dialect.interpreter(machine, setup, Notes()))
         text, report = _run(
             Job(source, dialect, machine, model, setup, tolerance_um=plan["tolerance"], accepted=ACCEPTED)
         )
@@ -340,7 +421,8 @@ def judge(case: Case) -> Outcome:
     except UserError as refusal:
         if "already corrected" not in str(refusal):
             return Outcome(Verdict.DIFFERS, f"twice: refused with other words: {refusal}")
-    fault = _text_fault(case.program, text) or _verify_fault(case, plan, report, corrected, model)
+    fault = "" if plan.get("unroll") else _text_fault(case.program, text)
+    fault = fault or _verify_fault(case, plan, report, source, corrected, model)
     if not fault and plan["plain"] and plan["kind"] in RECKONED:
         fault = _reckoned_fault(case, text)
     return Outcome(Verdict.DIFFERS, fault) if fault else Outcome(Verdict.COMPARED)
@@ -348,7 +430,7 @@ def judge(case: Case) -> Outcome:
 
 def _text_fault(before: str, after: str) -> str:
     """Something else than coordinates has changed; empty for none."""
-    own = [line for line in after.split("\n") if "NCOMP" not in line]
+    own = [line for line in after.split("\n") if not _OWN.search(line)]
     lines = before.split("\n")
     if len(own) != len(lines):
         poles = [line for line in own if line.startswith("CC ")]
@@ -363,9 +445,11 @@ def _text_fault(before: str, after: str) -> str:
     return ""
 
 
-def _verify_fault(case: Case, plan: dict[str, Any], report: Report, corrected: Source, model: ErrorModel) -> str:
+def _verify_fault(
+    case: Case, plan: dict[str, Any], report: Report, source: Source, corrected: Source, model: ErrorModel
+) -> str:
     machine, dialect = _machine(case.machine), find_dialect(plan["dialect"], case.name, "")
-    setup, source = _setup(case.machine, plan["dialect"]), _source(case.program, case.name)
+    setup = _setup(case.machine, plan["dialect"])
     try:
         texts = [merged(read_motions(each, dialect, machine, setup)) for each in (source, corrected)]
         verdict = verify(texts[0], texts[1], model, tolerance_um=plan["tolerance"])
@@ -390,8 +474,11 @@ def _verify_fault(case: Case, plan: dict[str, Any], report: Report, corrected: S
 def _reckoned_fault(case: Case, text: str) -> str:
     """The tool point of every block of the program, reckoned from the corrected text, is not the nominal one."""
     chain, effects = _chain(case.machine), json.loads(case.calibration)
-    nominal = list(_poses(case.program, chain))
-    commanded = list(_poses(text, chain))
+    dialect = json.loads(case.options[0])["dialect"]
+    nominal, commanded = (
+        Reckoner(dialect, lambda held, place, tip: _axes(chain, held, place, tip)).run(each)
+        for each in (case.program, text)
+    )
     if len(nominal) != len(commanded):
         return f"reckoned: {len(commanded)} moves instead of {len(nominal)}"
     if not nominal:
@@ -399,47 +486,20 @@ def _reckoned_fault(case: Case, text: str) -> str:
     wanted = _points(chain, np.array(nominal), [])
     before, after = (_points(chain, np.array(q), effects) for q in (nominal, commanded))
     worst, was = (1e3 * np.linalg.norm(points - wanted, axis=1) for points in (after, before))
-    row = int(np.argmax(worst))
+    row = int(np.argmax(np.nan_to_num(worst)))
     if worst[row] > ROUNDING_UM:
         return f"reckoned: {worst[row]:.3f} um off at move {row + 1}, {was[row]:.3f} before"
     return ""
 
 
-def _poses(text: str, chain: Any) -> Iterator[list[float]]:
-    """Axis positions, mm and rad, at the end of every move from the first on that knows X, Y and Z.
-
-    Moves that ncomp has added belong to the move of the program before them.
-    """
-    held, unknown = dict.fromkeys(chain.names, 0.0), set("XYZ")
-    tcp, found = False, []
-    for line in text.split("\n"):
-        spoken = re.sub(r"\(.*|;.*", "", line)
-        tcp = tcp or spoken.startswith(("G43.4", "TRAORI", "M128"))
-        if not spoken.startswith(("G0 ", "G1 ", "L ", "X", "Y", "Z", *chain.names)):
-            continue
-        words = {name: float(value.replace(",", ".")) for name, value in _WORD.findall(spoken) if name in held}
-        if not words or "TAKE-UP" in line:
-            continue
-        held |= words
-        unknown -= words.keys()
-        if unknown:
-            continue
-        q = _axes(chain, held, tcp)
-        if "NCOMP FROM" in line:
-            found[-1] = q
-        else:
-            found.append(q)
-    yield from found
-
-
-def _axes(chain: Any, held: dict[str, float], tcp: bool) -> list[float]:
-    """Axis positions, mm and rad, of what a program says."""
+def _axes(chain: Any, held: dict[str, float], place: Any, tip: bool) -> list[float]:
+    """Axis positions, mm and rad, at a place `(3,)` of the program: of the tip on the workpiece, or of the axes."""
     offset = _offset(chain)
-    q = np.array([held[name] * axis.per_file_unit for name, axis in zip(chain.names, chain.axes, strict=True)])
-    wanted = np.array([held[axis] + offset[axis] for axis in "XYZ"])
+    said = [held.get(name, 0.0) * axis.per_file_unit for name, axis in zip(chain.names, chain.axes, strict=True)]
+    q, wanted = np.array(said), place + [offset[axis] for axis in "XYZ"]
     linear = [chain.index(axis) for axis in "XYZ"]
     q[linear] = wanted + np.array([0.0, 0.0, LENGTH])
-    if tcp:  # the tool point is affine in X, Y and Z
+    if tip:  # the tool point is affine in X, Y and Z
         rows = np.repeat(q[None], 4, axis=0)
         rows[1:, linear] += np.eye(3)
         points = _points(chain, rows, [])
@@ -447,7 +507,44 @@ def _axes(chain: Any, held: dict[str, float], tcp: bool) -> list[float]:
     return q.tolist()
 
 
-def _points(chain: Any, q: Any, effects: list[dict[str, Any]]) -> Any:
+def _tool_directions(chain: Any, stands: list[float]) -> Any:
+    """Directions x, y, z of the tool in the workpiece, as columns (3, 3), by positions of the rotary axes, degrees."""
+    q = np.zeros((4, len(chain.axes)))
+    q[:, [axis.rotary for axis in chain.axes]] = np.deg2rad(stands)
+    targets = np.vstack([np.zeros(3), np.eye(3)])
+    points = np.vstack([_points(chain, q[i : i + 1], [], targets[i]) for i in range(4)])
+    return (points[1:] - points[0]).T
+
+
+def _tilting(chain: Any) -> str:
+    """The rotary axis of least travel."""
+    return str(min((axis for axis in chain.axes if axis.rotary), key=lambda axis: axis.travel[1] - axis.travel[0]).name)
+
+
+def _euler(turn: Any) -> tuple[float, float, float]:
+    """Angles, degrees, about z, the new x and the new z."""
+    tilt = np.arccos(np.clip(turn[2, 2], -1.0, 1.0))
+    if tilt < 1e-9:
+        return float(np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))), 0.0, 0.0
+    first, third = np.arctan2(turn[0, 2], -turn[1, 2]), np.arctan2(turn[2, 0], turn[2, 1])
+    return float(np.degrees(first)), float(np.degrees(tilt)), float(np.degrees(third))
+
+
+def _axis_by_axis(turn: Any) -> tuple[float, float, float]:
+    """Angles, degrees, about x, the new y and the new z."""
+    angles = -np.arctan2(turn[1, 2], turn[2, 2]), np.arcsin(turn[0, 2]), -np.arctan2(turn[0, 1], turn[0, 0])
+    return tuple(float(np.degrees(angle)) for angle in angles)  # type: ignore[return-value]
+
+
+def _spatial(turn: Any) -> tuple[float, float, float]:
+    """Angles, degrees, about x, then y, then z of the workpiece."""
+    angles = np.arctan2(turn[2, 1], turn[2, 2]), -np.arcsin(turn[2, 0]), np.arctan2(turn[1, 0], turn[0, 0])
+    return tuple(float(np.degrees(angle)) for angle in angles)  # type: ignore[return-value]
+
+
+def _points(
+    chain: Any, q: Any, effects: list[dict[str, Any]], target: tuple[float, ...] | Any = (0.0, 0.0, -LENGTH)
+) -> Any:
     from virtual_machine.calibrated import motion
     from virtual_machine.chain import tool_points
 
@@ -461,7 +558,7 @@ def _points(chain: Any, q: Any, effects: list[dict[str, Any]]) -> Any:
         errors[:, i, "XYZABC".index(effect["component"])] += values
     errors[..., :3] *= 1e-3
     errors[..., 3:] *= 1e-6
-    targets = np.broadcast_to([0.0, 0.0, -LENGTH], (len(q), 3))
+    targets = np.broadcast_to(target, (len(q), 3))
     return tool_points(chain, q, errors, np.zeros((len(q), 6)), targets)
 
 
