@@ -35,8 +35,8 @@ PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
 SMALLER = (0.1, 0.2, 0.3, 0.5)
 """Sizes of error motions, as multiples of the typical ones, that are tried on data on a few lines."""
 PRIOR = "prior"
-START = 4
-"""Where in SIZES the search begins."""
+START = 1
+"""Where in SIZES the search begins: coarse, since of several maxima of the evidence it ends at the first."""
 FINEST = 48
 """Parameters of a linear axis at most."""
 
@@ -104,10 +104,9 @@ class Search:
     def start(self, kind: str) -> Choice:
         """The choice that the search begins at."""
         own = {axis: self.rotary_kind if self.rotary_kind and axis[0] in "ABC" else kind for axis in self.most}
-        bases = {axis: BasisChoice(own[axis], SIZES[own[axis]][START]) for axis in self.most}
-        start = Choice(bases, self.prior_scale or 1.0)
+        start = Choice({axis: BasisChoice(of, SIZES[of][0]) for axis, of in own.items()}, self.prior_scale or 1.0)
         for axis in self.most:
-            start = start.variants(axis, self.most)[:START][-1]
+            start = start.variants(axis, self.most)[: START + 1][-1]
         return start
 
 

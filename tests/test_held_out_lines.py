@@ -9,7 +9,6 @@ from calibration.heldout import lines
 from calibration.instruments import LaserTracker
 from calibration.measurement import Target
 from calibration.plan import Choices
-from calibration.resolution import choose
 from calibration.simulate import observe, tracker_pose
 from calibration.strategies import plan
 from calibration.truth import random_truth
@@ -45,16 +44,14 @@ def test_lines_of_diagonals_are_found(strategy, choices, number):
 
 
 def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
-    """The evidence alone leaves nine tenths and more of the volumetric error: large errors between the lines."""
+    """A basis that errs between the lines would leave nine tenths and more of the volumetric error."""
     truth, data = measured("space-diagonals", 200)
     positions = np.stack(np.meshgrid(*(np.linspace(low, high, 7) for low, high in GANTRY.travel.T)), -1).reshape(-1, 3)
     found = calibrate(data)
-    alone = calibrate(data, prior_scale=choose(data, ("b-spline", "cubic")).prior_scale)
     wanted, points = deviation_on(GANTRY, truth, positions)
-    before, after, by_evidence = (
+    before, after = (
         float(np.sqrt(np.mean(aligned(wanted - got, points) ** 2)))
-        for got in (0.0, *(deviation_on(GANTRY, one.model, positions)[0] for one in (found, alone)))
+        for got in (0.0, deviation_on(GANTRY, found.model, positions)[0])
     )
     assert found.held_out.what == "lines"
-    assert after < 0.6 * before
-    assert after < 0.8 * by_evidence
+    assert after < 0.4 * before

@@ -230,14 +230,14 @@ def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes)
     assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
 
 
-def test_on_diagonals_less_is_left_than_by_the_evidence_alone():
-    """From four stations the evidence is sure of bases that err between the lines: worse than no correction."""
-    ready = on_diagonals(tracker=STATIONS)
+@pytest.mark.parametrize("changes", [{}, {"tracker": STATIONS}], ids=["one station", "four stations"])
+def test_on_diagonals_no_more_is_left_than_by_the_evidence_alone(changes):
+    """And less than half of the errors before, from four stations as well, where the evidence has several maxima."""
+    ready = on_diagonals(**changes)
     found, alone = (each.outcome(Chunk(0, 20)) for each in (ready, replace(ready, unseen=None)))
     before, after, by_evidence = (np.quantile(x[0], 0.95) for x in (found.before, found.after, alone.after))
-    assert by_evidence > before
-    assert after < 0.7 * before
-    assert found.after.mean() < 0.6 * alone.after.mean()
+    assert after < 0.5 * before
+    assert after < 1.1 * by_evidence
 
 
 @pytest.mark.parametrize(
