@@ -10,6 +10,7 @@ quarter of the shortest way on which errors of the model bend there and back.
 from __future__ import annotations
 
 import math
+import operator
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -39,6 +40,8 @@ STEPS = 8
 MOST_STEPS = 8192
 BATCH = 100_000
 """Samples worked out together."""
+JUMP_STEPS = 10
+"""How often a piece is halved to find where its error jumps."""
 SHORTEST_MM, SHORTEST_DEG = 0.2, 0.05
 """No piece is cut shorter: where errors jump, no path that hangs together can follow."""
 
@@ -166,6 +169,19 @@ def way_round(motions: Motions, row: int) -> float:
     return math.dist(start, motions.arcs[row].centre) * abs(arc_turned(motions, row))
 
 
+class Limits(NamedTuple):
+    """How far a move may stray from its corrected path: not beyond a tolerance, and no farther than the input errs."""
+
+    tolerance: float
+    """mm."""
+    rounding: float
+    """mm, by which a move may stray farther than it errs in the input; infinite where that does not matter."""
+
+    def of(self, errors: Array) -> Array:
+        """The limits, mm, of moves with these largest errors in the input, mm, of any shape."""
+        return np.minimum(errors + self.rounding, self.tolerance)
+
+
 class _Piece(NamedTuple):
     """A part of the way of a move."""
 
@@ -174,21 +190,67 @@ class _Piece(NamedTuple):
     high: float
 
 
-def find_cuts(ways: CorrectedWays, rows: np.ndarray, tolerance: float) -> dict[int, list[float]]:
-    """Shares of the ways of some rows at which to cut them so that all pieces stay within a tolerance, mm.
+class Cuts(NamedTuple):
+    """Where moves are cut."""
 
-    By halves, so that shares are sums of powers of 1/2. Rows that need no cut are left out. Pieces at the shortest
-    length may stray farther.
+    shares: dict[int, list[float]]
+    """By row: shares of its way; rows that need no cut are left out."""
+    steep: list[_Piece]
+    """Pieces at the shortest length that stray farther than they may."""
+
+
+def find_cuts(ways: CorrectedWays, rows: np.ndarray, limits: Limits) -> Cuts:
+    """Where to cut some rows so that all pieces stay within their limits.
+
+    By halves, so that shares are sums of powers of 1/2.
     """
-    cuts: dict[int, list[float]] = defaultdict(list)
+    found = Cuts(defaultdict(list), [])
+    most: dict[int, float] = {}
     pieces = [_Piece(row, 0.0, 1.0) for row in rows.tolist()]
     while pieces:
         following: list[_Piece] = []
         for some in _batches(ways, pieces):
             for piece, shifts in some:
-                _cut(ways, piece, shifts, tolerance, cuts[piece.row], following)
+                row = piece.row
+                if row not in most:  # the whole move
+                    most[row] = float(np.linalg.norm(shifts * ways.weights[row], axis=1).max()) + limits.rounding
+                _cut(ways, piece, shifts, (limits.tolerance, most[row]), found, following)
         pieces = following
-    return {row: sorted(shares) for row, shares in sorted(cuts.items()) if shares}
+    _cross_jumps(ways, found, limits)
+    return found._replace(shares={row: sorted(shares) for row, shares in sorted(found.shares.items()) if shares})
+
+
+def _cross_jumps(ways: CorrectedWays, found: Cuts, limits: Limits) -> None:
+    """Move the cuts of steep pieces so that the error jumps in the middle of one of the shortest length.
+
+    A straight line over the middle of a jump misses it by half of it on either side, and so does the input on one.
+    """
+    if not found.steep or math.isinf(limits.rounding):
+        return
+    found.steep.sort()
+    rows, low, high = (np.array(column) for column in zip(*found.steep, strict=True))
+    before, after = ways.misses(rows, low), ways.misses(rows, high)
+    whole = np.linalg.norm(after - before, axis=1)
+    for _ in range(JUMP_STEPS):
+        middle = (low + high) / 2
+        there = ways.misses(rows, middle)
+        first = np.linalg.norm(there - before, axis=1) > np.linalg.norm(after - there, axis=1)
+        low, high = np.where(first, low, middle), np.where(first, middle, high)
+        before = np.where(first[:, None], before, there)
+        after = np.where(first[:, None], there, after)
+    jumps = np.linalg.norm(after - before, axis=1) > whole / 4
+    for row, place in zip(rows[jumps].tolist(), ((low + high) / 2)[jumps].tolist(), strict=True):
+        _cross(found.shares[row], place, float(ways.shortest[row]))
+
+
+def _cross(shares: list[float], place: float, length: float) -> None:
+    """Make a piece of this length about a place the only one near, where the move leaves so much room for it."""
+    half = min(length / 2, place, 1.0 - place)
+    if half < length / 20:
+        return
+    grid = 2.0 ** math.ceil(math.log2(64.0 / half))
+    shares[:] = [share for share in shares if abs(share - place) > half + length]
+    shares += [end for share in (place - half, place + half) if 0.0 < (end := round(share * grid) / grid) < 1.0]
 
 
 def _batches(ways: CorrectedWays, pieces: list[_Piece]) -> Iterator[list[tuple[_Piece, Array]]]:
@@ -210,32 +272,39 @@ def _cut(
     ways: CorrectedWays,
     piece: _Piece,
     shifts: Array,
-    tolerance: float,
-    cuts: list[float],
+    limits: tuple[float, float],
+    found: Cuts,
     following: list[_Piece],
 ) -> None:
-    """Halve a piece, with shifts `(steps + 1, axes)`, as often as need be; `following` takes what needs finer steps."""
+    """Halve a piece, with shifts `(steps + 1, axes)`, as often as need be; `following` takes what needs finer steps.
+
+    limits: mm, as `strays` has them.
+    """
     steps = len(shifts) - 1
     row, low, length = piece.row, piece.low, piece.high - piece.low
     open_ends = [(0, steps)]
     while open_ends:
         first, last = open_ends.pop()
         inside = _Piece(row, low + length * first / steps, low + length * last / steps)
-        if strays(ways, inside, shifts[first : last + 1]) <= tolerance:
+        if all(map(operator.le, strays(ways, inside, shifts[first : last + 1]), limits)):
             continue
         if inside.high - inside.low < 2.0 * ways.shortest[row]:
+            found.steep.append(inside)
             continue
         middle = (first + last) // 2
         cut = low + length * middle / steps
-        cuts.append(cut)
+        found.shares[row].append(cut)
         if last - first >= 2 * STEPS:
             open_ends += [(first, middle), (middle, last)]
         else:
             following += [_Piece(row, inside.low, cut), _Piece(row, cut, inside.high)]
 
 
-def strays(ways: CorrectedWays, piece: _Piece, shifts: Array) -> float:
-    """How far at most, mm, the control strays along a piece with corrected ends; shifts `(steps + 1, axes)` on it."""
+def strays(ways: CorrectedWays, piece: _Piece, shifts: Array) -> tuple[float, float]:
+    """How far the control strays along a piece with corrected ends, mm; shifts `(steps + 1, axes)` on it.
+
+    At most; and as far as an even bend between two places that are looked at explains.
+    """
     even = np.linspace(0.0, 1.0, len(shifts))[:, None]
     rest = (1.0 - even) * shifts[0] + even * shifts[-1] - shifts
     arc = ways.motions.arcs.get(piece.row)
@@ -247,7 +316,8 @@ def strays(ways: CorrectedWays, piece: _Piece, shifts: Array) -> float:
     bends = np.linalg.norm(np.diff(rest, 2, axis=0), axis=1)
     bends = np.concatenate([3.0 * bends[:1], bends, 3.0 * bends[-1:]])  # it may bend beside an end, with none beyond
     sizes = np.linalg.norm(rest, axis=1)
-    return float((np.maximum(sizes[:-1], sizes[1:]) + (bends[:-1] + bends[1:]) / 4.0).max())
+    sizes, bends = np.maximum(sizes[:-1], sizes[1:]), bends[:-1] + bends[1:]
+    return float((sizes + bends / 4.0).max()), float((sizes + bends / 16.0).max())
 
 
 def _arc_rest(motions: Motions, piece: _Piece, arc: Arc, shifts: np.ndarray) -> np.ndarray:
@@ -267,8 +337,8 @@ def _arc_rest(motions: Motions, piece: _Piece, arc: Arc, shifts: np.ndarray) -> 
     return np.asarray(round_the_circle(written, corrected, even) - nominal - shifts)
 
 
-def bent(ways: CorrectedWays, rows: np.ndarray, tolerance: float) -> np.ndarray:
-    """Those of some rows that may stray farther than a tolerance, mm, in one piece; quickly, by uncorrected errors.
+def bent(ways: CorrectedWays, rows: np.ndarray, limits: Limits) -> np.ndarray:
+    """Those of some rows that may stray farther than their limits in one piece; quickly, by uncorrected errors.
 
     Of straight moves by the error in the middle; a row that has to be looked at more closely is among them.
     """
@@ -277,13 +347,17 @@ def bent(ways: CorrectedWays, rows: np.ndarray, tolerance: float) -> np.ndarray:
     arcs = motions.kind[rows] == Kind.ARC
     flat = np.zeros(len(rows), bool)
     lines = np.flatnonzero(~close & ~arcs)
-    before, middle, after = _looked_at(ways, rows[lines], (0.0, 0.5, 1.0))
-    flat[lines] = 1.5 * np.linalg.norm(before - 2.0 * middle + after, axis=1) <= tolerance
+    before, middle, after = errors = _looked_at(ways, rows[lines], (0.0, 0.5, 1.0))
+    flat[lines] = 1.5 * np.linalg.norm(before - 2.0 * middle + after, axis=1) <= limits.of(_largest(errors))
     circles = np.flatnonzero(~close & arcs)
-    first, *others = _looked_at(ways, rows[circles], (0.0, 0.25, 0.5, 0.75, 1.0))
-    apart = np.max([np.linalg.norm(other - first, axis=1) for other in others], axis=0)
-    flat[circles] = apart <= tolerance / 3.0
+    first, *others = errors = _looked_at(ways, rows[circles], (0.0, 0.25, 0.5, 0.75, 1.0))
+    flat[circles] = _largest([other - first for other in others]) <= limits.of(_largest(errors)) / 3.0
     return rows[~flat]
+
+
+def _largest(vectors: list[Array]) -> Array:
+    """Largest length `(n,)` of several vectors `(n, 3)` each."""
+    return np.asarray(np.max([np.linalg.norm(vector, axis=1) for vector in vectors], axis=0))
 
 
 def _looked_at(ways: CorrectedWays, rows: np.ndarray, shares: tuple[float, ...]) -> list[Array]:

@@ -6,7 +6,8 @@ jumps, loops or calls is held as a whole: its chunks are of blocks as they run, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
@@ -16,7 +17,7 @@ from kinematics.errors import UserError
 from postproc.block_values import straight
 from postproc.dialects import Dialect, Interpreter
 from postproc.flow import Flow
-from postproc.motions import Motions
+from postproc.motions import Motions, merged
 from postproc.program import Block, Refusal
 from postproc.source import CHUNK, Source
 
@@ -36,6 +37,34 @@ class Part:
     """Blocks of the chunk that run several times, and move from or to different places."""
     held: bool = False
     """The program is held as a whole: blocks may run several times."""
+
+
+def settled(parts: Iterable[Part]) -> Iterator[Part]:
+    """The parts, joined where the moves of one decide how the last move before it is written.
+
+    That is one which begins with a turn of rotary axes alone (`postproc/turning.py`), or makes no move.
+    """
+    held: list[Part] = []
+    for part in parts:
+        if held and len(part.motions) and not part.motions.turning[0]:
+            yield _joined(held)
+            held = []
+        held.append(part)
+    if held:
+        yield _joined(held)
+
+
+def _joined(parts: list[Part]) -> Part:
+    if len(parts) == 1:
+        return parts[0]
+    firsts = itertools.accumulate((len(part.places) for part in parts), initial=0)
+    return Part(
+        merged([part.motions for part in parts]),
+        [place for part in parts for place in part.places],
+        sum(part.size for part in parts),
+        frozenset(first + i for first, part in zip(firsts, parts, strict=False) for i in part.varied),
+        parts[0].held,
+    )
 
 
 class Execution(Protocol):

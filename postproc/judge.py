@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import bisect
+
 import numpy as np
 
 from kinematics.effects import Effect
@@ -56,6 +58,8 @@ class Judge:
         self._directions = Directions(self.axes, self.band)
         self.approach: Array | None = None
         """At the ends of the last chunk `(n, axes)`."""
+        self._along: Array | None = None
+        """Along its moves `(n, shares, axes)`, at INNER and the end, where an axis may turn back within one."""
 
     def datum_shifts(self, motions: Motions) -> Array:
         """How far the part lies from its nominal position `(n, 3)`, mm, workpiece frame, at the rows of a chunk."""
@@ -71,7 +75,7 @@ class Judge:
         """Directions at positions `(n, shares, axes)` of a chunk, of which the last are its ends."""
         starts = motions.in_machine(motions.start)
         along = self._directions.follow_moves(motions, positions, starts, known_before(motions))
-        self.approach = along[:, -1]
+        self.approach, self._along = along[:, -1], along if along.shape[1] > 1 else None
         return along
 
     def states(self, motions: Motions, rows: NDArrayBool) -> States:
@@ -83,8 +87,11 @@ class Judge:
                 self._follow(motions, motions.machine_target[:, None])
         return self.last_states(rows)
 
-    def last_states(self, rows: np.ndarray) -> States:
-        """The same for other rows of the last chunk, as a mask or by their numbers."""
+    def last_states(self, rows: np.ndarray, share: float = 1.0) -> States:
+        """The same for other rows of the last chunk, as a mask or by their numbers, at a share of their ways."""
+        if self._along is not None:
+            looked_at = bisect.bisect_left((*INNER, 1.0), share)
+            return self._conditions.states(self._along[rows, looked_at])
         return self._conditions.states(None if self.approach is None else self.approach[rows])
 
 

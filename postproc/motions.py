@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -217,5 +218,26 @@ COLUMNS = (
     *("start", "target", "known_start", "known"),
 )
 """Fields of Motions with one row per move."""
+LISTS = ("frames", "blocks", "words")
+"""Fields of Motions that columns refer to, or with one entry per move."""
 BY_ROW = ("arcs", "cycles", "polars", "contours", "still")
 """Fields of Motions that say more of some rows."""
+
+
+def merged(parts: Sequence[Motions]) -> Motions:
+    """The chunks of a program as one, with the blocks that they hold."""
+    counts = [(len(part), len(part.frames), len(part.blocks)) for part in parts]
+    firsts = np.cumsum([(0, 0, 0), *counts[:-1]], axis=0).tolist()
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+    by_row: dict[str, Any] = {name: {} for name in (*BY_ROW, "polar_ends")}
+    for part, (row, frame, block) in zip(parts, firsts, strict=True):
+        columns["frame"][row : row + len(part)] += frame
+        columns["block"][row : row + len(part)] += block
+        for name in BY_ROW:
+            by_row[name].update({row + i: value for i, value in getattr(part, name).items()})
+        by_row["polar_ends"].update({block + i: end for i, end in part.polar_ends.items()})
+        for i, arc in part.arcs.items():
+            if arc.pole_block >= 0:
+                by_row["arcs"][row + i] = arc._replace(pole_block=block + arc.pole_block)
+    lists: dict[str, Any] = {name: [x for part in parts for x in getattr(part, name)] for name in LISTS}
+    return Motions(parts[0].machine, **lists, **columns, **by_row)

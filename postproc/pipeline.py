@@ -26,7 +26,7 @@ from postproc.compensate import COLD, Correction, correct, missed
 from postproc.conditions import Conditions
 from postproc.datum import datum_prediction
 from postproc.dialects import Dialect
-from postproc.execution import Part, execution
+from postproc.execution import Part, execution, settled
 from postproc.helices import FlatArcs
 from postproc.judge import Judge, in_a_program, standing_notes
 from postproc.line_length import refuse_lengthened
@@ -49,14 +49,14 @@ from postproc.turning import leave_before_turning
 from postproc.used_datums import UsedDatums
 from postproc.writer import Writer, Written
 
-UNCERTAINTY_ROWS = 500
-"""Moves of a chunk that the uncertainty of the prediction is worked out for."""
+UNCERTAINTY_ROWS, UNCERTAINTY_STEP = 500, 8
+"""The uncertainty of the prediction is worked out for so many first moves, and then for every eighth."""
 SPOOLED = 1 << 24
 """Bytes of a program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
 """Shares of the way of a written block at which the error between its ends is predicted."""
-CLOSELY = tuple(i / 16 for i in range(17))
-"""Shares at which the input is looked at where its error jumps: the jump may lie between three."""
+CLOSELY = tuple(i / 32 for i in range(1, 33))
+"""The same where a move may be worse than in the input."""
 ERROR_JUMPS = "its error jumps, or an axis with play turns back in it"
 TURNED_ALONE = "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else"
 
@@ -96,7 +96,8 @@ class Pipeline:
         """What is judged; of it, what is corrected."""
         self.corrected_part = self.model if job.classes is None else select(self.model, job.classes)
         models = (self.corrected_part, self.model if self.orientation else None)
-        self.splitter = Splitter(job.machine, models, job.conditions, job.tolerance_um)
+        worse = "worse" in job.accepted
+        self.splitter = Splitter(job.machine, models, job.conditions, job.tolerance_um, worse)
         self.take_ups = TakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
         self.before = Judge(self.model, job.machine, job.conditions, job.tolerance_um)
         self.after = Judge(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
@@ -115,7 +116,7 @@ class Pipeline:
         self.limit = CorrectionLimit(
             job.machine, self.model, job.conditions, job.max_correction_um, turns=self.orientation
         )
-        self.guard = Guard(job.machine, job.tolerance_um, self.plausibility)
+        self.guard = Guard(job.machine, self.plausibility, turns=self.orientation)
         self._outside = Outside()
         self._flat_arcs = FlatArcs()
 
@@ -148,7 +149,7 @@ class Pipeline:
         rehearsal = job.dialect.interpreter(job.machine, job.setup, Notes()) if self.model.effects else None
         program = execution(job.source, job.dialect, self.interpreter, rehearsal)
         try:
-            for part in program.parts():
+            for part in settled(program.parts()):
                 self._put(out, *program.finished(part, self._correct(part)))
                 progress(part.size)
             self._put(out, *program.rest())
@@ -175,7 +176,7 @@ class Pipeline:
             f"ncomp does not know (lines {shortened(ranges(lines))})"
             for axes, lines in self.report.left.items()
         ]
-        left += self._flat_arcs.notes()
+        left += self._flat_arcs.notes() + self.guard.notes()
         return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
     def _put(self, out: MarkedOutput, blocks: list[Block], texts: list[str]) -> None:
@@ -208,10 +209,9 @@ class Pipeline:
         motions, approach = self.take_ups.prepare(motions)
         orientation = self.model if self.orientation else None
         correction = correct(motions, self.corrected_part, orientation, job.conditions, approach)
-        correction = leave_before_turning(
-            motions, correction, self.model, job.conditions, approach, job.tolerance_um, self.notes
-        )
-        report.max_correction_um = self.limit.check(motions, correction.nominal, correction.corrected)
+        correction = leave_before_turning(motions, correction, self.model, job.conditions, approach, self.notes)
+        limit = self.limit.check(motions, correction.nominal, correction.corrected)
+        report.max_correction_um = max(limit, report.max_correction_um or 0.0)
         if job.travel_check:
             refuse_outside(motions, correction.corrected, "after correction", self.interpreter.control_state)
         else:
@@ -251,8 +251,8 @@ class Pipeline:
         commanded = written.moves(motions)
         errors = np.full((len(motions), 2), np.nan)
         errors[judged] = self._judge_ends(motions, commanded, correction.nominal, judged)
-        self.guard.check(motions, np.flatnonzero(judged), errors[judged, 0], errors[judged, 1], "at its end")
-        self._judge_between(motions, commanded)
+        self.guard.check_ends(motions, np.flatnonzero(judged), errors[judged])
+        self._judge_between(motions, commanded, errors[:, 0])
         if judged.any():
             self._note_turning(motions, correction, written)
             self._flat_arcs.take(motions, correction, written.ends)
@@ -272,13 +272,14 @@ class Pipeline:
         shift = self.before.datum_shifts(motions)[judged]
         before = missed(machine, self.model, nominal, nominal, tool, states_before, shift)
         after = missed(machine, self.model, ends, nominal, tool, states_after, shift)
+        numbers = report.before.count + np.arange(len(nominal))
+        some = np.flatnonzero((numbers < UNCERTAINTY_ROWS) | (numbers % UNCERTAINTY_STEP == 0))
         report.before.add(before.point_um)
         report.after.add(after.point_um)
         report.absolute_before.add(before.absolute_um)
         report.absolute_after.add(after.absolute_um)
         report.tilt_before.add(before.axis_urad)
         report.tilt_after.add(after.axis_urad)
-        some = slice(None, None, max(1, len(nominal) // UNCERTAINTY_ROWS))
         looked_at = motions.bare.take(np.flatnonzero(judged)[some])
         datum = datum_prediction(looked_at, self.model, job.conditions)
         whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some], datum)
@@ -311,8 +312,8 @@ class Pipeline:
             line = motions.blocks[motions.block[row]].line
             self.notes.add(TURNED_ALONE, line)
 
-    def _judge_between(self, motions: Motions, commanded: Motions) -> None:
-        """Along feed moves, where nothing is corrected by itself."""
+    def _judge_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
+        """Along feed moves, where nothing is corrected by itself; errors before at the ends of all rows `(n,)`, um."""
         rows = motions.known_ways
         if not rows.any():
             return
@@ -321,31 +322,43 @@ class Pipeline:
             self.trace.between_before.add(self._strayed(motions, motions, self.before, rows)[judged])
         strayed = self._strayed(motions, commanded, self.after, rows)
         self.report.between_ends.add(strayed[judged])
-        self._guard_between(motions, motions.judged_ways, strayed[judged])
+        self._guard_between(motions, commanded, before, np.flatnonzero(rows)[judged], strayed[judged])
         beyond, turning = strayed > self.job.tolerance_um, motions.turning
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
             block = int(motions.block[row])
             reason = TURNED_ALONE if turning[row] else self.splitter.whole.get(block, ERROR_JUMPS)
             self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
 
-    def _guard_between(self, motions: Motions, rows: NDArrayBool, strayed: Array) -> None:
-        """Hold feed moves, whose errors `(rows,)`, um, between their ends are given, to those of the input."""
-        doubtful = self.guard.above_tolerance(strayed)
-        if not doubtful.any():
+    def _guard_between(
+        self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, strayed: Array
+    ) -> None:
+        """Hold programmed moves, whose pieces err by `strayed` `(rows,)`, um, between their ends, to the input.
+
+        No path errs less in the input than at its end: what strays no farther than that is not looked at closely.
+        """
+        ends = np.flatnonzero(~motions.inner)
+        move = np.searchsorted(ends, rows)
+        doubtful = np.zeros(len(ends), bool)
+        doubtful[move[~(strayed <= before[ends[move]])]] = True
+        uneven = np.isin(motions.block[ends], list(self.splitter.uneven))
+        chosen = (doubtful | uneven)[move]
+        if not chosen.any():
             return
-        numbers = np.flatnonzero(rows)[doubtful]
-        chosen = np.zeros_like(rows)
-        chosen[numbers] = True
-        before = self._strayed(motions, motions, self.before, chosen, CLOSELY)
-        self.guard.check(motions, numbers, before, strayed[doubtful], "between its ends")
+        rows, move = rows[chosen], move[chosen]
+        errors = np.zeros((len(ends), 2))
+        for column, (moves, judge) in enumerate(((motions, self.before), (commanded, self.after))):
+            np.maximum.at(errors[:, column], move, self._strayed(motions, moves, judge, rows, CLOSELY))
+        found = np.unique(move)
+        self.guard.check_ways(motions, ends[found], errors[found])
 
     def _strayed(
-        self, motions: Motions, commanded: Motions, judge: Judge, rows: NDArrayBool, shares: Iterable[float] = BETWEEN
+        self, motions: Motions, commanded: Motions, judge: Judge, rows: np.ndarray, shares: Iterable[float] = BETWEEN
     ) -> Array:
-        """Largest errors `(rows,)`, um, of commanded moves between their ends."""
-        states, strayed = judge.last_states(rows), np.zeros(int(rows.sum()))
+        """Largest errors `(rows,)`, um, of commanded moves between their ends; rows as a mask or by their numbers."""
         tool, shift = motions.tool[rows], judge.datum_shifts(motions)[rows]
+        strayed = np.zeros(len(tool))
         for share in shares:
+            states = judge.last_states(rows, share)
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
             here = missed(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um

@@ -7,21 +7,23 @@ from __future__ import annotations
 
 import datetime
 import itertools
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from kinematics.errors import UserError
-from kinematics.machine import Machine, NDArrayBool
+from kinematics.machine import Machine
 from kinematics.model import ROUNDING, ErrorModel
 from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 from postproc.compensate import missed
 from postproc.conditions import Conditions
+from postproc.frames import Frame
 from postproc.lines import ranges, shortened
 from postproc.motions import Motions
+from postproc.moves import Kind
+from postproc.numbers import rounding_mm, turned_mm
 from postproc.significance import Significance
 
 REASONS: Mapping[str, str] = {
@@ -49,6 +51,8 @@ MOST_LINES = 1000
 """Of moves outside the measured range, which are kept for the message."""
 ENDLESS_MM = 1000.0
 """Stretch of a linear axis without limits over which the largest error is looked for, mm."""
+UNSEEN_UM = 1e-4
+"""A move that is worse by less is not counted."""
 SAMPLES = 4096
 """Positions over the travel of the machine at which the largest error is looked for."""
 
@@ -140,25 +144,38 @@ class Outside:
 class Guard:
     """Holds every evaluated move to its error in the input.
 
-    A move is worse when its predicted error is above the tolerance and above that in the input, by more than the
-    number format explains: the rounding of its end, and of its start or centre.
+    It may be worse by no more than the rounding of its words, in multiples of `rounding_mm`: once at its end; along a
+    straight move twice, for that is how far it may bend before it is split; along an arc four times, for the rounding
+    of its centre moves a nearly full circle by as much as two of its ends.
     """
 
-    def __init__(self, machine: Machine, tolerance_um: float, plausibility: Plausibility) -> None:
-        resolution = max(machine.axes[i].resolution for i in machine.translators)
-        self._rounding_um = 2.0 * math.sqrt(3.0) / 2.0 * resolution * 1e3
-        self._tolerance_um, self._plausibility = tolerance_um, plausibility
+    def __init__(self, machine: Machine, plausibility: Plausibility, *, turns: bool) -> None:
+        rounding = rounding_mm(machine) + (turned_mm(machine) if turns else 0.0)
+        self._rounding_um, self._plausibility = rounding * 1e3, plausibility
         self._lines: list[int] = []
         self._largest = (0.0, 0.0)
         self._worse = 0
+        self._rounded: dict[str, tuple[int, float]] = {}
+        """How many moves are worse by their rounding, and by how much, um, by where that is."""
 
-    def above_tolerance(self, after: Array) -> NDArrayBool:
-        """Errors `(n,)`, um, after the correction that could be worse than in the input."""
-        return np.asarray(after > self._tolerance_um + self._rounding_um)
+    def check_ends(self, motions: Motions, rows: np.ndarray, errors: Array) -> None:
+        """Errors `(k, 2)`, um, before and after at the ends of some rows `(k,)` of a chunk, as `check`."""
+        self._check(motions, rows, errors, np.full(len(rows), self._rounding_um), "at its end")
 
-    def check(self, motions: Motions, rows: np.ndarray, before: Array, after: Array, where: str) -> None:
-        """Errors `(k,)`, um, of some rows `(k,)` of a chunk; Refusal at the first that is worse and not accepted."""
-        for i in np.flatnonzero(self.above_tolerance(after) & (after > before + self._rounding_um)).tolist():
+    def check_ways(self, motions: Motions, rows: np.ndarray, errors: Array) -> None:
+        """The largest errors `(k, 2)`, um, before and after along moves that end at some rows `(k,)`, as `check`."""
+        factors = np.where(motions.kind[rows] == Kind.ARC, 4.0, 2.0)
+        self._check(motions, rows, errors, factors * self._rounding_um, "between its ends")
+
+    def _check(self, motions: Motions, rows: np.ndarray, errors: Array, limits: Array, where: str) -> None:
+        """Refusal at the first move that is worse by more than its limit `(k,)`, um, and not accepted."""
+        before, after = errors.T
+        excess = after - before
+        rounded = (excess > UNSEEN_UM) & (excess <= limits)
+        if rounded.any():
+            count, largest = self._rounded.get(where, (0, 0.0))
+            self._rounded[where] = count + int(rounded.sum()), max(largest, float(excess[rounded].max()))
+        for i in np.flatnonzero(excess > limits).tolist():
             row = int(rows[i])
             block = motions.blocks[motions.block[row]]
             found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
@@ -166,6 +183,14 @@ class Guard:
                 hint = TURNING_HINT if motions.turning[row] else ""
                 raise block.refuse(f"{found}{hint}; --accept worse goes on nevertheless")
             self._add(block.line, float(before[i]), float(after[i]))
+
+    def notes(self) -> list[str]:
+        """How many moves are worse than in the input by their rounding."""
+        return [
+            f"{count} moves are predicted to be worse than in the input {where.replace('its', 'their')} by at most "
+            f"{largest:.2g} um, the rounding of their words"
+            for where, (count, largest) in self._rounded.items()
+        ]
 
     def _add(self, line: int, before: float, after: float) -> None:
         self._worse += 1
@@ -193,16 +218,19 @@ class CorrectionLimit:
         self._given_um = given_um
         self._largest: dict[tuple[float, ...], float] = {}
 
-    def um(self, tools: Iterable[tuple[float, ...]]) -> float:
-        """With these tool tips, mm, and all before."""
+    def um(self, frame: Frame) -> float:
+        """In a frame: with its tool, and with the probe of its touch-off."""
         if self._given_um is not None:
             return self._given_um
         if self._turns:
             return HIGHEST_UM
-        for tool in tools:
-            if tool not in self._largest:
-                self._largest[tool] = largest_error_um(self._machine, self._model, self._conditions, tool)
-        return min(2.0 * max(self._largest.values(), default=0.0), HIGHEST_UM)
+        tools = [frame.tool, *([] if frame.touch_off is None else [(0.0, 0.0, -frame.touch_off.length)])]
+        return min(2.0 * max(map(self._largest_um, tools)), HIGHEST_UM)
+
+    def _largest_um(self, tool: tuple[float, ...]) -> float:
+        if tool not in self._largest:
+            self._largest[tool] = largest_error_um(self._machine, self._model, self._conditions, tool)
+        return self._largest[tool]
 
     @property
     def origin(self) -> str:
@@ -214,20 +242,21 @@ class CorrectionLimit:
         return f"twice the largest error of the calibration over the machine's travel, at most {HIGHEST_UM:g} um"
 
     def check(self, motions: Motions, nominal: Array, corrected: Array) -> float:
-        """The limit, um; Refusal at the first move whose correction `(n, axes)`, mm and rad, is beyond it."""
-        probes = {(0.0, 0.0, -frame.touch_off.length) for frame in motions.frames if frame.touch_off is not None}
-        limit = self.um({frame.tool for frame in motions.frames} | probes)
+        """Largest limit of a chunk, um; Refusal at the first correction `(n, axes)`, mm and rad, beyond its own."""
+        used = set(motions.frame.tolist())
+        limits = np.array([self.um(frame) if i in used else 0.0 for i, frame in enumerate(motions.frames)])
         columns = motions.machine.translators
         size = np.abs(corrected - nominal)[:, columns] * 1e3
         resolution = np.array([motions.machine.axes[i].resolution for i in columns]) * 1e3
-        for row in np.flatnonzero((~(size <= limit + resolution)).any(axis=1))[:1]:
+        limit = limits[motions.frame]
+        for row in np.flatnonzero((~(size <= limit[:, None] + resolution)).any(axis=1))[:1]:
             i = int(np.argmax(size[row]))
             raise motions.blocks[motions.block[row]].refuse(
                 f"{motions.machine.names[columns[i]]} would be corrected by {size[row, i]:.4g} um, more than "
-                f"{limit:.4g} um ({self.origin}): is this the calibration of this machine, and is the set-up right? "
-                "--max-correction-um sets another limit"
+                f"{limit[row]:.4g} um ({self.origin}): is this the calibration of this machine, and is the set-up "
+                "right? --max-correction-um sets another limit"
             )
-        return limit
+        return float(limits.max(initial=0.0))
 
 
 def largest_error_um(machine: Machine, model: ErrorModel, conditions: Conditions, tool: tuple[float, ...]) -> float:

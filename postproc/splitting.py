@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Set
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,11 +14,11 @@ from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.model import ErrorModel
 from postproc.added_blocks import ALONE, END_M, LASTING, SINGLE_FEEDS, START_M
-from postproc.bending import CorrectedWays, bent, find_cuts
+from postproc.bending import CorrectedWays, Limits, bent, find_cuts
 from postproc.conditions import Conditions
 from postproc.motions import Motions
 from postproc.moves import Known
-from postproc.numbers import decimals_for
+from postproc.numbers import decimals_for, rounding_mm
 from postproc.pieces import arc_turned, split
 from postproc.program import Block
 
@@ -34,33 +35,38 @@ class Splitter:
     """Of the tool point, and where it is corrected of the orientation."""
     conditions: Conditions
     tolerance_um: float
+    worse: bool = False
+    """Moves may become worse than in the input, so that it is no reason to cut them."""
 
     def __post_init__(self) -> None:
         self.whole: dict[int, str] = {}
         """By block of the last chunk: why its move, which strays, stays in one piece."""
+        self.uneven: Set[int] = set()
+        """Blocks of the last chunk whose moves may stray farther than they should."""
         self.moves = 0
         """That were cut."""
 
     @property
-    def tolerance(self) -> float:
-        """mm, that the rounding of ends leaves for the way between; never less than half of what is asked for."""
-        rounding = max(self.machine.axes[i].resolution for i in self.machine.translators) * math.sqrt(3.0) / 2
+    def limits(self) -> Limits:
+        """What the rounding of ends leaves for the way between; never less than half of what is asked for."""
+        rounding = rounding_mm(self.machine)
         asked = 1e-3 * self.tolerance_um
-        return max(asked - 1.1 * rounding, asked / 2, rounding)
+        return Limits(max(asked - 1.1 * rounding, asked / 2, rounding), math.inf if self.worse else rounding)
 
     def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
         """The moves of a chunk, those in pieces that would stray; blocks `varied` run several times, not alike."""
-        self.whole = {}
+        self.whole, self.uneven = {}, set()
         rows = np.flatnonzero(motions.known_ways & ~motions.turning)
         if not rows.size or not self.models[0].effects:
             return motions
         ways = CorrectedWays(motions, self.models, self.conditions)
-        uneven = bent(ways, rows, self.tolerance)
+        uneven = bent(ways, rows, self.limits)
         reasons = {row: _obstacle(motions, row, ways, varied) for row in uneven.tolist()}
         self.whole = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
         free = np.array([row for row, reason in reasons.items() if not reason], int)
-        cuts = find_cuts(ways, free, self.tolerance)
-        cuts = {row: _quarters(motions, row, shares) for row, shares in cuts.items()}
+        found = find_cuts(ways, free, self.limits)
+        self.uneven = self.whole.keys() | {int(motions.block[piece.row]) for piece in found.steep}
+        cuts = {row: _quarters(motions, row, shares) for row, shares in found.shares.items()}
         self.moves += len(cuts)
         return _with_round_angles(split(motions, cuts)) if cuts else motions
 

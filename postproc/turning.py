@@ -18,6 +18,7 @@ from postproc.conditions import Conditions
 from postproc.datum import datum_shifts
 from postproc.motions import Motions
 from postproc.notes import Notes
+from postproc.numbers import rounding_mm
 
 WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
 """Shares of the way whose largest errors are compared."""
@@ -30,7 +31,6 @@ def leave_before_turning(
     model: ErrorModel,
     conditions: Conditions,
     approach: Array | None,
-    tolerance_um: float,
     notes: Notes,
 ) -> Correction:
     """The correction without that of positions from which rotary axes turn at feed, where it would do harm.
@@ -40,13 +40,15 @@ def leave_before_turning(
     turning = motions.turning
     before = np.maximum.accumulate(np.where(turning, -1, np.arange(len(motions))))
     rows = np.flatnonzero(turning & (before >= 0) & motions.judged)
-    rows = rows[(motions.frame[before[rows]] == motions.frame[rows]) & motions.programmed[before[rows]]]
+    pairs = zip(motions.frame[before[rows]].tolist(), motions.frame[rows].tolist(), strict=True)
+    same = np.array([motions.frames[i] == motions.frames[j] for i, j in pairs], bool)
+    rows = rows[same & motions.programmed[before[rows]]]
     if not rows.size:
         return correction
     kept = np.zeros_like(motions.target)
     kept[rows] = (correction.target - motions.target)[before[rows]]
     kept[:, motions.machine.rotary] = 0.0
-    harmed = _worse(motions, rows, kept, model, conditions, approach, tolerance_um)
+    harmed = _worse(motions, rows, kept, model, conditions, approach)
     left = np.unique(before[rows[harmed]])
     for row in left.tolist():
         notes.add(NOTE, motions.blocks[motions.block[row]].line)
@@ -65,7 +67,6 @@ def _worse(
     model: ErrorModel,
     conditions: Conditions,
     approach: Array | None,
-    tolerance_um: float,
 ) -> np.ndarray:
     """True `(rows,)` for moves that with `kept` `(n, axes)`, mm, added all along err more than without it."""
     shift, tool = datum_shifts(motions, model, conditions)[rows], motions.tool[rows]
@@ -81,4 +82,5 @@ def _worse(
         return found
 
     pairs = [(largest(shares, 0.0), largest(shares, kept)) for shares in (WITHIN, AT_END)]
-    return np.asarray(np.any([after > np.maximum(before, tolerance_um) for before, after in pairs], axis=0))
+    rounding_um = rounding_mm(motions.machine) * 1e3
+    return np.asarray(np.any([after > before + rounding_um for before, after in pairs], axis=0))

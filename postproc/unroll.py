@@ -16,12 +16,11 @@ from postproc.dialects import Dialect, Interpreter
 from postproc.execution import Walk, turns
 from postproc.expressions import Constant
 from postproc.iso_codes import AXES, PROGRAM_ENDS
-from postproc.motions import Motions
+from postproc.motions import Motions, merged
 from postproc.program import Block, Edit, Word, edited
 from postproc.siemens_variables import EMPTY
 from postproc.source import ENCODING, HEAD_SIZE, Source
 from postproc.statements import Return
-from postproc.verify import merged
 
 SAME = 1e-6
 """mm and rad: literals have nine decimals."""

@@ -25,7 +25,7 @@ from postproc.datum import datum_shifts, poses, touched
 from postproc.dialects import Dialect, Interpreter
 from postproc.execution import execution
 from postproc.judge import Judge, in_a_program, where
-from postproc.motions import BY_ROW, COLUMNS, Motions
+from postproc.motions import Motions
 from postproc.moves import Kind
 from postproc.notes import Notes
 from postproc.pieces import like
@@ -170,24 +170,6 @@ def _judge(
             from_offset.add(found.absolute_um)
             if i >= 0:
                 best_fit.add(found.wanted, found.apart)
-
-
-def merged(parts: list[Motions]) -> Motions:
-    """The chunks of a program as one table, without its blocks."""
-    first = parts[0]
-    frames = [frame for part in parts for frame in part.frames]
-    starts = np.cumsum([0, *(len(part) for part in parts)])
-    frame_starts = np.cumsum([0, *(len(part.frames) for part in parts)])
-    stacked: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS if name != "frame"
-    }
-    frame = np.concatenate([part.frame + offset for part, offset in zip(parts, frame_starts, strict=False)])
-    by_row: dict[str, Any] = {name: {} for name in BY_ROW}
-    for part, start in zip(parts, starts.tolist(), strict=False):
-        for name, rows in by_row.items():
-            rows.update({start + row: value for row, value in getattr(part, name).items()})
-    words = [word for part in parts for word in part.words]
-    return Motions(first.machine, [], frames, frame=frame, words=words, **by_row, **stacked)
 
 
 def _contributions(

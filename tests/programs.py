@@ -18,13 +18,13 @@ from kinematics.machine import Machine
 from kinematics.model import ErrorModel, Provenance, no_errors, reference
 from postproc.dialects import find_dialect
 from postproc.execution import execution
-from postproc.motions import Motions
+from postproc.motions import Motions, merged
 from postproc.notes import Notes
 from postproc.pipeline import Job, Pipeline
 from postproc.report import Report
 from postproc.setup import Setup, make_setup
 from postproc.source import ENCODING, HEAD_SIZE, Source
-from postproc.verify import merged, read_motions
+from postproc.verify import read_motions
 
 THREE_AXES = ("gantry", "cframe", "bzt_pfu")
 FIVE_AXES = ("dmu50", "trunnion_ac", "trunnion_bc", "head_head", "head_table")

@@ -8,9 +8,10 @@ from programs import load, setup_of, source_of
 
 from kinematics.model import no_errors
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 SIEMENS = find_dialect("siemens", "", "")
 

@@ -19,10 +19,11 @@ from kinematics.model import ErrorModel, read_model
 from kinematics.state import State
 from postproc.class_table import class_table
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup
 from postproc.source import Source
-from postproc.verify import merged, read_motions
+from postproc.verify import read_motions
 
 FIVE_AXES = ("dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table")
 DMU50 = machines.load("dmu50")

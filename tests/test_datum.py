@@ -23,8 +23,9 @@ from postproc import execution as execution_module
 from postproc.conditions import Conditions
 from postproc.datum import deviations, poses
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.setup import make_setup
-from postproc.verify import merged, read_motions
+from postproc.verify import read_motions
 
 ROOT = Path(__file__).parents[1]
 BOX = (ROOT / "examples" / "box.nc").read_text()

@@ -10,12 +10,13 @@ from test_direction import play
 from test_klartext_job import HEIDENHAIN, program
 
 from kinematics.effects import Backlash
+from postproc.motions import merged
 from postproc.moves import Kind
 from postproc.pieces import like
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup
 from postproc.source import Source, open_source
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 DMU50 = load("dmu50")
 WIDTHS = {"X": 20.0, "Y": 40.0, "Z": 12.0}

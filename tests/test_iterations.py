@@ -11,9 +11,10 @@ from three_dialects import WRITERS, loops, paths
 
 from kinematics.errors import UserError
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 GANTRY = load("gantry")
 

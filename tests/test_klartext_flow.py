@@ -12,9 +12,10 @@ from kinematics.machine import Machine
 from kinematics.model import no_errors
 from postproc.compensate import missed
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 KLARTEXT = find_dialect("heidenhain", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 import machines
 from kinematics.model import read_model
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import make_setup
 from postproc.source import Source, open_source
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 DMU50 = machines.load("dmu50")
 MODEL = read_model(machines.default_calibration(DMU50), DMU50)

@@ -16,10 +16,11 @@ from kinematics.forward import forward
 from postproc.compensate import missed
 from postproc.dialects import find_dialect
 from postproc.heidenhain_planes import by_axes, euler, spatial
+from postproc.motions import merged
 from postproc.moves import Kind, Known
 from postproc.pipeline import Job, Pipeline
 from postproc.program import Refusal
-from postproc.verify import merged, read_motions
+from postproc.verify import read_motions
 
 KLARTEXT = find_dialect("heidenhain", "", "")
 HEAD = "0 BEGIN PGM T MM\n1 TOOL CALL 1 Z S1000\n2 L X+10 Y+20 Z+50 B+0 C+0 R0 FMAX M3\n"

@@ -16,12 +16,13 @@ from programs import read as read_iso
 from kinematics.errors import UserError
 from kinematics.model import no_errors
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.moves import Kind, Known
 from postproc.pipeline import Job, Pipeline
 from postproc.program import Refusal
 from postproc.siemens_blocks import _read_plain, parse_block, read_block
 from postproc.source import ENCODING
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 SIEMENS = find_dialect("siemens", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

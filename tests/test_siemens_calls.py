@@ -132,7 +132,8 @@ def test_archives_of_tools_and_offsets(tmp_path):
     from programs import source_of
 
     from postproc.dialects import find_dialect
-    from postproc.verify import merged, read_motions
+    from postproc.motions import merged
+    from postproc.verify import read_motions
 
     machine = load("gantry")
     motions = merged(

@@ -17,10 +17,11 @@ from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError
 from postproc.compensate import missed
 from postproc.dialects import find_dialect
 from postproc.mark import mark_in
+from postproc.motions import merged
 from postproc.moves import Kind
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 TOLERANCE_UM = 1.0
 SAMPLES = 73

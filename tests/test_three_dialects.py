@@ -14,10 +14,11 @@ from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.model import no_errors
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.moves import Kind
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
-from postproc.verify import merged, read_motions
+from postproc.verify import read_motions
 
 TOOLS = ["T1=80"]
 OFFSETS = {"gantry": "100,200,-300", "trunnion_bc": "5,-3,20", "head_table": "5,-3,60"}

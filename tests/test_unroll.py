@@ -12,12 +12,13 @@ from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.errors import UserError
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.moves import Kind
 from postproc.notes import Notes
 from postproc.pipeline import Job, Pipeline
 from postproc.source import ENCODING
 from postproc.unroll import unrolled
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 
 GANTRY = load("gantry")
 BENT = model_of(GANTRY, ErrorMotion("Y", "X", Polynomial((0.0, 5000.0), 2), (0.0, -400.0, 400.0)))

@@ -85,10 +85,11 @@ def setup_of(
 def moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:
     """All moves of a program; the part of the set-up that is assumed is said."""
     from postproc.dialects import find_dialect
+    from postproc.motions import merged
     from postproc.notes import Notes
     from postproc.source import open_source
     from postproc.terminal import say_assumed
-    from postproc.verify import merged, run_motions
+    from postproc.verify import run_motions
 
     source = open_source(program)
     language = find_dialect(dialect, source.name, source.text_head)

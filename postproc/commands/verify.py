@@ -92,12 +92,13 @@ def verify(
     from postproc.dialects import find_dialect
     from postproc.judge import in_a_program, standing_notes
     from postproc.mark import PARTS, mark_in_program, mark_of
+    from postproc.motions import merged
     from postproc.notes import Notes
     from postproc.plausibility import parse_accepted
     from postproc.source import open_source
     from postproc.terminal import console, output, say, say_assumed, show_classes, show_facts, show_verdict
     from postproc.used_datums import UsedDatums
-    from postproc.verify import merged, run_motions
+    from postproc.verify import run_motions
     from postproc.verify import verify as judged
 
     accepted = parse_accepted(accept, PARTS)

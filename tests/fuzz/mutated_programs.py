@@ -27,11 +27,12 @@ from kinematics.errors import UserError
 from kinematics.model import ErrorModel, no_errors
 from postproc import flow
 from postproc.dialects import Dialect, find_dialect
+from postproc.motions import merged
 from postproc.pieces import like
 from postproc.pipeline import Job, Pipeline
 from postproc.setup import Setup
 from postproc.source import ENCODING, HEAD_SIZE, Source, _check
-from postproc.verify import merged, read_motions
+from postproc.verify import read_motions
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.mutate import mutated
 

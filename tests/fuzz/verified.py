@@ -22,12 +22,13 @@ import numpy as np
 from kinematics.errors import UserError
 from kinematics.model import ErrorModel, decode_model, no_errors
 from postproc.dialects import find_dialect
+from postproc.motions import merged
 from postproc.notes import Notes
 from postproc.pipeline import Job, Pipeline
 from postproc.report import Report
 from postproc.source import ENCODING, HEAD_SIZE, Source
 from postproc.unroll import unrolled
-from postproc.verify import merged, read_motions, verify
+from postproc.verify import read_motions, verify
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.ncomp import reason_of
 from tests.fuzz.reckoner import Reckoner, about
