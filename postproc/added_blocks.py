@@ -15,7 +15,7 @@ ARCS = frozenset((2.0, 3.0))
 WORKED_OUT = frozenset(("CIP", "CT"))
 """Siemens arcs that a correction writes as G2 or G3."""
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
-ALONE = "a jump or a call comes or goes there, or the control rounds or shifts its corners"
+ALONE = "no block may stand beside it: a jump, a call, radius compensation, a rounded corner, a cycle or a tool axis"
 """Why a block has none of ncomp's own beside it."""
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
 """M functions that every control runs before the move of their block: they stay with the first piece of it."""
