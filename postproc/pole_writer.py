@@ -46,8 +46,8 @@ class PoleWriter:
         pole = polar.pole
         if self._held is not None and self._held[0] == polar.number:
             pole = self._held[1]
-        elif not polar.sure:
-            pole = self._put(polar.plane, pole, unit, editor)
+        else:
+            pole = pole if polar.sure else self._put(polar.plane, pole, unit, editor)
             self._held = polar.number, pole
         way, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
         held[i], held[j] = write_line_end(editor, polar, pole, way, unit, resolution)

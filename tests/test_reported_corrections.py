@@ -33,12 +33,12 @@ M30
 """
 
 
-def run(folder: Path, machine: str, name: str, program: str, *options: str) -> str:
+def run(folder: Path, machine: str, name: str, program: str, *options: str, datum: str = "true") -> str:
     """Screen of a run that has to succeed, for a machine whose X Y Z stand 100, -200, 300 um off."""
     (folder / name).write_text(program)
     (folder / "cal.json").write_bytes(encode_model(shifted(load(machine), X=100.0, Y=-200.0, Z=300.0)))
-    datum = ("--datum", "0=true", "--datum", "G54=true")
-    given = ("-m", machine, "-c", str(folder / "cal.json"), *datum, "-o", str(folder / "out"), *options)
+    datums = ("--datum", f"0={datum}", "--datum", f"G54={datum}")
+    given = ("-m", machine, "-c", str(folder / "cal.json"), *datums, "-o", str(folder / "out"), *options)
     result = CliRunner(env={"COLUMNS": "400"}).invoke(app, ["correct", str(folder / name), *given])
     assert result.exit_code == 0, result.output or repr(result.exception)
     return result.output
@@ -67,3 +67,22 @@ def test_a_tool_axis_is_among_the_reasons_why_a_move_is_not_split(tmp_path: Path
     program = "\n".join(("G17 G90 G71 G54", "T1 D1 M6", "TRAORI", "G0 X0 Y0 Z60 A3=0 B3=0 C3=1", *moves, "M30", ""))
     screen = run(tmp_path, "head_table", "vectors.mpf", program, "--accept", "worse")
     assert re.search("not split, .* between its ends: no block may stand beside it: .* or a tool axis", screen)
+
+
+POLAR = """\
+BEGIN PGM POLAR MM
+TOOL CALL 1 Z S1000
+L X+0 Y+0 Z+20 R0 FMAX
+CC X+0 Y+0
+LP PR+2 PA+45 F500
+CP PA+90 DR+
+CP IPA+360 IZ-1 DR+
+LP PR+5
+END PGM POLAR MM
+"""
+
+
+def test_a_part_that_only_goes_with_its_datum_keeps_its_text(tmp_path: Path) -> None:
+    run(tmp_path, "gantry", "polar.h", POLAR, "--accept", "insignificant", datum="probed")
+    lines = (tmp_path / "out").read_text().splitlines(keepends=True)
+    assert "".join(line for line in lines if not line.startswith("; NCOMP")) == POLAR
