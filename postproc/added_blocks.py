@@ -104,7 +104,7 @@ class AddedBlock:
     preface: str = ""
     """A block before it."""
     iterations: Iterations | None = None
-    """Of the block beside it, where that may run several times."""
+    """Iterations of the block beside it, if that may run several times."""
     number: int = 0
     """Among the blocks of ncomp's own beside that one."""
     _modes: list[str] = field(default_factory=list)
@@ -136,7 +136,7 @@ class AddedBlock:
         return number if self.iterations is None else self.iterations.agreed(own, number, decimals)
 
     def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
-        """Add a word where what the control holds is not what is wanted, rounded; returns what it holds then."""
+        """Add a word if the rounded wanted value differs from the held one; returns the value of the control then."""
         number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
         if self.iterations is not None:
             number = self.iterations.added(f"{self.number} {address}", number, wanted, held, decimals)

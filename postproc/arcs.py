@@ -32,7 +32,7 @@ def begin_arc(block: Block, recorder: Recorder, plane: str, sense: int, target: 
     """
     first, second, normal = (recorder.machine.index(letter) for letter in plane)
     if not (recorder.known[first] and recorder.known[second]):
-        raise block.refuse("an arc from a position that the program has not said")
+        raise block.refuse("an arc from a position that the program has not given")
     if not recorder.frame.keeps_circles(plane[:2]):
         raise block.refuse("an arc where the axes of its plane are scaled by different factors")
     start = recorder.position[first], recorder.position[second]

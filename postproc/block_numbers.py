@@ -1,4 +1,4 @@
-"""Numbers of Klartext blocks: where blocks of ncomp's own come between, they count on, for a control wants them so.
+"""Numbers of Klartext blocks: the control requires a sequence, so blocks after added blocks are renumbered.
 
 Nothing in Klartext refers to them: jumps and calls find labels. ISO and Siemens blocks need none, and jumps go to
 them, so there the program's own stay and blocks of ncomp's own have none.

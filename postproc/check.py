@@ -28,7 +28,7 @@ class Findings:
 
     dialect: str
     evidence: str = ""
-    """Why it is read so; nothing where the user has said it."""
+    """The reason for this dialect; empty if the user has chosen it."""
     blocks: int = 0
     corrected: list[int] = field(default_factory=list)
     """Moves whose end is put right."""

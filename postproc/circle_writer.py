@@ -56,12 +56,12 @@ class CircleWriter:
         """Make start, end and centre as written one circle again, moved as the path along the arc is moved.
 
         Returns it round the centre that the control finds. `pole_editor`, `dropped`: as of `PoleWriter.write_arc`,
-        which `ends` are for too. Refusal where what is written would be another arc.
+        which `ends` are for too. Refusal if the written text would be another arc.
         """
         arc, block = motions.arcs[row], motions.blocks[motions.block[row]]
         i, j = arc.plane[:2]
         if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
-            raise block.refuse("an arc from a position that the program has not said in this frame")
+            raise block.refuse("an arc from a position that the program has not given in this frame")
         start, end = ((at[i], at[j]) for at in ends)
         if same(start, end) != arc.full:
             raise block.refuse("an arc so short, or so nearly a full circle, that rounding makes it the other")
@@ -191,7 +191,7 @@ def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -
 
 
 def say_circle(editor: WordEditor, sense: int) -> None:
-    """Siemens: G2 or G3 in the place of CIP or CT, without the point between."""
+    """Siemens: G2 or G3 instead of CIP or CT, without the intermediate point."""
     for index, word in enumerate(editor.block.words):
         if word.address in WORKED_OUT:
             editor.put(word.at, word.end, "G3" if sense > 0 else "G2")

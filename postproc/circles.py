@@ -50,11 +50,11 @@ def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> P
 def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts: tuple[Point, Point, Point]) -> Point:
     """The centre of a circle on which start, middle and end of an arc lie after their shifts, to first order.
 
-    `turned` is the sweep of the arc, rad; its middle is at `middle_share`. Across its chord the centre goes where the
-    middle asks it to; on short arcs less far, where that takes a long way to no purpose. Along its chord it goes with
-    the mean of the shifts when the two radii then differ no more than they did, up to CLOSE; otherwise so that their
-    difference stays as it was. On nearly full circles, whose ends lie side by side, that too is a long way, and the
-    radii are left to differ.
+    `turned` is the sweep of the arc, rad; its middle is at `middle_share`. Across its chord the centre is shifted such
+    that the middle is corrected; on short arcs less, because the shift would be large without an improvement. Along
+    its chord it is shifted by the mean of the shifts if the two radii then differ no more than before, up to CLOSE;
+    otherwise such that their difference is unchanged. On nearly full circles, whose ends are close together, that
+    shift would be large too, and the radii may differ.
     """
     start, end = ends
     first, last = math.dist(start, centre), math.dist(end, centre)
@@ -75,7 +75,7 @@ def moved_centre(ends: tuple[Point, Point], centre: Point, turned: float, shifts
 
 
 def middle_share(turned: float) -> float:
-    """Share of the way of an arc, `turned` rad, of its middle; of several turns, where it is opposite its start."""
+    """Share of an arc, `turned` rad, at its middle; for several turns, at the point opposite its start."""
     if abs(turned) <= 2 * math.pi:
         return 0.5
     return (2 * math.floor(abs(turned) / (4 * math.pi)) + 1) * math.pi / abs(turned)
@@ -125,7 +125,7 @@ def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool, turns
 def crossings(start: Point, centre: Point, turned: float, phase: float) -> list[float]:
     """Where an arc that turns through `turned`, rad, crosses the line through its centre in the direction `phase`, rad.
 
-    Shares of its way, within 0..1, in order. What is measured along that line turns back there.
+    Shares of the arc, within 0..1, in order. The coordinate along that line reverses there.
     """
     if turned == 0.0:
         return []

@@ -109,7 +109,7 @@ def run() -> None:
 
 
 def _end(status: int, message: str = "") -> NoReturn:
-    """End with a message; what standard output did not take is left behind."""
+    """End with a message; output that standard output did not accept is discarded."""
     if message:
         with suppress(OSError):
             print(f"ncomp: {message}", file=sys.stderr)

@@ -105,10 +105,10 @@ class ControlState:
         given = self.setup.tool_length(key)
         return given and given.origin
 
-    # ---- what a program uses
+    # ---- the offsets and tools that a program uses
 
     def use(self, block: Block, frame: Frame | None) -> None:
-        """Take account of a block whose last move was programmed in a frame; Refusal for what nobody gave of it."""
+        """Register the frame of the last move of a block; Refusal if its offset or tool length is not given."""
         if frame is None or frame is self._frame:
             return
         self._frame = frame

@@ -1,6 +1,6 @@
 """The datum: where it truly is, when its work offset was touched off on the machine with errors.
 
-A touch-off stores the commanded position W at which the tip stood at the true datum D. So W = D - e(W) and
+A touch-off stores the commanded position W at which the tip was at the true datum D. So W = D - e(W) and
 D = W + e(W), where e is the deviation (actual minus nominal, tool relative to workpiece, workpiece frame) in the pose
 of the touch-off, with the probe's length. The part is fixed to the workpiece frame, so each of its points lies e(W)
 beside its nominal position, in whatever pose it is cut. A correction aims at the nominal tool point plus this shift,
@@ -37,7 +37,7 @@ class Poses(NamedTuple):
 
 
 def poses(machine: Machine, touch_offs: Sequence[TouchOff]) -> Poses:
-    """The poses of the machine in which the tip of the probe stands at the position of each touch-off.
+    """The poses of the machine in which the tip of the probe is at the position of each touch-off.
 
     X Y Z of a touch-off are the tip's coordinates in the machine's directions: those of the tool reference point for a
     probe of length 0. Tables that turn do not move them.

@@ -76,7 +76,7 @@ class Dialect:
     begins: Callable[[Block], bool] = never
     """True for the first block of a program that jumps and labels of another don't reach."""
     evidence: str = ""
-    """Why a program is read so, for messages; nothing where the user has said it."""
+    """The reason for the dialect of a program, for messages; empty if the user has chosen it."""
 
 
 def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Block]:

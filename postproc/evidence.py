@@ -18,13 +18,13 @@ _SIEMENS = re.compile(
     re.IGNORECASE,
 )
 _VARIABLE = re.compile(r"#\s*[\d<\[#]")
-"""Of FANUC and LinuxCNC."""
+"""Beginning of a variable of FANUC and LinuxCNC."""
 _SUFFIXES = {".h": "heidenhain", ".hnc": "heidenhain", ".klartext": "heidenhain", ".mpf": "siemens", ".spf": "siemens"}
 _UNSPOKEN = re.compile(r'\([^()]*(?:\)|$)|"[^"]*(?:"|$)|;.*')
 
 
 class Evidence(NamedTuple):
-    """A dialect, and what shows it."""
+    """A dialect, and the line or name that shows it."""
 
     dialect: str
     reason: str
@@ -36,7 +36,7 @@ class Evidence(NamedTuple):
 
 
 def spoken(line: str) -> str:
-    """A line without comments, and without what stands in parentheses and texts; a Siemens path is no comment."""
+    """A line without comments, and without the contents of parentheses and strings; a Siemens path is no comment."""
     return line if ";$PATH" in line else _UNSPOKEN.sub(lambda match: match[0][0] if match[0][0] != ";" else "", line)
 
 

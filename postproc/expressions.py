@@ -19,7 +19,7 @@ class NotKnown(Exception):
 
 
 class Ambiguous(Exception):
-    """An expression that controls read in different ways; the reason is its text."""
+    """An expression that controls interpret differently; the reason is its text."""
 
 
 class Constant(NamedTuple):

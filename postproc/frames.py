@@ -30,9 +30,9 @@ class Frame:
     """Of the tool in the spindle, mm: the tip is at (0, 0, -length) from the tool reference point."""
     tcp: bool = False
     turn: tuple[float, ...] | None = None
-    """Of X Y Z: a matrix of three rows that turns, mirrors and scales; None for none."""
+    """Matrix of X Y Z, three rows, that rotates, mirrors and scales; None for none."""
     touch_off: TouchOff | None = None
-    """Of the work offset that the frame is built on; None where that is true, or where there is none."""
+    """Touch-off of the work offset of the frame; None if the offset is true, or if there is none."""
     work_offset: str = field(default="", compare=False)
     """Name of the work offset in `offset`; empty for machine zero."""
     tool_name: str = field(default="", compare=False)

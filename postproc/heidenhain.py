@@ -187,7 +187,7 @@ class HeidenhainInterpreter:
             self.notes.add("radius compensation: the points of the contour are corrected", block.line)
         elif "R0" in content.other or block.kind == "departure":
             if control.compensated and block.kind == "line":
-                # the tool stands beside the contour until both axes of the plane are named again
+                # the tool is beside the contour until both axes of the plane are programmed again
                 control.recorder.doubt(cartesian(control.machine)[:2])
             control.compensated = False
 

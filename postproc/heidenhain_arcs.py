@@ -83,7 +83,7 @@ class Arcs:
         plane = self._plane_of(block, axes, before)
         relative = [word.axis for word, _ in words if word.incremental] if words else plane[:2]
         if not all(recorder.known[axis] for axis in relative):
-            raise block.refuse("a pole from a position that the program has not said")
+            raise block.refuse("a pole from a position that the program has not given")
         here = [recorder.position[axis] for axis in plane[:2]]
         kept: tuple[float | None, ...] = before.at if before is not None and before.plane == plane else (None, None)
         pole: list[float | None] = list(kept) if words else list(here)
@@ -148,7 +148,7 @@ class Arcs:
         first, second, _ = plane
         recorder = self.control.recorder
         if not (recorder.known[first] and recorder.known[second]):
-            raise block.refuse("an arc from a position that the program has not said")
+            raise block.refuse("an arc from a position that the program has not given")
         if not recorder.frame.keeps_circles("".join(self.control.machine.names[axis] for axis in plane[:2])):
             raise block.refuse("an arc where the axes of its plane are scaled by different factors")
         position = recorder.position
@@ -185,7 +185,7 @@ class Arcs:
 
     @property
     def _number(self) -> int:
-        """Of the pole that the control holds, which a helix in the place of an arc puts elsewhere."""
+        """Number of the active pole, which changes if a helix replaces an arc."""
         return self.pole.number if self.pole is not None else 0
 
     # ---- polar coordinates
@@ -202,7 +202,7 @@ class Arcs:
         start = recorder.position[first], recorder.position[second]
         place = self._place(block, pole, start)
         if not (recorder.known[first] and recorder.known[second]) and (block.kind != "polar_line" or not place.said):
-            raise block.refuse("polar coordinates that count from a position that the program has not said")
+            raise block.refuse("polar coordinates that count from a position that the program has not given")
         target[first], target[second] = place.at
         kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
         arc = None

@@ -186,7 +186,7 @@ class Cycles:
         self.shift(block, number, words)
 
     def shift(self, block: Block, number: int, words: dict[str, float]) -> None:
-        """A part of cycle 7, 8, 10, 11 or 26, or what does the same."""
+        """A part of cycle 7, 8, 10, 11 or 26, or an equivalent TRANS block."""
         control = self.control
         places = control.places if control.tilt is None else control.tilted_places
         before, x_y_z = places.placement, cartesian(control.machine)

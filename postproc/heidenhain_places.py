@@ -20,9 +20,9 @@ class Places:
     active: dict[int, Placement] = field(default_factory=dict)
     """By the number of its cycle."""
     angle: float = 0.0
-    """Of cycle 10, degrees."""
+    """Angle of cycle 10, degrees."""
     factors: dict[str, float] = field(default_factory=lambda: dict.fromkeys("XYZ", 1.0))
-    """Of cycle 26, by axis."""
+    """Factors of cycle 26, by axis."""
     unfinished: bool = False
     """A datum shift has been taken back under another cycle, but not along all axes."""
 
@@ -94,7 +94,7 @@ def _scale(block: Block, words: Mapping[str, float], scaled_axes: str) -> Placem
     if factor != 1.0 and not scaled_axes:
         raise block.refuse(
             "cycle 11: whether Z is scaled too is a machine parameter of older controls (7410); "
-            'scaled_axes = "XYZ" or "XY" under [control] in the machine file says it'
+            'scaled_axes = "XYZ" or "XY" under [control] in the machine file decides it'
         )
     return scaled(*(factor if axis in scaled_axes else 1.0 for axis in "XYZ"))
 

@@ -50,7 +50,7 @@ def _not_whole(a: float) -> float:
     if a != math.floor(a):
         raise NotKnown(
             f"{a:g} repeats: whether the control cuts off the fraction or rounds is not known; "
-            'repeats = "truncate" or "round" under [control] in the machine file says it'
+            'repeats = "truncate" or "round" under [control] in the machine file decides it'
         )
     return a
 

@@ -1,7 +1,7 @@
-"""Where the control holds the axes: at corrected positions as long as the program has said them, until it says others.
+"""Positions of the axes on the control: an axis keeps its corrected position until a block programs another one.
 
-A block that leaves an axis out leaves it at the correction of an earlier one; a move in machine coordinates takes the
-axes that it names out of theirs.
+An axis that a block leaves out keeps the correction of an earlier block; a move in machine coordinates removes the
+correction of the axes that it names.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from postproc.moves import Kind, Known
 
 
 def held_shifts(motions: Motions, correction: Correction, before: Array) -> Array:
-    """What the axes of the machine stand off their nominal positions at the ends of all rows `(n, axes)`, mm and rad.
+    """Shifts of the machine axes from their nominal positions at the ends of all rows `(n, axes)`, mm and rad.
 
     before `(axes,)`: the same before the first row.
     """
@@ -35,7 +35,7 @@ def held_shifts(motions: Motions, correction: Correction, before: Array) -> Arra
 
 
 def _placed_anew(motions: Motions) -> NDArrayBool:
-    """Axes `(n, axes)` that a row puts at a position of their own: all others stand off theirs by as much as before."""
+    """Axes `(n, axes)` that a row moves to a new position; all others keep their shift."""
     anew = motions.movable | (motions.known_start == Known.ASSUMED)
     anew[np.ix_(motions.turning & ~motions.tcp, np.array(motions.machine.translators))] = False
     for row in np.flatnonzero(motions.kind == Kind.MACHINE).tolist():
@@ -50,14 +50,14 @@ def _carried(anew: NDArrayBool, shifts: Array, before: Array) -> Array:
 
 
 def _partly_said(motions: Motions) -> np.ndarray:
-    """Rows in turned coordinates of which the program has said some and others not."""
+    """Rows in rotated coordinates of which the program has given only some."""
     said = motions.correctable[:, list(cartesian(motions.machine))]
     turned = np.array([frame.couples for frame in motions.frames], bool)[motions.frame]
     return np.flatnonzero(turned & motions.programmed & said.any(axis=1) & ~said.all(axis=1))
 
 
 def _partly(motions: Motions, correction: Correction, row: int, before: Array) -> Array:
-    """The shifts `(axes,)` behind such a row: coordinates that are not said stay where the control holds them."""
+    """The shifts `(axes,)` after such a row: coordinates that are not given keep the position on the control."""
     machine, frame = motions.machine, motions.frames[motions.frame[row]]
     nominal = correction.nominal[row]
     program = to_program(machine, frame, (nominal + before)[None])[0]

@@ -14,7 +14,7 @@ from postproc.motions import Motions
 from postproc.words import WordEditor
 
 BY_ANGLE = frozenset(("circle", "circle_radius", "tangent", "polar_circle", "polar_tangent"))
-"""Kinds of blocks that become a helix by an angle in the place of their end: C, CR, CT, CP, CTP."""
+"""Kinds of blocks that become a helix by an angle instead of their end: C, CR, CT, CP, CTP."""
 
 
 def axes_across(motions: Motions, row: int, moved: Iterable[int]) -> list[int]:
@@ -70,7 +70,7 @@ class FlatArcs:
                 self.largest_um = max(self.largest_um, left * 1e3)
 
     def notes(self) -> list[str]:
-        """What the user has to know of them."""
+        """Notes on these arcs for the user."""
         if not self.lines:
             return []
         return [

@@ -24,23 +24,23 @@ class Scale(NamedTuple):
     """mm."""
     decimals: int
     corrected: bool
-    """Not as they stand."""
+    """Depth and R are corrected, not left unchanged."""
     both: bool
-    """R and the depth are said, even where one of them says what holds already."""
+    """Both R and the depth are written, even if one of them has not changed."""
 
 
 class HoleWriter:
     """Says depth and R of holes; both hold from block to block where a block leaves them out.
 
-    With increments R is never said without the depth: where R alone is another, some controls keep the bottom and
-    others its distance from R.
+    With increments R is never written without the depth: if only R changes, some controls keep the bottom and others
+    its distance from R.
     """
 
     def __init__(self) -> None:
         self._level = 0.0
         """Where the axis stood before the first cycle, mm."""
         self._held: dict[str, float] = {}
-        """Positions that R and the depth have last said, mm."""
+        """Last written positions of R and the depth, mm."""
 
     def write(
         self, editor: WordEditor, cycle: Cycle, name: str, depth: Depth, held: float, unit: float, decimals: int
@@ -62,7 +62,7 @@ class HoleWriter:
         return bottom, clear if cycle.to_retract else self._level
 
     def _differ(self, wanted: dict[str, float], unit: float, decimals: int) -> bool:
-        """Whether one of both has to say something else than what holds."""
+        """True if one of both differs from the value that the control has."""
         return any(self._differs(what, value, unit, decimals) for what, value in wanted.items())
 
     def _differs(self, what: str, wanted: float, unit: float, decimals: int) -> bool:
@@ -71,9 +71,9 @@ class HoleWriter:
     def _say(
         self, editor: WordEditor, index: int | None, name: tuple[str, str], wanted: float, base: float, scale: Scale
     ) -> float:
-        """Where one word now says, mm; as it stands where the axis is not corrected.
+        """Written position of one word, mm; unchanged if the axis is not corrected.
 
-        `name`: its address, and what it is; `base`: where it counts from, mm.
+        `name`: its address and its quantity; `base`: origin of its value, mm.
         """
         (address, what), number = name, (wanted - base) / scale.unit
         if index is not None:

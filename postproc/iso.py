@@ -151,9 +151,9 @@ class IsoInterpreter:
 
     def _read_tape_mark(self, block: Block) -> None:
         if block.words or block.skippable:
-            raise block.refuse("a tape mark that does not stand alone")
+            raise block.refuse("a tape mark beside other text: write it in a line of its own")
         if block.detail == LEADER:
-            self.notes.add("what stands before the first tape mark is taken for the leader of a tape", block.line)
+            self.notes.add("the text before the first tape mark is taken for the leader of a tape", block.line)
         self.torn = self.begun and not self.opened
         self.opened, self.ended = True, self.begun
 
@@ -206,7 +206,7 @@ class IsoInterpreter:
                 self.recorder.forget(list(range(len(self.machine.axes))))
 
     def _change_behind(self, content: Content) -> None:
-        """Some controls change the tool or the pallet behind the move of the block, and then stand elsewhere."""
+        """Some controls change the tool or the pallet after the move of the block, and then the axes have moved."""
         changed = self.machine.control.tool_change_moves if PALLET_CHANGE not in content.m else self.machine.names
         self.recorder.doubt([self.machine.index(name) for name in changed if name in self.machine.names])
 
@@ -282,7 +282,7 @@ class IsoInterpreter:
         self.notes.add("radius compensation: the points of the contour are corrected", content.block.line)
 
     def _end_compensation(self) -> None:
-        """G40: the tool stands beside the contour until both axes of the plane are named again."""
+        """G40: the tool is beside the contour until both axes of the plane are programmed again."""
         if self.compensated:
             self.recorder.doubt(self.machine.index(axis) for axis in self.modes.plane[:2])
         self.compensated = False
@@ -337,13 +337,13 @@ class IsoInterpreter:
             raise content.refuse(f"G{code:g} in polar coordinates")
         strange = sorted(content.other.keys() - BESIDE_LEAVING - ({"P"} if code == 30.0 else set()))
         if strange:
-            raise content.refuse(f"{strange[0]} beside G{code:g}: what it does depends on the control")
+            raise content.refuse(f"{strange[0]} beside G{code:g}: its effect depends on the control")
         words = self.axis_words(content)
         if code == 53.0 and not words:
             return
         if code != 53.0:
             if self.cycle is not None:
-                # what coordinates do from here depends on the control
+                # the effect of coordinates from here on depends on the control
                 self.motion = self.cycle = None
             if self.modes.absolute and words:
                 self.notes.add("G28/G30 passes its intermediate point uncorrected", content.block.line)
@@ -392,7 +392,7 @@ class IsoInterpreter:
         other = content.other.keys()
         strange = sorted(other - MOVE_WORDS)
         if strange:
-            raise content.refuse(f"{strange[0]} in a move: what it does depends on the control")
+            raise content.refuse(f"{strange[0]} in a move: its effect depends on the control")
         if self.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.frames.lengths.vectors else "IJKR"):
             raise content.refuse(f"{', '.join(sorted(other & set('IJKR')))} without an arc")
 
@@ -504,11 +504,11 @@ class IsoInterpreter:
             raise content.refuse("a canned cycle while its depth is scaled or mirrored: controls differ here")
 
     def _check_switched(self, content: Content, cycle: CannedCycle) -> None:
-        """FANUC keeps the depth and R as they have been said; LinuxCNC reads their numbers anew."""
+        """FANUC keeps the programmed positions of depth and R; LinuxCNC interprets their numbers again."""
         if self.machine.control.family != "fanuc":
             raise content.refuse(
-                "G90 or G91 within a canned cycle: controls differ in how its depth is read then; "
-                'say family = "fanuc" in the machine file where the depth stays'
+                "G90 or G91 within a canned cycle: controls differ in the meaning of its depth; "
+                'write family = "fanuc" in the machine file if the depth stays'
             )
         depth = any(content.block.words[i].address == self.modes.plane[2] for i in content.axes)
         if depth and "R" in content.other:

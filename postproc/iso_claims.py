@@ -21,8 +21,8 @@ CLAIMING = PLACING | {28.0, 30.0}
 """Codes that take the axis words of their block, so that a modal motion does not act in it."""
 ARC_WORDS, CYCLE_WORDS = CENTRES + "PR", CENTRES + "KLPQR"
 DWELL_TIMES = "XUFSK"
-"""Words by which some control says the time of a dwell, where P does not; LinuxCNC and its kin refuse these."""
-DIFFERS = 'say family = "fanuc" or "linuxcnc" in the machine file'
+"""Words for the time of a dwell on some controls, instead of P; LinuxCNC and similar controls refuse these."""
+DIFFERS = 'write family = "fanuc" or "linuxcnc" in the machine file'
 
 
 def motion_words(content: Content, motion: float | None) -> str:
@@ -57,7 +57,7 @@ def dwells_alone(content: Content, family: str) -> bool:
     other, times = content.other, [content.block.words[i].address for i in content.axes]
     strange = sorted(other.keys() & {"I", "J", "R", "Q", "L", "D", "E"})
     if strange:
-        raise content.refuse(f"{strange[0]} beside G4: what it does depends on the control")
+        raise content.refuse(f"{strange[0]} beside G4: its effect depends on the control")
     if "P" in other and content.axes:
         if family == "linuxcnc":
             return False

@@ -53,7 +53,7 @@ TURNS = frozenset((ROTATION, SCALE, MIRROR, TILT))
 PLACING = TURNS | {DATA, GIVEN_LENGTH, LOCAL, UPRIGHT, SCALE_END, MIRROR_END, PRESET, PRESET_END, PRESET_OFF, PRESET_ON}
 """Change what coordinates mean, by the words of their block."""
 ENDS = (SCALE_END, MIRROR_END, ROTATION_END, PRESET_END)
-"""Without axis words these end something, whatever stands beside them; in the order in which they are taken."""
+"""Without axis words these end something, independent of the other codes of the block; in the order of execution."""
 BESIDE_PLACING = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
 """What may stand in a block with one of those."""
 NAMING = STANDING | PLACING
@@ -74,9 +74,9 @@ GROUPS = (
     frozenset((POLAR, POLAR_END)),
     frozenset((ROTATION, TILT, ROTATION_END)),
 )
-"""A block may hold one code of a group: of two, some controls take the last, others each for what follows it.
+"""A block may contain one code of a group: of two, some controls use the last, others each for the words after it.
 
-G80 may stand beside G0 to G3: FANUC and LinuxCNC end the cycle and take the motion, others refuse the block."""
+G80 may be beside G0 to G3: FANUC and LinuxCNC end the cycle and run the motion, others refuse the block."""
 
 REFUSED_G = {
     **dict.fromkeys((5.2, 5.3, 6.2), "splines are not corrected"),
@@ -85,7 +85,7 @@ REFUSED_G = {
     **dict.fromkeys((12.0, 13.0, 150.0), "a pocket that the control makes is not corrected"),
     **dict.fromkeys((31.0, 37.0, 38.2, 38.3, 38.4, 38.5), "where a probing move ends is not known"),
     **dict.fromkeys((32.0, 33.0, 33.1), "threading is not corrected"),
-    76.0: 'threading on LinuxCNC, fine boring on FANUC: say family = "fanuc" in the machine file',
+    76.0: 'threading on LinuxCNC, fine boring on FANUC: write family = "fanuc" in the machine file',
     **dict.fromkeys((41.2, 42.2, 41.3, 41.4, 41.5, 42.4, 42.5), "radius compensation in space is not corrected"),
     43.2: "a second length offset beside the first is not corrected",
     44.0: "a negative length offset is not corrected",
@@ -102,7 +102,7 @@ REFUSED_M = {
     98.0: "calls a subprogram",
     99.0: "jumps back in the program",
     198.0: "calls a subprogram",
-    TOOL_IS: "says that another tool is in the spindle",
+    TOOL_IS: "declares that another tool is in the spindle",
     **dict.fromkeys((70.0, 71.0, 72.0, 73.0), "brings back other modes on some controls, and mirrors on others"),
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }
@@ -116,7 +116,7 @@ HARMLESS_M = frozenset(
 SKIPPABLE_M = HARMLESS_M - PROGRAM_ENDS - {TOOL_CHANGE, PALLET_CHANGE}
 """Whether they run does not change what other blocks mean."""
 BESIDE_LEAVING = frozenset("NFSTHD$")
-"""What may stand beside G28, G30 and G53, G, M and axes."""
+"""Words that are allowed beside G28, G30 and G53, besides G, M and axes."""
 MOVE_WORDS = frozenset("NFSTHDPQIJKR$")
 """What may stand in a move beside G, M and axes."""
 

@@ -34,11 +34,11 @@ class Content:
     """Indices of all other words by address."""
 
     own: dict[str, int] = field(default_factory=dict)
-    """Of these, what M functions have taken for themselves."""
+    """Those of these words that belong to M functions."""
 
     @property
     def ends(self) -> list[float]:
-        """The codes that end a turn or a preset whatever stands beside them, in the order in which they are taken."""
+        """The codes that end a rotation or a preset, whatever else the block contains, in the order of execution."""
         if self.axes or not self.other.keys().isdisjoint("IJKRPL"):
             return []
         return [code for code in ENDS if code in self.g]

@@ -63,7 +63,7 @@ class CannedCycle:
         """The next hole.
 
         words: the axis words of the block with their values; retract: its R, index and value. Values in mm.
-        switched: the block counts the other way than the one that began the cycle.
+        switched: the block is in G91 and the start of the cycle in G90, or the reverse.
         """
         axis = self.axis
         said = {word.axis: (word.word, value) for word, value in words}
@@ -89,6 +89,6 @@ def check_cycle_words(content: Content, rotary: bool) -> None:
     """Refuse what some controls do not take in a cycle, or take in ways of their own."""
     strange = sorted(content.other.keys() - CYCLE_WORDS)
     if strange:
-        raise content.refuse(f"{strange[0]} in a canned cycle: what it does depends on the control")
+        raise content.refuse(f"{strange[0]} in a canned cycle: its effect depends on the control")
     if rotary:
         raise content.refuse("a rotary axis in a canned cycle")

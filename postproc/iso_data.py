@@ -11,7 +11,7 @@ from postproc.iso_values import Values
 WORK_OFFSET, WORK_OFFSET_HERE = 2, 20
 GEOMETRY, WEAR = 10, 11
 RADII = (12, 13)
-DIFFERS = 'reads differently on FANUC and LinuxCNC: say family = "fanuc" or "linuxcnc" in the machine file'
+DIFFERS = 'reads differently on FANUC and LinuxCNC: write family = "fanuc" or "linuxcnc" in the machine file'
 
 
 def set_data(content: Content, shifts: Shifts, frames: Frames, values: Values, unit: float) -> tuple[int, ...]:
@@ -64,8 +64,8 @@ def _name(content: Content, kind: int, number: int) -> str:
         return f"G54.1P{number}"
     if number not in NUMBERED:
         raise content.refuse(
-            f"G10 L2 P{number}: the offset in force on LinuxCNC, that of all on FANUC, which is not corrected; "
-            'say family = "linuxcnc" in the machine file'
+            f"G10 L2 P{number}: the active offset on LinuxCNC, the common offset on FANUC, which is not corrected; "
+            'write family = "linuxcnc" in the machine file'
             if number == 0
             else f"G10 L2 P{number}: which offset that is depends on the control"
         )

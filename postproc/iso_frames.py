@@ -71,7 +71,7 @@ class Frames:
         self.recorder.forget([self.machine.index(name) for name in names])
 
     def hold_tool(self, number: int) -> None:
-        """Another tool is in the spindle; the axes stand where they are."""
+        """Another tool is in the spindle; the axes do not move."""
         self.lengths.spindle_tool = number
         by_spindle_tool = (self.lengths.tcp or self.tilted) and self.lengths.offset() is None
         self.recorder.set_frame(self.frame(), cartesian(self.machine) if by_spindle_tool else ())

@@ -1,4 +1,4 @@
-"""What stands before the first tape mark of an ISO program: the leader of a tape, which controls pass over."""
+"""The text before the first tape mark of an ISO program: the leader of a tape, which controls ignore."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from postproc.iso_blocks import read_block
 from postproc.program import Block, Refusal
 
 LONGEST = 100
-"""Lines of a leader, and of what is looked at behind it."""
+"""Largest number of lines of a leader, and of lines that are examined after it."""
 DETAIL = "leader"
 
 

@@ -38,7 +38,7 @@ class Offsets:
         return list(self.state.work_offset(self.name))
 
     def touch_off(self) -> TouchOff | None:
-        """Of the work offset in force; None where it is true."""
+        """Touch-off of the active work offset; None if the offset is true."""
         return self.state.touch_off(self.name)
 
     def added(self) -> Shifts:

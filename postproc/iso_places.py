@@ -33,7 +33,7 @@ class Said:
         """Refuse words that are none of these."""
         strange = sorted(self.others.keys() - set(allowed))
         if strange:
-            raise self.block.refuse(f"{strange[0]} here: what it does depends on the control")
+            raise self.block.refuse(f"{strange[0]} here: its effect depends on the control")
 
 
 def _about(centre: Placement, inner: Placement) -> Placement:

@@ -106,7 +106,7 @@ def _condition(children: list[Node]) -> Expression:
 
 
 def _linuxcnc_value(bracket: Tree[Token]) -> Expression:
-    """What stands behind an O-word, which LinuxCNC alone has: comparisons come before AND, OR and XOR."""
+    """The condition of an O-word, which only LinuxCNC has: comparisons come before AND, OR and XOR."""
     children: list[Node] = [*_condition_of(bracket)]
     groups: list[list[Node]] = [[]]
     logic: list[str] = []

@@ -23,7 +23,7 @@ SYSTEM = 1000
 """Numbers from here on belong to the control, for FANUC; for LinuxCNC those behind 5000."""
 LINUXCNC_SYSTEM = 5001
 DEBUG = 5599
-"""LinuxCNC: whether it shows what (DEBUG, ...) says."""
+"""LinuxCNC: whether it shows the texts of (DEBUG, ...)."""
 SPLIT = 10_000
 """A P of M98 from here on holds a number of passes too, on FANUC: P51001 runs O1001 five times."""
 EMPTY = ""
@@ -31,7 +31,7 @@ EMPTY = ""
 LINUXCNC_EQUAL = 1e-4
 """LinuxCNC takes numbers that differ by less for one."""
 VALUE, RETURNED = "#<_value>", "#<_value_returned>"
-"""What the last subprogram of LinuxCNC has handed back, and whether it has; both 0 before the first."""
+"""The value that the last subprogram of LinuxCNC has returned, and whether it has; both 0 before the first."""
 EXISTS = "EXISTS"
 """Before the name of a variable: whether LinuxCNC has one."""
 
@@ -53,7 +53,7 @@ def _ordered(name: str, sign: str) -> Callable[..., Value]:
         if a != b and nearly(a, b):
             raise NotKnown(
                 f"{a:.17g} {name} {b:.17g}: the result depends on how the control rounds; "
-                'say family = "fanuc" or "linuxcnc" in the machine file'
+                'write family = "fanuc" or "linuxcnc" in the machine file'
             )
         return COMPARISONS[sign](a, b)
 
@@ -239,7 +239,7 @@ FANUC: Operations = {
     "FUP": lambda a: math.copysign(math.ceil(abs(a)), a),
     "ROUND": _half_away,
 }
-"""As its manual says: fractions are dropped or filled up by their amount."""
+"""By its manual: fractions are rounded towards zero or away from zero."""
 
 
 def variables_of(family: str) -> IsoVariables:

@@ -25,7 +25,7 @@ def refuse_lengthened(control: Control, blocks: Sequence[Block], texts: Iterable
         if len(text) > LINUXCNC and _longest(text) > LINUXCNC >= _longest(block.text):
             raise block.refuse(
                 f"its corrected line has {_longest(text)} characters, and LinuxCNC reads {LINUXCNC}: make it shorter, "
-                'or say family = "fanuc" in the machine file'
+                'or write family = "fanuc" in the machine file'
             )
 
 

@@ -1,4 +1,4 @@
-"""The mark that a corrected program carries: it is never corrected twice, and never taken for another set-up's."""
+"""The mark of a corrected program: the program is not corrected twice, and not confused with that of another set-up."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _PLAIN = re.compile(r"[^A-Z0-9_.-]")
 NAME_LENGTH = 20
 """Characters of a machine's name in a mark, which has to fit on the lines of old controls."""
 DIGITS = 8
-"""Of the fingerprints of set-up and datum."""
+"""Number of hexadecimal digits of the fingerprints of set-up and datum."""
 DECIMALS = 6
-"""Of mm and degrees in what a fingerprint is made of."""
+"""Decimals of mm and degrees in the text of a fingerprint."""
 PARTS = ("calibration", "set-up", "datum")
 """What a mark holds, by the names that `ncomp verify --accept` takes."""
 
 
 class Mark(NamedTuple):
-    """With what a program was corrected: fingerprints, upper case; None in the marks of older versions."""
+    """Fingerprints of the correction of a program, upper case; None if the mark does not contain one."""
 
     calibration: str
     setup: str | None = None
@@ -42,7 +42,7 @@ class Mark(NamedTuple):
     """How each of these work offsets was obtained."""
 
     def differs(self, here: Mark) -> dict[str, tuple[str, str]]:
-        """What is known to differ, by the names PARTS: as it is in this mark, and as it is here."""
+        """Known differences, by the names PARTS: the fingerprint in this mark, and the one here."""
         pairs = zip(PARTS, self, here, strict=True)
         return {name: (own, other) for name, own, other in pairs if own and other and own != other}
 
@@ -73,7 +73,7 @@ def mark_in_program(source: Source) -> Mark | None:
 
 
 def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> list[str]:
-    """Notes on what a program `name` was corrected with, where that is not what is here; UserError if not accepted."""
+    """Notes on differences between the correction of program `name` and `here`; UserError if not accepted."""
     found = [
         f"{name} was corrected with another {part}: its mark has {own}, here it is {other}"
         for part, (own, other) in mark.differs(here).items()
@@ -82,13 +82,13 @@ def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> l
     if refused:
         raise UserError(
             f"{'; '.join(found)}: give the calibration, machine, offsets, tool lengths and datums of the correction; "
-            f"--accept {','.join(refused)} goes on nevertheless"
+            f"--accept {','.join(refused)} continues nevertheless"
         )
     return found
 
 
 def mark_place(dialect: Dialect, blocks: list[Block]) -> int | None:
-    """Index of the block that the mark is put in front of: the first that says something.
+    """Index of the block before which the mark is inserted: the first after the head.
 
     That is behind tape mark, program number, BEGIN PGM and the comments around them. None when there is none yet.
     """
@@ -124,7 +124,7 @@ def _short(lines: Iterable[str]) -> str:
 
 
 def _setup_lines(state: ControlState) -> Iterable[str]:
-    """What a program has used of the set-up, one entry a line, in an order of its own."""
+    """Parts of the set-up that a program has used, one entry a line, in a fixed order."""
     setup = state.setup
     yield setup.machine.chain_hash
     for name in sorted(state.used_offsets):

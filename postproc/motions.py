@@ -77,12 +77,12 @@ class Motions:
 
     @property
     def correctable(self) -> NDArrayBool:
-        """Programmed positions `(n, axes)` that the program has said: those that a word may put elsewhere."""
+        """Programmed positions `(n, axes)` that the program has given: those that a word may change."""
         return np.asarray(self.known == Known.PROGRAM)
 
     @property
     def movable(self) -> NDArrayBool:
-        """Machine axes `(n, axes)` that a programmed position moves which the program has said."""
+        """Machine axes `(n, axes)` that are moved by a position that the program has given."""
         movable: NDArrayBool = self.correctable & self.programmed[:, None]
         x_y_z = np.array(cartesian(self.machine))
         for i, frame in enumerate(self.frames):
@@ -142,7 +142,7 @@ class Motions:
 
     @property
     def known_ways(self) -> NDArrayBool:
-        """Feed moves `(n,)`, pieces too, that end where the program has said, from where ncomp at least knows."""
+        """Feed moves `(n,)`, also segments, from a known position to a position that the program has given."""
         known = (self.known_start[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
         return np.asarray(known & self._said(self.known) & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
@@ -175,7 +175,7 @@ class Motions:
     def along(self, share: float) -> Array:
         """Programmed positions `(n, axes)` at a share of the way of each move, on arcs round their circle.
 
-        Where the two radii of an arc differ by what controls let pass, the one runs evenly into the other.
+        If the two radii of an arc differ within the tolerance of controls, the radius changes linearly between them.
         """
         if share == 1.0:
             return self.target.copy()

@@ -59,7 +59,7 @@ class Arc(NamedTuple):
     """True when start and end coincide and the move goes once round."""
     form: str
     """How the program gives the circle: `incremental` or `absolute` (I J K), `radius`, or `radius-absolute` where I J K
-    in its place would be positions; in Klartext `pole` (CC), `polar` (CC, and the end by an angle), or `tangent`; by
+    instead would be positions; in Klartext `pole` (CC), `polar` (CC, and the end by an angle), or `tangent`; by
     Siemens CIP and CT `worked-out`, which a correction writes as `incremental`."""
     words: tuple[int | None, int | None]
     """Indices of the centre words in the block; of the radius word, and None, for both kinds of `radius`."""
@@ -105,7 +105,7 @@ class Cycle(NamedTuple):
     first: bool
     """Where the axis stands before it is the level before the cycle."""
     switched: bool = False
-    """Its block counts the other way than the one that began the cycle: G90 where that was G91, or the reverse."""
+    """Its block is in G90 and the start of the cycle in G91, or the reverse."""
 
 
 class Polar(NamedTuple):

@@ -35,9 +35,9 @@ def arc_turned(motions: Motions, row: int) -> float:
 
 
 def turning_points(motions: Motions, row: int) -> Iterator[tuple[float, int, float]]:
-    """Where the axes that its plane moves turn back within an arc, in the order of its way.
+    """Reversals, within an arc, of the axes that its plane moves, in the order of the motion.
 
-    Share of the way, column of the axis, and how far, mm, it goes there and back within the arc: the less of both.
+    Share of the arc, column of the axis, and the smaller of its travels before and after the reversal, mm.
     """
     arc, (start, _), turned = motions.arcs[row], arc_ends(motions, row), arc_turned(motions, row)
     radius, found = math.dist(start, arc.centre), []

@@ -81,7 +81,7 @@ class Job:
     max_correction_um: float | None = None
     """Largest correction of a linear axis; None for that of `CorrectionLimit`."""
     accepted: frozenset[str] = frozenset(REASONS)
-    """What is not refused although it is not plausible; the command line accepts nothing by itself."""
+    """Names of implausible conditions that are accepted; the command line accepts none by default."""
 
 
 class Pipeline:
@@ -158,7 +158,7 @@ class Pipeline:
         self._check_whole()
 
     def _check_whole(self) -> None:
-        """What is known of plausibility only when all moves are: UserError for what is not accepted."""
+        """The checks of plausibility that need all moves: UserError for conditions that are not accepted."""
         self.plausibility.check_outside(self._outside)
         if not self.job.model.demonstration:  # its uncertainty is that of no machine
             self.plausibility.check_significance(self.report.significance)
@@ -180,7 +180,7 @@ class Pipeline:
         return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
     def _put(self, out: MarkedOutput, blocks: list[Block], texts: list[str]) -> None:
-        """Write blocks of the program as they have become, with room for the mark at its place."""
+        """Write corrected blocks of the program, with room for the mark."""
         job, report = self.job, self.report
         report.blocks += len(blocks)
         report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))

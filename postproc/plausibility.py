@@ -1,6 +1,6 @@
 """Plausibility of a correction: its calibration, its size, where it is used, and whether it improves anything.
 
-What is not plausible is refused with the figure, unless the user has accepted it by name.
+An implausible correction is refused with the figure, unless the user has accepted the condition by name.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ REASONS: Mapping[str, str] = {
     "insignificant": "for most moves the predicted improvement is below twice its standard uncertainty (k=2)",
     "worse": "a move is predicted to be worse than in the input",
 }
-"""What is refused, by the name that `--accept` takes."""
+"""Conditions that are refused, by the name that `--accept` takes."""
 CLOCKS = datetime.timedelta(minutes=10)
 """A calibration may be dated so far ahead: clocks differ."""
 OUTSIDE_SHARE = 0.01
-"""Of the evaluated moves, which may end outside the measured range."""
+"""Share of the evaluated moves that may end outside the measured range."""
 MOST = 0.5
 """Share of the moves worth correcting beyond which their improvement must be significant."""
 TURNING_HINT = (
@@ -48,7 +48,7 @@ TURNING_HINT = (
 HIGHEST_UM = 500.0
 """No correction is larger than this unless the user sets the limit."""
 MOST_LINES = 1000
-"""Of moves outside the measured range, which are kept for the message."""
+"""Largest number of lines with moves outside the measured range that are kept for the message."""
 ENDLESS_MM = 1000.0
 """Stretch of a linear axis without limits over which the largest error is looked for, mm."""
 UNSEEN_UM = 1e-4
@@ -68,16 +68,16 @@ def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozen
 
 @dataclass
 class Plausibility:
-    """Refuses what nobody accepted and keeps what was accepted, by name, with the figure."""
+    """Refuses conditions that are not accepted, and stores accepted ones, by name, with the figure."""
 
     accepted: frozenset[str] = frozenset()
     met: dict[str, str] = field(default_factory=dict)
-    """What was found and is accepted: its figure, by name."""
+    """Accepted conditions that were met: the figure, by name."""
 
     def meet(self, name: str, found: str) -> None:
         """Something that is not plausible: UserError unless its name is accepted."""
         if name not in self.accepted:
-            raise UserError(f"{found}; --accept {name} goes on nevertheless")
+            raise UserError(f"{found}; --accept {name} continues nevertheless")
         self.met.setdefault(name, found)
 
     def check_calibration(self, model: ErrorModel, conditions: Conditions, now: datetime.datetime) -> None:
@@ -112,7 +112,7 @@ class Outside:
     moves: int = 0
     outside: int = 0
     lines: list[int] = field(default_factory=list)
-    """Of the first MOST_LINES moves outside."""
+    """Lines of the first MOST_LINES moves outside."""
     largest: dict[tuple[str, str], float] = field(default_factory=dict)
     """By effect and unit, as `ErrorModel.outside`."""
 
@@ -130,7 +130,7 @@ class Outside:
 
     @property
     def share(self) -> float:
-        """Of the evaluated moves."""
+        """Share of the evaluated moves that end outside."""
         return self.outside / self.moves if self.moves else 0.0
 
     def text(self) -> str:
@@ -181,7 +181,7 @@ class Guard:
             found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
             if "worse" not in self._plausibility.accepted:
                 hint = TURNING_HINT if motions.turning[row] else ""
-                raise block.refuse(f"{found}{hint}; --accept worse goes on nevertheless")
+                raise block.refuse(f"{found}{hint}; --accept worse continues nevertheless")
             self._add(block.line, float(before[i]), float(after[i]))
 
     def notes(self) -> list[str]:

@@ -54,9 +54,9 @@ def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, way: tuple[Point
 def write_circle_as_helix(
     editor: WordEditor, dropped: list[int], arc: Arc, way: tuple[Point, Point], turned: float, resolution: float
 ) -> Point:
-    """Turn C, CR, CT, CTP or CP PA into CP IPA about the pole before it, in the place of the words `dropped`.
+    """Turn C, CR, CT, CTP or CP PA into CP IPA about the pole before it, instead of the words `dropped`.
 
-    `turned`: what the arc turns through nominally, degrees. Returns where it then ends.
+    `turned`: nominal sweep of the arc, degrees. Returns the end of the written arc.
     """
     block = editor.block
     match = _CIRCLE.search(block.text, 0, block.words[0].at)

@@ -65,7 +65,7 @@ class PoleWriter:
         """An arc with its corrected centre; `ends` takes what its end then is; returns the centre as it is written.
 
         `pole_editor`: of a CC right before it, None where it takes one of ncomp's own. `dropped`: indices of the words
-        that an angle takes the place of, where the arc becomes a helix.
+        that an angle replaces if the arc becomes a helix.
         """
         if arc.form == "tangent" and not dropped and isinstance(editor, WordEditor) and _still(motions, row, ends):
             return motions.arcs[row].centre

@@ -74,7 +74,7 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
     if not positions or len(np.concatenate(lengths)) < 2:
         raise UserError(f"{source.name}: the program says no path: two positions of all linear axes at least")
     names = [axis.name for axis, unsaid in zip(machine.axes, assumed, strict=True) if unsaid]
-    home = f"{source.name} never says where {', '.join(names)} stand: taken to stand at home" if names else ""
+    home = f"{source.name} gives no position of {', '.join(names)}: assumed at home" if names else ""
     notes = tuple(note for note in (interpreter.control_state.assumption(), home) if note)
     return ProgramPath(np.concatenate(positions), np.cumsum(np.concatenate(lengths)), np.concatenate(counts), notes)
 

@@ -182,7 +182,7 @@ class Recorder:
                 target[word.axis] += value
             else:
                 name = self.machine.names[word.axis]
-                raise block.refuse(f"an increment of {name} from a position that the program has not said")
+                raise block.refuse(f"an increment of {name} from a position that the program has not given")
         return target
 
     @property

@@ -70,7 +70,7 @@ class Report:
     machine: dict[str, Any]
     calibration: dict[str, Any]
     datums: UsedDatums
-    """Of the work offsets that the program used."""
+    """Datums of the work offsets that the program used."""
     blocks: int = 0
     moves: int = 0
     corrected: int = 0
@@ -102,7 +102,7 @@ class Report:
     max_correction_um: float | None = None
     """Largest correction that is not refused; None where nothing is corrected."""
     accepted: dict[str, str] = field(default_factory=dict)
-    """What is not plausible and was accepted: its figure, by the name of `--accept`."""
+    """Implausible conditions that were accepted: the figure, by the name of `--accept`."""
     not_judged: int = 0
     """Moves to machine coordinates, or before the program has said where all linear axes are."""
     work_offsets: dict[str, str] = field(default_factory=dict)

@@ -40,8 +40,8 @@ class Given(NamedTuple, Generic[T]):
 class Setup:
     """Offsets by name and tool lengths by number, as they are before a program runs on one machine.
 
-    From the machine's file, overruled by a tool table, overruled by options. What nobody gave is zero if that was
-    asked for, else what the machine file assumes, else missing.
+    Options have priority over a tool table, and a tool table over the machine file. A value that is not given is zero
+    if the user has asked for zero, otherwise the value that the machine file assumes, otherwise missing.
     """
 
     machine: Machine
@@ -72,7 +72,7 @@ class Setup:
         return self.obtained.get(name, self.machine.datums.get(name, everywhere))
 
     def datum_by_default(self, name: str) -> bool:
-        """True for a work offset of which neither the user nor the machine file says how it was obtained."""
+        """True for a work offset for which neither the user nor the machine file states how it was obtained."""
         return not {name, "default"} & self.machine.datums.keys() and name not in self.obtained
 
     def work_offset(self, name: str) -> Given[Mapping[str, float]] | None:
@@ -135,7 +135,7 @@ def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float
 
 
 def parse_datum(text: str, machine: Machine) -> tuple[str, Datum]:
-    """`G54=probed@C90,probe=120` as name and datum; UserError says what is wrong with it."""
+    """`G54=probed@C90,probe=120` as name and datum; UserError with the reason for any other form."""
     name, equals, obtained = text.partition("=")
     if not name.strip() or not equals:
         raise UserError(f"--datum {text}: expected e.g. G54=probed or G54=true")
@@ -143,7 +143,7 @@ def parse_datum(text: str, machine: Machine) -> tuple[str, Datum]:
 
 
 def parse_tool_length(text: str) -> tuple[str, float]:
-    """`T1=120.5` or `MILL_10=120.5` as number or name and length, mm; UserError says what is wrong with it."""
+    """`T1=120.5` or `MILL_10=120.5` as number or name and length, mm; UserError with the reason for any other form."""
     given, _, value = text.rpartition("=")
     name = tool_key(given)
     if not name or not value.strip():

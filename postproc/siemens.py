@@ -54,7 +54,7 @@ from postproc.siemens_variables import EMPTY, SiemensVariables
 from postproc.siemens_vectors import turn_to_vector
 
 BY_CONTROL = -1.0
-"""In the place of a G code: a circle that the control works out is in force."""
+"""Instead of a G code: a circle that the control calculates (CIP, CT) is active."""
 OLDER_TOLERANCE_MODE = range(100, 1_000_000)
 """Second arguments of CYCLE832 whose second last digit switches TRAORI; in others it is for the orientation."""
 LENGTH_STAYS = (
@@ -248,7 +248,7 @@ class SiemensInterpreter:
         return claimed
 
     def _work_out(self, block: Block, content: Content) -> None:
-        """CIP and CT, in the place of G2 and G3."""
+        """CIP and CT instead of G2 and G3."""
         if len(WORKED_OUT & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
             raise block.refuse("CIP or CT beside another kind of move")
         if not POLAR.isdisjoint(content.other) or self.tcp:
@@ -302,7 +302,7 @@ class SiemensInterpreter:
         self.notes.add("tool radius compensation: the points of the contour are corrected", block.line)
 
     def _end_compensation(self) -> None:
-        """G40: the tool stands beside the contour until both axes of the plane are named again."""
+        """G40: the tool is beside the contour until both axes of the plane are programmed again."""
         if self.compensated:
             self.recorder.doubt(self.machine.index(axis) for axis in self.plane[:2])
         self.compensated = False
@@ -421,7 +421,7 @@ class SiemensInterpreter:
             self.motion = 1.0
         if self.motion == BY_CONTROL and WORKED_OUT.isdisjoint(content.names):
             raise block.refuse(
-                "CIP or CT from a block before: ncomp writes G2 or G3 in its place, so say it in every block"
+                "CIP or CT from a block before: ncomp writes G2 or G3 instead of it, so write it in every block"
             )
         if self.length and self.plane != "XYZ":
             self.notes.add(LENGTH_STAYS, block.line)

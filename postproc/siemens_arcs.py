@@ -37,7 +37,7 @@ class Turn(NamedTuple):
     """mm per unit of its words."""
 
     def ends(self, block: Block, recorder: Recorder, target: list[float]) -> Ends:
-        """Start and end in the plane; Refusal for a start that the program has not said."""
+        """Start and end in the plane; Refusal for a start that the program has not given."""
         return begin_arc(block, recorder, self.plane, self.sense, target)
 
     def columns(self, recorder: Recorder) -> tuple[int, int, int]:
@@ -118,7 +118,7 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
     _, _, start, end = turn.ends(block, recorder, said.target(recorder))
     if not any(word.axis in (first, second) for word, _ in said.words):
         if recorder.known[first] != Known.PROGRAM or recorder.known[second] != Known.PROGRAM:
-            raise block.refuse("an arc from a position that the program has not said in this frame")
+            raise block.refuse("an arc from a position that the program has not given in this frame")
         shift, placed = _centre(block, content, turn)
         base = (0.0, 0.0) if placed else start
         centre = (base[0] + shift[0], base[1] + shift[1])
@@ -137,11 +137,11 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
     return said._replace(block=with_word(block, index, by_radius))
 
 
-# ---- CIP and CT: circles that the control works out; a corrected block says G2 or G3, and the centre
+# ---- CIP and CT: circles that the control calculates; a corrected block has G2 or G3, and the centre
 
 
 def _middle(block: Block, content: Content, turn: Turn, start: Point, *, absolute: bool) -> Point:
-    """The point between start and end that CIP says, mm."""
+    """The intermediate point of CIP, mm."""
     names = [MIDDLES["XYZ".index(axis)] for axis in turn.plane]
     if not all(name in content.other for name in names[:2]) or names[2] in content.other:
         raise block.refuse(f"CIP takes {names[0]} and {names[1]}: a circle in its plane")

@@ -109,7 +109,7 @@ def _checked(block: Block) -> Block:
 
 
 def _is_jump(step: Step) -> bool:
-    """True for IF ... GOTO without an ELSE, which may stand in a block several times."""
+    """True for IF ... GOTO without an ELSE, of which a block may have several."""
     return isinstance(step, When) and step.otherwise is None
 
 

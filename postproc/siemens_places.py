@@ -38,7 +38,7 @@ class Places:
         self.swivelled, self.programmed, self.turning = plane, Placement(), {}
 
     def change(self, block: Block, content: Content, unit: float, plane: str) -> set[str]:
-        """Take over the one frame statement of a block: set anew, or with an A added to what is; the axes it shifts."""
+        """Apply the frame statement of a block, absolute or additive (with an A); returns the axes that it shifts."""
         (name,) = content.frames
         if name in SPATIAL_NAMES:
             raise block.refuse(f"{name} turns the coordinates by angles in space")

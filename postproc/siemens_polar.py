@@ -39,7 +39,7 @@ class Polar:
         """G110 from where the tool stands, G111 from the zero, G112 from the last pole."""
         first, second, _ = turn.columns(recorder)
         if code == FROM_POSITION and not (recorder.known[first] and recorder.known[second]):
-            raise block.refuse("a pole from a position that the program has not said")
+            raise block.refuse("a pole from a position that the program has not given")
         position = recorder.position
         base = {FROM_POSITION: (position[first], position[second]), FROM_POLE: self.pole}.get(code, (0.0, 0.0))
         if content.other.keys() >= POLAR and not content.axes:
@@ -79,7 +79,7 @@ class Polar:
             raise block.refuse("a negative polar radius")
         unsaid = "RP" not in words or not absolute
         if unsaid and any(recorder.known[axis] != Known.PROGRAM for axis in turn.columns(recorder)):
-            raise block.refuse("polar coordinates from a position that the program has not said in this frame")
+            raise block.refuse("polar coordinates from a position that the program has not given in this frame")
         place = _around(self.pole, self.radius, self.angle)
         found, others = [*said.words], {**said.others, second: place[1]}
         for axis, index, value in zip((first, second), indices.values(), place, strict=False):

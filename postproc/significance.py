@@ -31,7 +31,7 @@ class Significance:
     worthwhile: int = 0
     """Moves with an error before above the tolerance, as many as were looked at."""
     unsure: int = 0
-    """Of these, those whose improvement is not significant."""
+    """Number of these moves whose improvement is not significant."""
 
     def add(self, before: Array, after: Array, u: Array) -> None:
         """Predicted errors before and after `(n,)`, and standard uncertainties of the former, um."""
@@ -65,7 +65,7 @@ def uncertainties_um(
     """Standard uncertainties `(n,)`, um, of the predicted deviation of the tool point, tool `(n, 3)`, mm.
 
     First the root sum of squares over x, y and z; then that of its length, along its own direction. With a datum, of
-    the error relative to it, e(q) - e(W): both are predicted by the same parameters, and what they share cancels.
+    the error relative to it, e(q) - e(W): both are predicted by the same parameters, and their common part cancels.
     """
     transform = place_transform(machine, state.positions, tool)[:, :3]
     design = model.design(machine, state, transform)

@@ -41,7 +41,7 @@ class Source:
     origin: str = ""
     """Fingerprint of the program that this one was made from."""
     state: tuple[int, int, int] | None = None
-    """Of the file, when it was opened first: it is read more than once, and has to stay as it is."""
+    """State of the file when it was opened first: it is read more than once and must not change."""
 
     def open(self) -> io.BufferedReader | io.BytesIO:
         """The bytes from the start; UserError where the file has changed since it was opened first."""

@@ -85,7 +85,7 @@ def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset
         "the control shifts it by the radius of the tool": row in motions.contours,
         "polar coordinates": row in motions.polars or (arc is None and any(w.word < 0 for w in motions.words[row])),
         "an axis that no word may name": row in motions.still,
-        "the program has not said where all its axes are before it": (said != Known.PROGRAM).any(),
+        "the program has not given the positions of all its axes before it": (said != Known.PROGRAM).any(),
         "rotary axes turn along an arc": arc is not None and turned.any(),
         "a rotary axis turns by half a turn or more, and which way round depends on the control": (
             (turned > HALF_TURN) & _endless(machine)
@@ -115,9 +115,9 @@ def _endless(machine: Machine) -> NDArrayBool:
 
 
 def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
-    """The cuts of a move, with more for an arc that is given by its radius: near half a circle a radius says little.
+    """The cuts of a move, with more for an arc by its radius: near half a circle a radius hardly determines the centre.
 
-    So for one of several turns: no piece says how often it turns.
+    An arc of several turns gets more cuts too: its segments have no number of turns.
     """
     arc = motions.arcs.get(row)
     if arc is None or not (arc.turns or arc.form.startswith("radius")):

@@ -97,8 +97,8 @@ class StructureSteps:
         again = self._holds(condition)
         if again and self.after_break:
             raise NotKnown(
-                "behind a while loop with a break LinuxCNC 2.9 leaves the next do loop after its first pass: "
-                "what other versions do is not known"
+                "after a while loop with a break LinuxCNC 2.9 leaves the next do loop after its first pass; "
+                "the behaviour of other versions is not known: write the loop without a break"
             )
         self.after_break = False
         return again

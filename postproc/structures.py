@@ -23,7 +23,7 @@ class Structures:
     following: dict[int, int] = field(default_factory=dict)
     """Of a Begin or an Else: the next Else, or the End."""
     left: set[int] = field(default_factory=set)
-    """Blocks that open a loop in which a Leave stands for it."""
+    """Blocks that open a loop that contains a Leave of this loop."""
 
 
 def find_structures(blocks: Sequence[Block]) -> Structures:

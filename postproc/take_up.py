@@ -142,7 +142,7 @@ class TakeUps:
                 if block.alone
                 else NOT_READY
                 if not ready[row]
-                else "the program has not said where it is"
+                else "the program has not given its position"
             )
             name = self.machine.names[axis]
             self._note(f"the play of {name} is taken up along a feed move, not before it", why, block)
@@ -190,7 +190,7 @@ def _obstacle(motions: Motions, row: int, block: Block) -> str:
         "under TCP its axes are not those of the machine": motions.frames[motions.frame[row]].tcp,
         "radius compensation follows all its pieces": row in motions.contours,
         "other axes turn or move with it": any(axis not in motions.machine.translators for axis in named),
-        "an increment from where the program has not said": (motions.known[row, named] != Known.PROGRAM).any(),
+        "an increment from an unknown position": (motions.known[row, named] != Known.PROGRAM).any(),
         "an M function in its block may run before or after it": not START_M.issuperset(codes),
         "no F under G93": motions.timed[row] and not _has_feed(block),
     }

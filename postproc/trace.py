@@ -144,8 +144,8 @@ class Trace:
     def add(self, motions: Motions, rows: NDArrayBool, moved: Array, errors: Array) -> None:
         """Take in the rows `(n,)` of a chunk that are whole programmed moves.
 
-        moved `(n, axes)`: correction of their ends, mm and degrees, nan of axes that the program has not said; errors
-        `(n, 2)`, um, before and after, nan where they are not judged.
+        moved `(n, axes)`: correction of their ends, mm and degrees, nan of axes that the program has not given; errors
+        `(n, 2)`, um, before and after, nan where they are not evaluated.
         """
         scale = np.where(self.machine.rotary, np.deg2rad(1.0) * 1e6, 1e3)
         self.bins.add(errors[rows], (moved * scale)[rows])

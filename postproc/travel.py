@@ -20,7 +20,7 @@ TOLERANCE = 1e-9
 def refuse_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> None:
     """Refusal at the first move to a position `(n, axes)`, mm and rad, outside the travel of an axis.
 
-    Axes whose position the program has not said are not looked at. `when` is part of the message: "as programmed",
+    Axes whose position the program has not given are not checked. `when` is part of the message: "as programmed",
     "after correction".
     """
     for refusal in refusals_outside(motions, positions, when, state):

@@ -80,9 +80,9 @@ def _lines(walk: Walk, ran: list[tuple[int, Block]]) -> Iterator[str]:
 
 
 def _straight(block: Block, written: Block, *, last: bool) -> str | None:
-    """The text of a block as it runs, without what turns the run; None where nothing is left of it.
+    """The text of a block as it runs, without jumps, loops and calls; None if nothing is left of it.
 
-    `written`: the block with the arguments of its calls as they stand in the program.
+    `written`: the block with the arguments of its calls as in the program.
     """
     calls = [edit for pair in zip(block.words, written.words, strict=False) for edit in _call(block, *pair)]
     if block.code is None:
@@ -106,7 +106,7 @@ def _straight(block: Block, written: Block, *, last: bool) -> str | None:
 
 
 def _call(block: Block, word: Word, written: Word) -> list[Edit]:
-    """The values in the place of variables in the arguments of a call."""
+    """The values instead of variables in the arguments of a call."""
     given = word.arguments or ()
     if given == (written.arguments or ()):
         return []

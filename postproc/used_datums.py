@@ -1,4 +1,4 @@
-"""Which work offsets a program used, how each was obtained, where its true datum is, and what to enter instead."""
+"""The work offsets that a program used: how each was obtained, its true datum, and the true offset to enter instead."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class UsedDatum:
         return np.asarray(offset + (moved - q)[0, cartesian(self.machine)])
 
     def facts(self) -> list[tuple[str, str]]:
-        """How it was obtained and what that makes of it, in words."""
+        """Texts for the user: how the offset was obtained, and the true datum."""
         there = self.touch_off
         order = sorted(range(len(self.machine.names)), key=lambda i: (self.machine.rotary[i], self.machine.names[i]))
         position = " ".join(f"{self.machine.names[i]} {there.position[i]:g}" for i in order)
@@ -96,12 +96,12 @@ class UsedDatums:
     used: list[UsedDatum] = field(default_factory=list)
     _known: set[TouchOff] = field(default_factory=set)
     _turned: dict[str, str] = field(default_factory=dict)
-    """By work offset: note on rotary axes that stand elsewhere in its first move than at its touch-off; or none."""
+    """By work offset: note on rotary axes with another position in its first move than at its touch-off; or none."""
     _outside: list[str] = field(default_factory=list)
-    """Notes on touch-offs outside the travel, or outside what the calibration knows."""
+    """Notes on touch-offs outside the travel, or outside the range of the calibration."""
 
     def add(self, motions: Motions) -> None:
-        """Take in the moves of a chunk that programmed coordinates place."""
+        """Add the moves of a chunk with programmed coordinates."""
         self._look_at_turned(motions)
         for index in dict.fromkeys(motions.frame[motions.programmed].tolist()):
             frame = motions.frames[index]

@@ -50,7 +50,7 @@ class Absolute:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Errors of the tool point relative to the datum, um, before and after; what each error motion contributes before.
+    """Errors of the tool point relative to the datum, um, before and after; contributions of error motions before.
 
     Of work offsets that are true, both errors are absolute.
     """
@@ -65,7 +65,7 @@ class Verdict:
     relative: bool = False
     """A work offset was touched off, so that errors relative to the datum are not the absolute ones."""
     best_fit: tuple[BestFit, BestFit] = field(default_factory=lambda: (BestFit(), BestFit()))
-    """Of the errors along feed moves before and after, all aligned as one part."""
+    """Best fit of the errors along feed moves, before and after, all aligned as one part."""
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form; every length in um."""

@@ -91,7 +91,7 @@ class WordEditor:
     block: Block
     layout: Layout
     iterations: Iterations | None = None
-    """Of a block that may run several times."""
+    """Iterations of a block that may run several times."""
     edits: list[Edit] = field(default_factory=list)
 
     def set(self, index: int, value: float, decimals: int) -> float:
@@ -127,7 +127,7 @@ class WordEditor:
         return number if self.iterations is None else self.iterations.agreed(name, number, decimals)
 
     def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
-        """Add a word where what the control holds is not what is wanted, rounded; returns what it holds then."""
+        """Add a word if the rounded wanted value differs from the held one; returns the value of the control then."""
         number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
         if self.iterations is not None:
             number = self.iterations.added(address, number, wanted, held, decimals)

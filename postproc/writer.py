@@ -106,7 +106,7 @@ class Writer:
         return ORDER.index(self.machine.names[axis][0])
 
     def write(self, motions: Motions, correction: Correction, places: Sequence[int] | None = None) -> Written:
-        """Edit the blocks of a chunk; places: their indices in a program whose blocks may run several times."""
+        """Edit the blocks of a chunk; places: their block indices in a program whose blocks may run several times."""
         self._places = places
         self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
@@ -135,7 +135,7 @@ class Writer:
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position that the control holds before the row, in the row's frame.
 
-        That is what has been written; for axes that the program has not said since, the assumed start.
+        That is what has been written; for axes that the program has not given since, the assumed start.
         """
         frame = motions.frames[motions.frame[row]]
         start: list[float] = motions.start[row].tolist()
@@ -147,7 +147,7 @@ class Writer:
         return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
 
     def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
-        """A move in machine coordinates: the axes that it names go where it says, all others stay where they are."""
+        """A move in machine coordinates: the axes that it names move to its coordinates, all others stay."""
         frame, moved = motions.frames[motions.frame[row]], [word.axis for word in motions.words[row]]
         q = to_machine(self.machine, frame, np.array([held]))
         q[0, moved] = motions.machine_target[row, moved]
@@ -302,7 +302,7 @@ class Writer:
     ) -> list[int]:
         """Klartext arcs: leave axes across the plane where they are if the block can't name them.
 
-        Otherwise indices of the words that an angle takes the place of, so that it can.
+        Otherwise indices of the words that an angle replaces, so that it can.
         """
         if row not in motions.arcs:
             return []

@@ -284,8 +284,8 @@ def test_directions_go_on_from_chunk_to_chunk(chunk, seed):
 
 NOTED = {
     "a new frame": ("G1 X120\nG43 H1 G1 X100", "X .*its block changes the frame"),
-    "another frame": ("G1 X120\nG55 G1 X100", "X .*the program has not said where it is"),
-    "after an unknown M function": ("G1 X120\nM77\nX100", "X .*the program has not said where it is"),
+    "another frame": ("G1 X120\nG55 G1 X100", "X .*the program has not given its position"),
+    "after an unknown M function": ("G1 X120\nM77\nX100", "X .*the program has not given its position"),
     "an M function in an arc": ("G2 X130 I10 M5", "one piece .*an M function in its block may run before or after it"),
     "first moves": ("G1 X120", "X taken in the middle of its play until it moves"),
     "no F under G93": ("G1 X120\nG93 X100", "X .*has no F under G93"),

@@ -101,7 +101,7 @@ def test_in_place_and_another_output(arguments, command):
 def test_standard_input_can_not_be_replaced(command):
     done = command("-", *JOB, "--in-place", stdin=TEXT.encode())
     assert done.status == 2
-    assert "--in-place: standard input is no file" in done.err
+    assert "--in-place: standard input is not a file" in done.err
 
 
 def test_a_refused_program_leaves_no_backup(command):

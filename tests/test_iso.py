@@ -414,7 +414,7 @@ REFUSED = {
     "T1.5": "T with a number that is not whole",
     "T" + "9" * 400: "T with a number that is not whole",
     "G43 H1.5": "H with a number that is not whole",
-    "X1 E6": "E in a move: what it does depends on the control",  # what is left of X1E6
+    "X1 E6": "E in a move: its effect depends on the control",  # what is left of X1E6
     "X1 L3": "L calls a subprogram on some controls and repeats the block on others",
     "L340": "L calls a subprogram on some controls",
     "X1 R5": "R without an arc",
@@ -466,10 +466,10 @@ REFUSED = {
     # machine coordinates, unknown positions
     "G91 G53 X1": "G53 needs G90",
     "G2\nG53 X1": "G53 needs G90 and G0 or G1",
-    "G28 Z0\nG91 Z1": "an increment of Z from a position that the program has not said",
-    "G30 X0\nG91 X1": "an increment of X from a position that the program has not said",
-    "M6\nG91 Z1": "an increment of Z from a position that the program has not said",
-    "G28 X0\nG2 X5 Y1 I2": "an arc from a position that the program has not said",
+    "G28 Z0\nG91 Z1": "an increment of Z from a position that the program has not given",
+    "G30 X0\nG91 X1": "an increment of X from a position that the program has not given",
+    "M6\nG91 Z1": "an increment of Z from a position that the program has not given",
+    "G28 X0\nG2 X5 Y1 I2": "an arc from a position that the program has not given",
     # block skip
     "/X1": "whether it runs depends on the block-skip switch",
     "N5 /2 M6": "whether it runs depends on the block-skip switch",

@@ -294,5 +294,5 @@ def test_both_polar_coordinates_need_no_place_before():
 
 @pytest.mark.parametrize("words", ["LP PR+50", "LP PA+30", "LP PR+50 IPA+10", "CP PA+30 DR+"])
 def test_others_do(words):
-    with pytest.raises(UserError, match="count from a position that the program has not said"):
+    with pytest.raises(UserError, match="count from a position that the program has not given"):
         correct(f"BEGIN PGM A MM\nCC X+10 Y+20\n{words}\nEND PGM A MM\n")

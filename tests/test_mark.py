@@ -71,7 +71,7 @@ def test_verify_finds_what_differs(corrected, changed, parts):
     assert refused.out == b""
     for part in parts.split(","):
         assert f"out.nc was corrected with another {part}: its mark has" in refused.err
-    assert f"--accept {parts} goes on nevertheless" in refused.err
+    assert f"--accept {parts} continues nevertheless" in refused.err
     accepted = corrected("--accept", parts, **changed)
     assert accepted.status == 0, accepted.err
     assert "was corrected with another" in accepted.err

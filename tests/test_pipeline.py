@@ -225,8 +225,8 @@ REASONS = {
     "CONTOUR_ABS.NC": ":15: .*this is no circle; its centre would fit as absolute",
     "TEST2.NC": ":12: .*this is no circle; its centre would fit as absolute",
     "G81_G91.NC": ":11: .*a canned cycle with increments, and no G98 before it",
-    "TEST_G91.NC": ":30: .*an increment of Z from a position that the program has not said",
-    "TEST_TURN.NC": ":9: .*an arc from a position that the program has not said",
+    "TEST_G91.NC": ":30: .*an increment of Z from a position that the program has not given",
+    "TEST_TURN.NC": ":9: .*an arc from a position that the program has not given",
     "box_centroid.nc": ":105: .*M99 jumps back in the program",
     "box_fanuc.nc": ":3: .*is not understood",
 }

@@ -350,7 +350,7 @@ REFUSED = {
     "X=AC(1,2)": "AC takes one value",
     "X=IC()": "IC takes one value",
     "TRANS X5\nX=IC(5)": "an increment of X before its position is said in this frame",
-    "G74 X1=0\nX=IC(5)": "an increment of X from a position that the program has not said",
+    "G74 X1=0\nX=IC(5)": "an increment of X from a position that the program has not given",
     "DEF INT n=7": "n is an address and no name for a variable",
     "FOR i=1 TO 3\nENDFOR": "I is declared nowhere",
     "E=5": "has no axis E",

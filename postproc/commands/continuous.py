@@ -146,7 +146,7 @@ def continuous(
 
 
 def _check_calibration(write_calibration: str | None, machine: str | None, add_to: str | None) -> None:
-    """UserError where options of the calibration stand alone."""
+    """UserError if options of the calibration are given without --write-calibration."""
     if write_calibration is not None and machine is None:
         raise UserError("--write-calibration: --machine is missing, the machine that the calibration is of")
     for option, value in (("--machine", machine), ("--add-to", add_to)):

@@ -13,18 +13,18 @@ from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input
 
 SUFFIX = ".orig"
-"""Of a backup, behind the name of the program; a number follows where the name is taken."""
+"""Suffix of a backup, after the name of the program; a number follows if the name is taken."""
 
 
 def target_of(program: str, output: str | None, *, in_place: bool) -> str:
     """The file that the corrected program goes to, `-` for standard output.
 
-    UserError for an output that is the input, by whatever name, without --in-place, and for --in-place elsewhere.
+    UserError for an output that is the input, by any name, without --in-place, and for --in-place with another output.
     """
     if in_place and Path(program).exists() and not Path(program).is_file():
-        raise UserError(f"--in-place: {program} is no file that could be replaced")
+        raise UserError(f"--in-place: {program} is not a file that can be replaced; give -o OUT.nc instead")
     if in_place and program == "-":
-        raise UserError("--in-place: standard input is no file that could be replaced")
+        raise UserError("--in-place: standard input is not a file that can be replaced; give -o OUT.nc instead")
     same = output not in (None, "-") and program != "-" and _same_file(program, str(output))
     if same and not in_place:
         raise UserError(f"--output {output} is the input {program}: --in-place replaces it and keeps a backup")

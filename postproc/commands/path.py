@@ -101,9 +101,7 @@ def refuse_without_path(**options: object) -> None:
 def refuse_plan(plan: Path | None) -> None:
     """UserError for a plan beside a path."""
     if plan is not None:
-        raise UserError(
-            "--plan is for positions at which the machine stood, --path for data taken on the fly: give one"
-        )
+        raise UserError("--plan is for measurements at standstill, --path for data taken on the fly: give one of them")
 
 
 def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:

@@ -83,7 +83,7 @@ def setup_of(
 
 
 def moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:
-    """All moves of a program; the part of the set-up that is assumed is said."""
+    """All moves of a program; prints the part of the set-up that is assumed."""
     from postproc.dialects import find_dialect
     from postproc.motions import merged
     from postproc.notes import Notes

@@ -117,7 +117,7 @@ class _Spool:
 
         self._target, self._name = target, "standard output" if target in (None, "-") else str(target)
         with writing(self._name), tempfile.TemporaryFile() as spool:
-            self.file = named_file(os.dup(spool.fileno()), f"{self._name} (by way of {tempfile.gettempdir()})")
+            self.file = named_file(os.dup(spool.fileno()), f"{self._name} (through {tempfile.gettempdir()})")
 
     def complete(self) -> None:
         """Nothing is sent before all results are whole."""
@@ -154,7 +154,7 @@ def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
     """Files for the results of a command, which come out whole or not at all, and all of them or none.
 
     `-` is standard output; None is a result that nobody asked for. What can't be taken back - standard output, pipes
-    and devices - is sent when the others are whole on the disk, before they take their places.
+    and devices - is sent when the others are complete on the disk, before they replace existing files.
     """
     from kinematics.files import Draft
 
@@ -178,7 +178,7 @@ def result(target: str | None) -> Iterator[BinaryIO]:
 
 
 def _can_be_replaced(target: str) -> bool:
-    """True for a file or a new name; a name in /dev or /proc stands for something else, even where that is a file."""
+    """True for a file or a new name; names in /dev and /proc denote devices or streams, even if these are files."""
     path = Path(target)
     if target == "-" or path.absolute().parts[1:2] in (("dev",), ("proc",)):
         return False
@@ -193,7 +193,7 @@ def write_json(results: dict[str, Any], file: BinaryIO) -> None:
 
 
 def residual_table(before: tuple[float, float], after: Fit, held: HeldOut | None) -> Table:
-    """Residuals, um, RMS and largest, of the nominal machine, of the model and of what was held out."""
+    """Residuals, um, RMS and largest, of the nominal machine, of the model and of the held-out rows."""
     from rich.table import Table
 
     table = Table("residual, um", "RMS", "max")

@@ -146,11 +146,11 @@ def verify(
 def _mark_notes(
     name: str, mark: Mark | None, here: Mark, earlier: ErrorModel | None, accepted: frozenset[str]
 ) -> list[str]:
-    """Notes on the mark of a corrected program; UserError where it says another set-up than `here`, by name."""
+    """Notes on the mark of a corrected program; UserError, by name, if its set-up differs from `here`."""
     from postproc.mark import check_mark
 
     if mark is None:
-        return [f"{name} bears no mark of ncomp: nothing shows with what it was corrected"]
+        return [f"{name} has no mark of ncomp: the calibration and the set-up of its correction are not known"]
     if earlier is not None and mark.calibration == earlier.id.upper():
         here = here._replace(calibration=mark.calibration)
     return check_mark(name, mark, here, accepted)

@@ -11,7 +11,7 @@ from postproc.table_readers.source import Source, increasing, numbers, refusal
 
 _WORD = re.compile(r"N(\d+)(?:A(\d+))?P([+-]?[\d.]+);?")
 TEXT = 10000
-"""What is added to a point number in the text."""
+"""Number that is added to a point number in the text."""
 NEEDED = (3620, 3621, 3622, 3624)
 
 

@@ -63,7 +63,7 @@ def read_kinematics(source: Source) -> list[Effect]:
 
 
 def _named_columns(source: Source) -> set[tuple[str, str]]:
-    """Axis and number of the columns that rows of the kinematics name, on the side of the axis where errors stand."""
+    """Axis and number of the columns that rows of the kinematics name, on the side of the axis with its errors."""
     found: set[tuple[str, str]] = set()
     for name, text in source.files.items():
         if name.lower().endswith((".com", ".cma")):

@@ -44,7 +44,7 @@ def read_eec(source: Source) -> list[Effect]:
     found: list[Effect] = []
     for (system, axis), table in _gathered(source, _EEC).items():
         if system != source.setting("system", "0"):
-            raise UserError(f"{table.name}: measuring system {system}; say --set system={system}")
+            raise UserError(f"{table.name}: measuring system {system}; give --set system={system}")
         name = _axis(source, axis)
         sign = 1.0 if source.value_is == "correction" else -1.0
         points = table.points()
@@ -146,4 +146,4 @@ def _axis(source: Source, name: str) -> str:
     for axis in lettered:
         if name in (axis, f"{axis}1"):
             return axis
-    raise UserError(f"axis {name} is none of {' '.join(lettered)}; say --set names=AXIS:{name}")
+    raise UserError(f"axis {name} is none of {' '.join(lettered)}; give --set names=AXIS:{name}")

@@ -297,13 +297,13 @@ class _Writer:
 
 
 def turns_of(axis: Axis, start: float, turns: int) -> range:
-    """The turns from `start`, degrees, that a table which does not repeat covers: its travel, or so many either way."""
+    """The turns from `start`, degrees, of a table that does not repeat: its travel, or `turns` to either side."""
     low, high = axis.travel if np.isfinite(axis.travel).all() else (start - turns * TURN, start + turns * TURN)
     return range(int(np.floor((low - start) / TURN)), int(np.ceil((high - start) / TURN)))
 
 
 def written_out(nodes: Array, values: Array, turns: range) -> tuple[Array, Array]:
-    """Nodes `(k,)` of a turn, degrees, and values `(k, ways)`, again for each of the turns."""
+    """Nodes `(k,)` of a turn, degrees, and values `(k, directions)`, repeated for each of the turns."""
     every = [nodes[:-1] + TURN * k for k in turns]
     ends = nodes[-1:] + TURN * turns[-1]
     return np.concatenate([*every, ends]).round(9), np.concatenate([*[values[:-1]] * len(turns), values[-1:]])

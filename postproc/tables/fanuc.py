@@ -20,7 +20,7 @@ from postproc.tables.target import closes
 from postproc.tables.terms import Curve
 
 TEXT = 10000
-"""What is added to a point number in the text."""
+"""Number that is added to a point number in the text."""
 STRAIGHT = 4
 """Points of a straightness compensation."""
 
@@ -131,10 +131,12 @@ def _straightness(content: Content, step: float) -> str:
 
 def _limits(settings: FanucSettings) -> Limits:
     if settings.bidirectional and settings.magnification != 1:
-        raise UserError("--set bidirectional=true: no source says whether 3627 is magnified; say --set magnification=1")
+        raise UserError(
+            "--set bidirectional=true: no source states whether 3627 is magnified; give --set magnification=1"
+        )
     if settings.straightness and settings.interval is None:
         raise UserError(
-            "--set straightness=true: its points are those of the pitch tables; say --set interval= as well"
+            "--set straightness=true: its points are those of the pitch tables; give --set interval= as well"
         )
     step = _step(settings)
     straight = Limits(points=STRAIGHT, resolution=step, interval=settings.interval, on_grid=True, zero_at_home=True)
@@ -179,7 +181,7 @@ anything moves.""",
     certainty="""\
 Increments, point numbers, parameters 3620 ... 3627, the closing sum of a rotary axis: FANUC parameter manuals
 0i-PB and 15i and A-77810E. A-77810E names 3626 as a point number beside 3620 ... 3622; that both sets are numbered
-in one range, as they are here, it does not say in the part that was read: bidirectional tables are experimental.
-Sign: common knowledge says correction; no source that was read does: it is as given
+in one range, as they are here, is not stated in the part that was read: bidirectional tables are experimental.
+Sign: correction by common knowledge, but no source that was read states it: it is as given
 by --sign. Text of pitch.txt and straightness parameters: common knowledge; experimental.""",
 )

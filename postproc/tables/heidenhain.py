@@ -130,7 +130,7 @@ def write_kinematics(content: Content) -> dict[str, str]:
 
 
 def errors_before(axis: Axis) -> bool:
-    """True where the errors of an axis stand nearer to the tool than its motion.
+    """True if the errors of an axis are nearer to the tool than its motion.
 
     They belong to the moving component of a linear axis, and to the bed's side of a rotary axis (docs/conventions.md).
     """
@@ -138,7 +138,7 @@ def errors_before(axis: Axis) -> bool:
 
 
 def _rows(axis: Axis, tables: Sequence[MotionTable]) -> list[str]:
-    """The axis, and its errors on the side of it where they stand."""
+    """The rows of an axis, with its errors on their side of it."""
     moved = [f"{'':<18}{'MachAxis':<10}{axis.name:<6}"]
     errors = []
     for table in tables:
@@ -216,11 +216,11 @@ KINEMATICS = Format(
     parameters="heidenhain",
     meaning="""\
 Columns C1 ... C6 of the table of an axis are its error motions X Y Z A B C by ISO 230-1, mm and degrees; its
-positioning error stands in the column of the axis itself (axis compensation), not in C. kinematics.txt names the
-axes from the tool on. Trans rows take the errors up, before MachAxis where the errors stand nearer to the tool than
-the motion (linear axes that carry the tool, rotary axes that carry the workpiece), behind it where they stand nearer
+positioning error is in the column of the axis itself (axis compensation), not in C. kinematics.txt lists the
+axes from the tool on. Trans rows contain the errors, before MachAxis if the errors are nearer to the tool than
+the motion (linear axes that carry the tool, rotary axes that carry the workpiece), after it if they are nearer
 to the workpiece (linear axes that carry the workpiece, rotary axes that carry the tool). Values are counted from
-the nominal machine: no row takes off what they are at the axis' origin. The control corrects the position of the
+the nominal machine: no row subtracts their value at the axis' origin. The control corrects the position of the
 tool centre point. Directions and reference points as in ncomp, tool relative to workpiece in every row
 (docs/conventions.md).""",
     loading="""\
@@ -229,6 +229,6 @@ machine's own kinematics description, whose order begins at the tool; licence Ki
 builder.""",
     certainty="""\
 Columns, rows and their limits: iTNC 530 HSCI technical manual, whose example has rows before MachAxis. That rows
-may stand behind it, units of the angular columns (degrees), sign and text layout: no source; experimental. The sign
+may follow it, units of the angular columns (degrees), sign and text layout: no source; experimental. The sign
 is as given by --sign.""",
 )

@@ -80,8 +80,9 @@ nothing is compensated from start-up until the joint has first moved.""",
 Copy the files beside the INI file and add the lines of linuxcnc.ini to its [JOINT_n] sections; restart LinuxCNC.
 BACKLASH of a joint with a table is ignored by LinuxCNC: the table holds both directions. The files must hold no
 comment and no blank line: LinuxCNC stops reading there without a word. Rotary joints: the table does not repeat. It
-covers the travel of the machine file; of a joint that turns without end, as many turns to either side as said with
---set turns= (2). Beyond, the end value holds, which is wrong there: keep such a joint within these turns.""",
+covers the travel of the machine file; for a joint without end positions, the number of turns to either side that is
+given with --set turns= (2). Beyond them the end value is used, which is wrong there: keep such a joint within these
+turns.""",
     certainty="""\
 Confirmed: LinuxCNC's source, and its simulator (2.9.0~pre1), which loads these files in ncomp's own tests and
 moves its joints as they say.""",

@@ -15,7 +15,7 @@ from postproc.tables.parameters import parameter_rows
 STAGES = {
     "before": "without compensation",
     "after_tables": "with these tables",
-    "after_tables_and_datum_shift": "with these tables and the zero of the axes shifted as said at the top",
+    "after_tables_and_datum_shift": "with these tables and the zero of the axes shifted as stated at the top",
     "after_nc_correction": "with corrected programs and no tables",
     "after_tables_and_nc_correction_of_the_rest": "with these tables and programs corrected for the rest",
 }
@@ -66,7 +66,7 @@ def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> 
 
 
 def shift_warning(datum: Mapping[str, float], point_um: Mapping[str, Mapping[str, float]]) -> str:
-    """What the tables leave without a shift of the axes' zeros, and the shift; empty where none is needed."""
+    """The remaining error without a shift of the axes' zeros, and the shift; empty if none is needed."""
     if not datum:
         return ""
     before, alone, both = (point_um[stage] for stage in ("before", "after_tables", "after_tables_and_datum_shift"))
