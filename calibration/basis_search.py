@@ -31,7 +31,7 @@ SIZES: Mapping[str, tuple[int, ...]] = {
     "fourier": (1, 2, 3, 4, 6, 8, 12, 16),
 }
 PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
-"""Of the typical sizes."""
+"""Sizes of the errors that are tried, as multiples of the typical sizes."""
 SMALLER = (0.1, 0.2, 0.3, 0.5)
 """Sizes of error motions, as multiples of the typical ones, that are tried on data on a few lines."""
 PRIOR = "prior"

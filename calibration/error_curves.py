@@ -278,7 +278,7 @@ def _weighted(criterion: _Criterion, trials: list[Array]) -> tuple[tuple[Shape, 
 
 
 def arc_of(axis: Axis, positions: Array) -> Interval:
-    """What was measured, mm or degrees: of an axis that turns fully, the arc of the turn."""
+    """Measured interval, mm or degrees; for an axis that turns fully, the measured arc of the turn."""
     return measured_arc(positions) if axis.turns_fully else (float(positions.min()), float(positions.max()))
 
 

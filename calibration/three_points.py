@@ -67,7 +67,7 @@ class Choice:
     kind: Kind = "polynomial"
     """Polynomials, or tables interpolated between the measured positions."""
     degrees: Mapping[str, int] = field(default_factory=dict)
-    """Of polynomials, by name: {"XX": 4}; others weighted by AIC."""
+    """Degrees of polynomials, by name: {"XX": 4}; others weighted by AIC."""
     arcs: Mapping[str, Interval] = field(default_factory=dict)
     """Measured ranges by axis, mm or degrees; default: between the end positions, of a turn all but its widest gap."""
 

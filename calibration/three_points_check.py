@@ -21,7 +21,7 @@ from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
 APART = 4
-"""Of the positions of an axis, in order, so many blocks are made: those on either side of a position remain."""
+"""Number of blocks of the positions of an axis, in turn: the positions on either side of each one remain."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Check:
 
     @property
     def before_rms_um(self) -> float:
-        """Of the nominal machine, per scalar."""
+        """RMS residual of the nominal machine, um, per scalar."""
         return float(np.sqrt(np.mean((1e3 * self.before) ** 2)))
 
     @property

@@ -1,7 +1,7 @@
 """Feed moves of rotary axes alone: they keep the linear axes, and with them the correction of the position before.
 
-On the way that correction may become wrong, up to twice the error. Where such a move would be worse than in the input,
-the position before it is left as in the input too.
+During the move that correction may become wrong, up to twice the error. If such a move would be worse than in the
+input, the position before it is left as in the input too.
 """
 
 from __future__ import annotations

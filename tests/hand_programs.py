@@ -1,4 +1,4 @@
-"""Small Klartext and Siemens programs through ncomp: where the machine axes stand after every move."""
+"""Small Klartext and Siemens programs through ncomp: the positions of the machine axes after every move."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs of a virtual tracker: a machine with errors goes from stand to stand, the tracker records all the way."""
+"""Logs of a virtual tracker: a machine with errors moves from stand to stand, the tracker records continuously."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Stop:
     broken: tuple[float, float] | None = None
     """Shares of the dwell between which the beam is broken."""
     broken_before: bool = False
-    """The beam is broken on the way here, as it is where the target is changed."""
+    """The beam is interrupted during the move to this position, as it is at a change of the target."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""BLAS has one thread in every process that imports ncomp, without help from outside, unless the user says otherwise."""
+"""BLAS has one thread in every process that imports ncomp, without settings from outside, unless the user sets another number."""
 
 import json
 import os
@@ -31,7 +31,7 @@ def threads(code: str, **environment: str) -> list[int]:
     "entry",
     [
         "import postproc.cli",
-        "import calibration.study.chunks",  # what a worker, of this machine or of Dask, unpickles
+        "import calibration.study.chunks",  # the module that a worker, of this machine or of Dask, unpickles
         "import kinematics.effects",
         "import machines",
         "import numpy, scipy.linalg, calibration.calibrate",  # a host that has loaded BLAS already

@@ -1,4 +1,4 @@
-"""Blocks that are added to a numbered program, and poles that are said once."""
+"""Blocks that are added to a numbered program, and poles that are written once."""
 
 import re
 

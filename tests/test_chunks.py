@@ -1,4 +1,4 @@
-"""What is written does not depend on how a program is cut into chunks."""
+"""The written text does not depend on the division of a program into chunks."""
 
 import io
 

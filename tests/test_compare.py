@@ -1,4 +1,4 @@
-"""`ncomp compare`: figures worked out by hand from calibrations with simple functions, and what is refused."""
+"""`ncomp compare`: figures calculated by hand from calibrations with simple functions, and refusals."""
 
 import json
 from datetime import UTC, datetime
@@ -112,7 +112,7 @@ def test_an_axis_against_its_letter_leans_the_same_way(command):
 @pytest.mark.parametrize("kind", ["end-point", "least-squares"])
 @pytest.mark.parametrize("name", machines.names())
 def test_squareness_does_not_depend_on_which_axis_holds_a_constant_angle(command, name, kind):
-    # the same machine told in another frame: no measurement on the workpiece sees a difference
+    # the same machine described in another frame: no measurement on the workpiece shows a difference
     machine = machines.load(name)
     whole = truth(machine, np.random.default_rng(8), 30.0)
     model = msgspec.structs.replace(whole, covariance=np.eye(len(whole.parameters)).tolist())
@@ -206,7 +206,7 @@ def test_reversal_and_what_is_left_out(command):
 
 
 def test_the_volume_is_that_of_both_and_aligned(command):
-    # a pure squareness is a shear: what no alignment takes away; a common turn of both axes is one
+    # a pure squareness is a shear, which no alignment removes; a common turn of both axes is an alignment
     calibration("a.json", CFRAME, motion("XX", (0.0, 400.0), 0.0))
     both = (motion("YX", (0.0, 600.0), 0.0, 12.0), motion("XY", (0.0, 450.0), 0.0, -9.0))
     calibration("b.json", CFRAME, motion("XX", (0.0, 600.0), 0.0), *both)

@@ -43,7 +43,7 @@ def calibrated(command, machine, *options):
 
 
 def along(model, machine, x, way, *, z=0.0, tool=(0.0, 0.0, 0.0)):
-    """Deviations `(n, 3)`, um, with X at positions approached one way and Z at z."""
+    """Deviations `(n, 3)`, um, with X at positions approached from one direction and Z at z."""
     q = np.zeros((len(x), len(machine.axes)))
     q[:, machine.index("X")], q[:, machine.index("Z")] = x, z
     approach = np.zeros(q.shape)
@@ -163,7 +163,7 @@ def base_of(machine, *effects):
 
 
 def test_joined_to_angles_that_are_known_the_arm_is_taken_off(command):
-    """The line lies at Z 500: what E_BX does there is not E_XX."""
+    """The line lies at Z 500: the contribution of E_BX there is not E_XX."""
     line = Polynomial((0.0, 600.0), 1)
     tilt = ErrorMotion(component="B", axis="X", basis=line, parameters=(0.0, 40.0), u=(0.0, 1.0))
     old = ErrorMotion(component="X", axis="X", basis=line, parameters=(0.0, 99.0), u=(0.0, 1.0))

@@ -1,6 +1,6 @@
-"""Codes that end or change a frame, or what the words of their block mean: what each dialect makes of them.
+"""Codes that end or change a frame, or the meaning of the words of their block, in each dialect.
 
-The positions are worked out by hand; every program stands as a shop would write it.
+The positions are calculated by hand; every program is written as in a shop.
 """
 
 import re
@@ -80,7 +80,7 @@ def test_trans_reset_under_the_cycle_of_its_kind(cycle, word, reset):
 
 
 def test_the_outline_of_a_cylinder_cycle_is_called():
-    # cycle 39 takes the place of cycle 200: a call no longer drills
+    # cycle 39 replaces cycle 200: a call does not drill
     drill = "CYCL DEF 200 DRILLING~\nQ200=2~\nQ203=+0~\nQ204=50\n"
     text = "L X+10 Y+20 Z+50 R0 FMAX\n" + drill + "CYCL DEF 39.0 CYL. SURFACE CONTOUR\nCYCL DEF 39.1 Q1=-5\nCYCL CALL\n"
     assert "cycle 39" in refusal(klartext, text)
@@ -103,10 +103,10 @@ def test_m124_is_said():
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        # the shift is taken back axis by axis under a rotation: what is left turns about the preset
+        # the shift is cancelled axis by axis under a rotation: the remaining rotation is about the preset
         ("7.0\n7.1 X+10 Y+5\n10.0\n10.1 ROT+90\n7.0\n7.1 X+0\n7.2 Y+0\n", (-1.0, 2.0)),
         ("7.0\n7.1 X+10\n10.0\n10.1 ROT+90\n7.0\n7.1 X+0 Y+0 Z+0\n", (-1.0, 2.0)),
-        # increments count from what is in force
+        # increments count from the active values
         ("10.0\n10.1 ROT+60\n10.0\n10.1 IROT+30\n", (-1.0, 2.0)),
         ("10.0\n10.1 ROT+60\n10.0\n10.1 IROT-60\n", (2.0, 1.0)),
         ("7.0\n7.1 X+10\n7.2 IX+5\n7.3 IY-3\n", (17.0, -2.0)),
@@ -220,7 +220,7 @@ def test_two_conditional_jumps_in_one_block(value, end):
     assert siemens(text, axes="X") == [(end,)]
 
 
-# ---- formulas that controls read in different ways
+# ---- formulas that controls read differently
 
 
 @pytest.mark.parametrize("formula", ["- 2 ^ 2", "2 ^ 3 ^ 2", "SIN Q1 ^ 2", "3 + -Q1 ^ 2"])

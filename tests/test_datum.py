@@ -109,7 +109,7 @@ def test_the_offset_that_the_page_tells_cuts_the_same_part(command):
         assert ends.max() <= 0.3
 
 
-# ---- what holds of every machine
+# ---- properties of every machine
 
 
 def constant(machine, *um):
@@ -364,7 +364,7 @@ def test_best_fit_takes_off_what_a_measuring_machine_aligns(command):
     turned, sheared = (found[name]["best_fit_along_feed_moves_um"]["before"] for name in ("turned", "sheared"))
     assert turned["rms"] < 1e-3
     assert turned["turn_urad"] == pytest.approx([0.0, 0.0, 50.0], abs=1e-2)
-    # at (200, 200) from the middle of a square a shear of 50 urad each way moves by 10 um along both axes
+    # at (200, 200) from the middle of a square a shear of 50 urad in each direction moves by 10 um along both axes
     assert sheared["turn_urad"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-2)
     assert sheared["rms"] > 5.0
 
@@ -425,7 +425,7 @@ def test_an_offset_that_the_program_sets_is_touched_off_where_it_is_set(dialect,
 
 
 def test_the_probe_is_as_long_as_the_first_tool_wherever_a_chunk_ends(monkeypatch):
-    """Moves before any tool has a length are on their own; no later tool changes what holds."""
+    """Moves before any tool has a length are on their own; no later tool changes them."""
     machine = load("gantry")
     lines = ["G21 G90 G54", "G0 X1. Y1.", "G43 H1 Z5.", "G1 X2. F100", "G0 X3.", "G43 H2 Z5.", "G1 X4."]
     setup = {"work_offsets": ["G54=1,2,3"], "tool_lengths": ["T1=80", "T2=50"], "probed": True}

@@ -383,7 +383,7 @@ def test_data_without_noise(diagnosed):
 
 @pytest.mark.parametrize("shear", [0.0, 3e-5])
 def test_a_machined_part(diagnosed, shear):
-    """Of a machine that is out of square, and of one whose errors its noise hides: nothing is written of that."""
+    """Data of a machine that is out of square, and of one whose errors are hidden by noise: the latter is not written."""
     rng = np.random.default_rng(4)
     nominal = rng.uniform(50.0, 350.0, (60, 2))
     made = nominal + 2e-3 * rng.normal(size=nominal.shape) + shear * nominal[:, ::-1] * (1.0, 0.0)

@@ -1,4 +1,4 @@
-"""How a program's dialect is found, and what is said of it: by what stands outside of comments, with its line."""
+"""Recognition of a program's dialect, and its message: by the text outside of comments, with its line."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from postproc.evidence import spoken
 
 HEAD = "G21 G90 G17 G54\nG0 X1000. Y1000. Z-500.\n"
 FOUND = {
-    # what comments, parentheses and texts hold is no evidence
+    # the contents of comments, parentheses and strings are no evidence
     "(a semicolon; X=5 stands in here)\nG0 X1. Y2.\n": ("iso", "because no line at its beginning"),
     "(first; second) G0 X1. (R1=5; MCALL)\n; MCALL CYCLE81(5)\n": ("iso", "because no line at its beginning"),
     "G0 X1. (open; R1=5\n": ("iso", "because no line at its beginning"),
@@ -15,7 +15,7 @@ FOUND = {
     "(BEGIN PGM)\n(TOOL CALL 1)\n;CYCL DEF 7.0\nG0 X1.\n": ("iso", "because no line at its beginning"),
     "G0 X1.\nGOTO 20\nN20 X5.\n": ("iso", "because no line at its beginning"),
     "(X=5)\n#1=5\nG0 X#1\n": ("iso", "because of line 2: '#1=5'"),
-    # what stands outside of them is
+    # the text outside of them is evidence
     "; text\nN10 G0 X1\nN20 X=R1 ; (a;b)\n": ("siemens", "because of line 3: 'N20 X=R1 ; (a;b)'"),
     'MSG("a; (b #1=2")\n': ("siemens", "because of line 1"),
     "G0 X1\nGOTOF END1\n": ("siemens", "because of line 2: 'GOTOF END1'"),
@@ -44,7 +44,7 @@ def test_what_is_spoken():
 
 
 def test_a_refusal_says_how_it_was_read(command, tmp_path):
-    """A semicolon inside a parenthesis: read as ISO, and refused for what is wrong in it alone."""
+    """A semicolon inside a parenthesis: read as ISO, and refused for its own fault alone."""
     (tmp_path / "a.nc").write_text("(depth; X=5 first)\n" + HEAD + "G999\n")
     for arguments in (("check", "a.nc"), ("a.nc", "-o", "out.nc", "--calibration", "none")):
         done = command(*arguments, "--machine", "gantry")

@@ -147,7 +147,7 @@ MOMENTS = {
 
 @pytest.mark.parametrize("moment", MOMENTS)
 def test_killed_when_the_result(moment):
-    """The old result or the new one stands there, and the next run does not mind what was left."""
+    """The file holds the old result or the new one, and remaining files do not disturb the next run."""
     die = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
     done = subprocess.run(
         [sys.executable, "-c", f"{die}{MOMENTS[moment]}\n{RUN}", "in.nc", *GANTRY, "-o", "out.nc"],
@@ -164,7 +164,7 @@ def test_killed_when_the_result(moment):
 
 @pytest.mark.parametrize("moment", ["is safe on the disk", "takes its place", "shows its summary"])
 def test_killed_in_place_when_the_result(folder, moment):
-    """The program is there, as it was or corrected; corrected only beside a backup of what it was."""
+    """The program exists, unchanged or corrected; if it is corrected, a backup of the input exists."""
     die = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
     done = subprocess.run(
         [sys.executable, "-c", f"{die}{MOMENTS[moment]}\n{RUN}", "in.nc", *GANTRY, "--in-place"],

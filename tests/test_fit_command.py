@@ -123,7 +123,7 @@ def test_the_report_is_one_page_with_its_figures(command, data, tmp_path):
 
 
 def test_runs_of_an_interferometer_that_others_do_not_predict(command, tmp_path):
-    """A run that stands at positions of its own is held out whole: its zero is then not known, and it is not counted."""
+    """A run with its own positions is held out completely: its zero is then not known, and it is not counted."""
     head = "# machine: dmu50\n# instrument: interferometer\n# u_um: 0.3\n# target.r: 0 0 -50\n"
     rows = "".join(f"X,1,+,{x},{0.01 * x}\nX,1,-,{x},{0.01 * x}\n" for x in range(-100, 101, 20))
     (tmp_path / "data.csv").write_text(f"{head}axis,run,direction,target_mm,deviation_um\n{rows}X,2,-,-100,1\n")

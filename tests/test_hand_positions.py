@@ -1,4 +1,4 @@
-"""Small programs as a shop writes them, and where the tool then stands: reckoned by hand from the controls' manuals.
+"""Small programs as in a shop, and the positions of the tool, calculated by hand from the controls' manuals.
 
 One line a case: blocks between bars, and the last position along X, Y, Z of the gantry, mm. The cosines and sines are
 all that is worked out here; nothing of ncomp is used for it.
@@ -226,7 +226,7 @@ def test_siemens(text):
 # ---- rotary axes
 
 AXIS = 100.0
-"""Height of the axis A of the machine trunnion_ac, whose table tilts about it, mm; C stands on it, at X 0 Y 0."""
+"""Height of the axis A of the machine trunnion_ac, whose table tilts about it, mm; C is on this table, at X 0 Y 0."""
 
 
 def on_the_table(x, y, z, a, c):
@@ -265,7 +265,7 @@ PLANES = {
 
 
 def length_added(point):
-    """Where the axes stand with a tool of 100 mm."""
+    """Positions of the axes with a tool of 100 mm."""
     x, y, z, *rest = point
     return (x, y, z + 100.0, *rest)
 

@@ -1,6 +1,6 @@
 """Corrected Klartext and Siemens programs, reckoned by hand line by line.
 
-The machine stands at every place by +100, -200, +300 um beside X, Y, Z: every corrected place is X -0.1 Y +0.2 Z -0.3 in
+The machine is at every position +100, -200, +300 um beside X, Y, Z: the correction is X -0.1 Y +0.2 Z -0.3 in
 machine coordinates, turned, mirrored and scaled as the frame is. A line of a table is `before | after`, a line alone
 stays as it is, and `+ line` is one that is added.
 """
@@ -87,7 +87,7 @@ KLARTEXT = {
     "the longer arc by its radius": "L X+20 Y+0 F500 | L X+19.9000 Y+0.2000 F500\nCR X+10 Y+10 R-10 DR- | CR X+9.9000 Y+10.2000 R-10 DR-",
     "rounded corners": "L X+40 F500 | L X+39.9000 F500\nRND R2\nL Y+40 | L Y+40.2000\nCHF 1\nL X+10 | L X+9.9000",
     "a tangential arc": "L X+30 F500 | L X+29.9000 F500\nCT X+40 Y+20 | CC X+29.9000 Y+20.2000\n+ C X+39.9000 Y+20.2000 DR+",
-    "a place about a pole": "CC X+0 Y+0\nLP PR+30 PA+0 F500 | LP PR+29.9007 PA+0.3832 F500\nLP PA+90 | LP PR+30.2002 PA+90.1897",
+    "a position about a pole": "CC X+0 Y+0\nLP PR+30 PA+0 F500 | LP PR+29.9007 PA+0.3832 F500\nLP PA+90 | LP PR+30.2002 PA+90.1897",
     "an arc about a pole": "L X+30 Y+0 F500 | L X+29.9000 Y+0.2000 F500\nCC X+0 Y+0 | CC X-0.1000 Y+0.2000\nCP PA+90 DR+",
     "increments about a pole": "L X+30 Y+0 F500 | L X+29.9000 Y+0.2000 F500\nCC X+0 Y+0 | CC X-0.1000 Y+0.2000\nCP IPA+90 DR+",
     "a helix": "L X+30 Y+0 F500 | L X+29.9000 Y+0.2000 F500\nCC X+0 Y+0 | CC X-0.1000 Y+0.2000\nCP IPA+720 IZ-10 DR+",
@@ -126,7 +126,7 @@ SIEMENS = {
     "an equals sign": "G1 X=20 Y=30.5 F500 | G1 X=19.9000 Y=30.7000 F500",
     "increments": "G91 G1 X5 Y-3 F500\nZ-10\nG90 X20 | G90 X19.9000",
     "increments of one word": "G1 X=IC(5) Y30 F500 | G1 X=IC(5) Y30.2000 F500",
-    "a place among increments": "G91 G1 X=AC(20) Y5 F500 | G91 G1 X=AC(19.9000) Y5 F500",
+    "a position among increments": "G91 G1 X=AC(20) Y5 F500 | G91 G1 X=AC(19.9000) Y5 F500",
     "numbered": "N10 G1 X20 F500 | N10 G1 X19.9000 F500\nN20 Y20 | N20 Y20.2000",
     "a comment": "G1 X20 F500 ; X20 Y20 | G1 X19.9000 F500 ; X20 Y20\n; X5",
     "inches": "G70 G1 X1 Y2 F10 | G70 G1 X0.996063 Y2.007874 F10",
@@ -156,9 +156,9 @@ SIEMENS = {
     "polar coordinates": "G111 X0 Y0\nG1 AP=0 RP=30 F500 | G1 X29.9000 Y0.2000 F500\nAP=90 RP=30 | X-0.1000 Y30.2000",
     "a parameter": "R1=20\nG1 X=R1 F500 | G1 X=R1-0.1000 F500\nY=R1*2 | Y=R1*2+0.2000",
     "a parameter that is negative": "R1=20\nG1 X=-R1 F500 | G1 X=-R1-0.1000 F500",
-    "a place by a parameter": "R1=20\nG1 X=AC(R1) Y=IC(R1) F500 | G1 X=AC(R1-0.1000) Y=IC(R1) F500",
+    "a position by a parameter": "R1=20\nG1 X=AC(R1) Y=IC(R1) F500 | G1 X=AC(R1-0.1000) Y=IC(R1) F500",
     "a loop of increments": "G91\nFOR R1=1 TO 3\nG1 X5 F500\nENDFOR\nG90",
-    "a loop of places": "DEF INT II\nFOR II=1 TO 3\nG1 X=II*10 F500 | G1 X=II*10-0.1000 F500\nENDFOR",
+    "a loop of positions": "DEF INT II\nFOR II=1 TO 3\nG1 X=II*10 F500 | G1 X=II*10-0.1000 F500\nENDFOR",
     "a jump": "R1=0\nMARK:\nG91 G1 X5 F500\nR1=R1+1\nIF R1<3 GOTOB MARK\nG90",
     "modal drilling": "MCALL CYCLE81(50,0,2,-20)\nX20 Y30 | X19.9000 Y30.2000\nX40 | X39.9000 Z49.7000\nMCALL",
     "one hole": "G0 X20 Y30 | G0 X19.9000 Y30.2000\nCYCLE81(50,0,2,-20)",

@@ -20,7 +20,7 @@ TWO = {"a": Target((0.0, 0.0, -120.0)), "b": Target((80.0, 0.0, -150.0))}
 
 
 def measured(strategy, points, seed=0, **choices):
-    """A random machine and what a tracker sees of it."""
+    """A random machine and the readings of a tracker."""
     rng = np.random.default_rng(seed)
     truth, made = random_truth(GANTRY, rng), plan(GANTRY, strategy, points, None, Choices(**choices))
     poses = {"s1": tracker_pose((-1500.0, 1500.0, 300.0), rng)}

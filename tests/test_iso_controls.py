@@ -1,4 +1,4 @@
-"""ISO blocks that controls read in different ways: refused, unless `family` in the machine file decides; by LinuxCNC."""
+"""ISO blocks that controls read differently: refused, unless `family` in the machine file decides; by LinuxCNC."""
 
 import dataclasses
 import re
@@ -202,7 +202,7 @@ def test_lines_that_linuxcnc_can_read(check, linuxcnc):
 
 @pytest.mark.parametrize(("family", "size", "status"), [("any", 253, 2), ("fanuc", 253, 0), ("any", 254, 0)])
 def test_a_corrected_line_that_linuxcnc_could_not_read(check, command, tmp_path, family, size, status):
-    """Refused, unless the control is no LinuxCNC: its own line is too long already, or the machine file says so."""
+    """Refused, unless its own line is too long for LinuxCNC already, or the machine file names another control."""
     check("G21 G90 G54\nG0 X100. Y50. Z50.\n" + padded(size) + "M30\n", family, "dmu50")
     calibration = MACHINES / "calibrations" / "dmu50.json"
     done = command("a.nc", "--machine", "mill.toml", "--calibration", calibration, "--no-travel-check", "-o", "out.nc")
@@ -226,7 +226,7 @@ def test_an_argument_that_a_call_leaves_out_is_empty_on_fanuc(call, x):
 
 
 def test_increments_between_holes_keep_their_depth_on_fanuc():
-    """The bottom stays where it was said, whatever G90 and G91; words that are put in count as the block does."""
+    """The bottom stays at its programmed position under G90 and G91; inserted words count as the block does."""
     text = "G21 G90 G54 G17 G98\nG0 X10. Y5. Z100.\nG81 Z-20. R2. F100\nG91 X10. Y5.\nX10.\nG90 X50.\nG80\nG0 Z90.\n"
     machine = with_family("gantry", "fanuc")
     nominal = read(text, machine)
@@ -241,7 +241,7 @@ def test_increments_between_holes_keep_their_depth_on_fanuc():
 
 
 def test_a_cycle_that_is_only_set_is_corrected_at_its_first_hole():
-    """K0 drills nothing; what holds for the first hole is said there."""
+    """K0 drills nothing; the first hole gets the words that hold for it."""
     machine = with_family("gantry", "fanuc")
     text = "G21 G90 G54 G17 G98\nG0 X10. Y5. Z100.\nG81 Z-20. R2. F100 K0\nX20.\nX30.\nG80\nG0 Z90.\n"
     written = correct(text, machine, shifted(machine, X=3.0, Z=5.5), travel_check=False).text.splitlines()

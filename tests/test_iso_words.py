@@ -1,4 +1,4 @@
-"""Every code beside every word, under every modal motion: what ncomp reads ends where LinuxCNC ends."""
+"""Every code beside every word, under every modal motion: the moves of ncomp end where those of LinuxCNC end."""
 
 import dataclasses
 import itertools
@@ -30,7 +30,7 @@ COUNT = 1500
 @pytest.mark.slow
 @pytest.mark.parametrize("family", ["any", "linuxcnc"])
 def test_blocks_end_where_linuxcnc_ends(family, linuxcnc):
-    """A drawn part of them all; what either refuses is no danger."""
+    """A random sample of them all; blocks that either refuses are no danger."""
     machine = load("gantry")
     machine = dataclasses.replace(machine, control=dataclasses.replace(machine.control, family=family))
     drawn = random.Random(7).sample(list(itertools.product(MOTIONS, CODES, WORDS)), COUNT)

@@ -38,7 +38,7 @@ BODIES = {
 
 @pytest.mark.parametrize("name", BODIES)
 def test_iterations_that_differ_by_less_than_the_tolerance(name):
-    """The prediction is of the text: as what reads both texts finds it."""
+    """The prediction is that of the written text: `verify`, which reads both texts, finds the same."""
     text, model = LOOP.format(body=BODIES[name]), random_model(GANTRY, 11, 60.0)
     result = correct(text, GANTRY, model)
     verdict = verify(read(text, GANTRY), read(result.text, GANTRY), model)

@@ -1,4 +1,4 @@
-"""Corrected Klartext arcs by what the control takes: as helices, in their plane, or with a word across it."""
+"""Corrected Klartext arcs by the abilities of the control: as helices, in their plane, or with a word across it."""
 
 import re
 
@@ -36,7 +36,7 @@ END PGM A MM
 
 
 def corrected(tmp_path, how, program=PROGRAM):
-    """Lines and figures of the command's output for a DMU 50 whose machine file says how arcs are written."""
+    """Lines and figures of the command's output for a DMU 50 whose machine file sets `klartext_arcs`."""
     text = (machines.FOLDER / "dmu50.toml").read_text(encoding="utf-8")
     control = "" if how is None else f'[control]\nklartext_arcs = "{how}"\n\n'
     machine, source, out = (tmp_path / name for name in ("m.toml", "a.h", "out.h"))

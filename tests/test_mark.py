@@ -1,4 +1,4 @@
-"""The mark of a corrected program: with what it was corrected, and that `verify` finds another calibration or set-up."""
+"""The mark of a corrected program: its fingerprints, and `verify` finds another calibration or set-up."""
 
 import itertools
 import re

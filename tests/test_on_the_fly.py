@@ -252,7 +252,7 @@ def test_errors_are_found_within_their_uncertainties():
 
 
 def test_the_remedy_of_the_blind_mode_is_another_path_even_where_angles_are_not_seen():
-    """Corner to corner only, bases of different sizes: unseen angles stand beside the mode, not in it."""
+    """Corner to corner only, bases of different sizes: unseen angles are listed beside the mode, not in it."""
     corners = [
         (0, 0, 0),
         (1, 1, 1),

@@ -1,4 +1,4 @@
-"""What is not plausible ends with one message and no file; by name it is accepted, and that is said everywhere."""
+"""An implausible correction ends with one message and no file; accepted by name, it is named in every output."""
 
 import datetime
 import json

@@ -1,4 +1,4 @@
-"""What a run reports of the corrections: only those of positions that the program has said, with the right reason."""
+"""The reported corrections of a run: only those of positions that the program has given, with the right reason."""
 
 from __future__ import annotations
 

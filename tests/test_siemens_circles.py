@@ -1,4 +1,4 @@
-"""CIP and CT of Siemens programs: circles that the control works out; a correction writes G2 or G3 in their place."""
+"""CIP and CT of Siemens programs: circles that the control calculates; a correction writes G2 or G3 instead."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""Machines and designs that ncomp's planning does not make: what `fit` writes helps, and does not claim too much."""
+"""Machines and designs that ncomp's planning does not make: calibrations by `fit` help, with honest uncertainties."""
 
 from __future__ import annotations
 

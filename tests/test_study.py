@@ -64,7 +64,7 @@ def results(cases: list[Case], draws: Draws | int, team=None, store: Store | Non
 
 
 def measured_as(ready: Prepared, drawn: Sample, draw: int) -> Measurement:
-    """What the instrument reads of a draw by the exact kinematics, with the noise of the draw."""
+    """Readings of the instrument in a draw by the exact kinematics, with the noise of the draw."""
     setup, nominal = ready.setup, ready.setup.measurement
     seen = observe(
         nominal.machine, ready.case.truths.machine(drawn.coefficients[:, draw]), nominal.state, nominal.instrument,
@@ -569,7 +569,7 @@ def _positions(path: Path) -> np.ndarray:
 
 @pytest.mark.parametrize("stations", [1, 2, 4])
 def test_every_station_costs_its_time(stations):
-    """All points in sight: each place of the tracker takes as long as one alone."""
+    """All points in sight: each position of the tracker takes as long as one alone."""
     places = [[-1500, 1500, 300], [6500, 1500, 300], [2500, -1500, 400], [2500, 4500, 400]]
     alone = paper_case().setup().minutes
     assert paper_case(tracker=places[:stations]).setup().minutes == pytest.approx(stations * alone)

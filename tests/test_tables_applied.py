@@ -1,4 +1,4 @@
-"""Every export, applied to the virtual machine as its control would: what is left is as the sheet says.
+"""Every export, applied to the virtual machine as its control would: the remaining error agrees with the sheet.
 
 The files are written by the command; the control (`virtual_machine.controls`) shares no code with it. Their values are
 read back by the command too, and written a second time.
@@ -54,7 +54,7 @@ def calibration(machine, path):
 
 
 class Written(NamedTuple):
-    """An export: its machine, its folder, and what it told."""
+    """An export: its machine, its folder, and its JSON results."""
 
     machine: str
     format: str
@@ -81,7 +81,7 @@ def imported(command, written, name, sign="error"):
 
 
 def places(chain, turns=2, n=20_000):
-    """Commands `(n, axes)`, mm and degrees, in the volume (endless axes in turns to either side), and ways."""
+    """Commands `(n, axes)`, mm and degrees, in the volume (endless axes in turns to either side), and directions."""
     rng = np.random.default_rng(11)
     low, high = np.array([bounds(axis) for axis in chain.axes]).T
     commands = rng.uniform(low, high, (n, len(low)))
@@ -103,7 +103,7 @@ def rms(sizes):
 
 
 def check_left(written, source, sign="error"):
-    """What is left by the control is what was told, with and without the zeros shifted."""
+    """The remaining error on the control is the predicted one, with and without the zeros shifted."""
     chain, truth = chain_of(written.machine), read_calibration(Path(source))
     moves = control(written.format, written.folder, chain, sign, TOOL)
     told = written.told["errors"]["volume"]["tool_point_um"]
@@ -122,7 +122,7 @@ def check_left(written, source, sign="error"):
 
 
 def check_round_trip(command, written, sign="error"):
-    """What is read back is written again: both readings take the same errors away."""
+    """Tables that are read back and written again: both readings remove the same errors."""
     machine = load(written.machine)
     first = imported(command, written, "first.json", sign)
     again = exported(command, written.machine, written.format, "first.json", "again", sign)

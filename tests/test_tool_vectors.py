@@ -1,4 +1,4 @@
-"""Programs that say the tool axis as a vector, by the command: the figures of the run are those of `verify`."""
+"""Programs with the tool axis as a vector, by the command: the figures of the run are those of `verify`."""
 
 import json
 from pathlib import Path

@@ -32,7 +32,7 @@ def length(first: Array, second: Array, rng: np.random.Generator) -> float:
 
 
 def drawn(rng: np.random.Generator, repeats: int) -> str:
-    """Tests of a virtual tracker, from what it reads."""
+    """Tests of a virtual tracker, from its readings."""
     rows = ["test,range_mm,range_2_mm,length_mm,error_um"]
     x, y = np.eye(3)[:2]
     for _ in range(repeats):

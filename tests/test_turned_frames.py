@@ -39,7 +39,7 @@ def test_a_turn_in_a_plane_needs_no_third_axis(dialect):
 
 
 def test_what_is_not_named_stays_where_the_control_holds_it():
-    """Of the two that the turn couples, the program names one: that one is corrected, and the note has the lines."""
+    """The program gives one of two axes that the rotation couples: this one is corrected, and a note has the lines."""
     text = "G21 G90 G17\nG0 X500 Y500 Z500\nG1 Z450 F500\nG68 X500 Y500 R30\nX600\nX700\nY600\nG69\nX500\nZ440\n"
     result = correct(text, GANTRY, random_model(GANTRY, 3), **WHOLE)
     assert any(re.search(r"Y not corrected.*\(lines 5-6, 9-10\)", note) for note in result.report.notes)
@@ -123,7 +123,7 @@ UNMOVED = {
 
 @pytest.mark.parametrize("name", ["G92", "G53"])
 def test_axes_that_stand_keep_their_direction(name):
-    """A constant error beside the play: its correction is no move where a block says nothing of it."""
+    """A constant error beside the play: its correction is no move of an axis that a block does not contain."""
     machine, widths = GANTRY, {"X": 15.0, "Y": 15.0, "Z": 15.0}
     errors = shifted(machine, X=90.0, Y=-80.0, Z=70.0), played(machine, **widths)
     model = model_of(machine, *(effect for part in errors for effect in part.effects))

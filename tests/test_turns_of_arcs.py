@@ -104,7 +104,7 @@ def test_linuxcnc_runs_the_pieces(linuxcnc, seed):
 
 
 def test_the_radius_runs_evenly_from_one_end_to_the_other():
-    """Where the two radii differ by what controls let pass: no jump of 15 um at the end of the arc."""
+    """The two radii differ within the tolerance of controls: no jump of 15 um at the end of the arc."""
     text = HEAD.format(plane="G17") + "G3 X1010 Y1029.985 I0 J10 F500\n"
     motions = read(text, GANTRY)
     radii = [math.dist(motions.along(share)[-1, :2], (1010.0, 1020.0)) for share in (0.0, 0.5, 0.9999999, 1.0)]

@@ -44,7 +44,7 @@ class Call(NamedTuple):
     line: int = 0
     values: tuple[float, ...] = ()
     before: tuple[tuple[str, Any], ...] = ()
-    """Calls of the module since the last move that place the coordinates: g5x, g92, rotation, tool_length, plane."""
+    """Calls of the module since the last move that set the coordinates: g5x, g92, rotation, tool_length, plane."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class RefusedError(Exception):
 
 
 class ClientError(Exception):
-    """The two front ends do not agree, or one of them ended in an unknown way."""
+    """The two front ends do not agree, or one of them ended with an unknown status."""
 
 
 OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
@@ -145,7 +145,7 @@ def _joined(printed: list[tuple[str, str]], exact: list[Call]) -> list[Call]:
         if move is None or move.name != MOVES[name]:
             raise ClientError(f"rs274 moves by {name}({text}), gcode by {move}")
         if not _same_end(name, text, move, unit):
-            raise ClientError("its two front ends end a move at different places")
+            raise ClientError("its two front ends end a move at different positions")
         joined.append(move)
     left = next(moves, None)
     if left is not None:

@@ -15,7 +15,7 @@ LETTERS = "XYZABC"
 HALF = 1000.0
 """Half the travel of every axis, mm; error motions are polynomials over the whole of it."""
 HASH = "f5c855c98c3eafe6"
-"""Of the chain, as the shipped gantry has it."""
+"""Hash of the chain of the shipped gantry."""
 
 
 def machine_text(control: str, tables: str = "") -> str:
@@ -30,11 +30,11 @@ class Errors:
 
     parameters: Array
     play: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Lost motion, um: an axis that moves up stands half of it lower."""
+    """Lost motion, um: an axis that moves up is half of it lower."""
     wave: tuple[float, float] = (0.0, 1.0)
     """Amplitude, um, and period, mm, of a cyclic error of each axis along itself."""
     teeth: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    """Steps of a table in the control: height, um, pitch and place of one, mm; the same in each axis."""
+    """Steps of a table in the control: height, um, pitch and position of one, mm; the same in each axis."""
 
     def text(self) -> str:
         """As a calibration file."""

@@ -1,4 +1,4 @@
-"""Which moves of a correction belong to which move of the program; what the program has placed so far."""
+"""Assignment of the moves of a correction to the moves of the program; axes that the program has positioned so far."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Group:
     programmed: Move
     written: list[Move]
     shares: list[float]
-    """Shares of the programmed move at which the written ones begin; nan where they do not say it."""
+    """Shares of the programmed move at which the written ones begin; nan where they do not contain it."""
     taken: list[Move] = field(default_factory=list)
     """Moves before it that take up play; those within it are among the written ones."""
 
@@ -46,7 +46,7 @@ def split_lines(text: str) -> list[str]:
 
 
 def grouped(before: Moves, after: Moves, text: str) -> list[Group]:
-    """Moves of the correction, whose text is given, under those of the program; DisorderError says what is wrong."""
+    """Moves of the correction, whose text is given, under those of the program; DisorderError names a difference."""
     groups = list(_groups(without_trims(before[0]), without_trims(after[0]), split_lines(text)))
     for group in groups:
         programmed, written = group.programmed, group.written
@@ -102,7 +102,7 @@ class Placed:
         """The frame is new, or may be, since the move before."""
 
     def follow(self, i: int) -> set[str]:
-        """Axes that are placed behind move `i`, to be asked in order; none behind one to a place of the machine."""
+        """Axes with a known position after move `i`, called in order; none after a move to machine coordinates."""
         move = self.groups[i].programmed
         code = self.codes[move.line - 1]
         self.changed = bool(

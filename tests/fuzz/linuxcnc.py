@@ -1,4 +1,4 @@
-"""Examiner: LinuxCNC runs a program and its correction; a gantry with errors must then cut what was programmed."""
+"""Examiner: LinuxCNC runs a program and its correction; a gantry with errors must then cut the programmed path."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def at_a_border(rng: random.Random, text: str) -> str:
 
 
 def options_of(rng: random.Random) -> tuple[str, ...]:
-    """Offsets, tools, and what a machine with so large errors asks for."""
+    """Offsets, tools, and the options for a machine with such large errors."""
     options = ["--no-travel-check", "--max-correction-um", "5000", "--accept", "outside,insignificant"]
     options += ["--unroll"] if rng.random() < 0.25 else []
     for name in OFFSETS:
@@ -146,7 +146,7 @@ def examine(texts: tuple[str, str], before: Moves, after: Moves, errors: Errors,
 
 
 class Judge:
-    """Where the machine with errors cuts what the correction makes of each move."""
+    """Compares the cut of the machine with errors, for each corrected move, with the programmed move."""
 
     def __init__(self, text: str, errors: Errors, groups: list[Group], whole: set[int]) -> None:
         self.groups, self.errors, self.whole = groups, errors, whole
@@ -161,7 +161,7 @@ class Judge:
         self.loose = BELIEF * max(deviations, default=0.0) + 0.01
 
     def fault(self, i: int) -> str:
-        """What is wrong with a move, empty for nothing."""
+        """The fault of a move, empty for none."""
         group = self.groups[i]
         programmed, written = group.programmed, group.written
         limits = self._limits(i)
@@ -200,7 +200,7 @@ class Judge:
         return limits
 
     def _strayed(self, programmed: Move, written: list[Move], shares: list[float]) -> float:
-        """Farthest, mm, of the cut from the way at the same share of it."""
+        """Largest distance, mm, of the cut from the programmed path at the same share of it."""
         worst = 0.0
         for move, begin, end in zip(written, shares, [*shares[1:], 1.0], strict=True):
             actual = self.errors.tool_point(move.points, move.tool)

@@ -61,7 +61,7 @@ def _number(text: str, other: str, rng: random.Random) -> str:
 
 
 def _word(text: str, other: str, rng: random.Random) -> str:
-    """A word becomes another, or one more is said."""
+    """A word is replaced by another, or one is added."""
     found, others = list(_WORD.finditer(text)), _WORD.findall(rng.choice((text, other)))
     if not found or not others:
         return text

@@ -1,6 +1,6 @@
 """Input files other than programs that somebody has spoiled: refused in words by the commands, or read.
 
-The kind of a file stands in the first of the options of a case; what reads it is in `READERS`. An accepted machine,
+The first option of a case is the kind of its file; `READERS` has the reader of each kind. An accepted machine,
 calibration or table has to give finite numbers.
 """
 
@@ -184,7 +184,7 @@ def judge(case: Case) -> Outcome:
     except UserError as refusal:
         message = str(refusal).replace(f"{folder}/", "")
         if len(message) < 10:
-            return Outcome(Verdict.DIFFERS, f"a message that says nothing: {message}")
+            return Outcome(Verdict.DIFFERS, f"a message without content: {message}")
         return Outcome(Verdict.REFUSED, kind)
     finally:
         for left in folder.iterdir():

@@ -51,7 +51,7 @@ LONGEST_RUN = 2_000
 CORRECTED_SHARE = 0.01
 """Share of accepted programs that are corrected as well."""
 LARGEST_MM = 0.5
-"""Of a correction by the models used here, with play and the lengths of levers."""
+"""Largest correction by the models used here, mm, with play and the lengths of levers."""
 HEAD_LINES, SECTION_LINES = 12, 14
 
 
@@ -153,9 +153,9 @@ def _judge_corrected(job: Job, model: ErrorModel) -> Outcome:
 
 
 def _refused(message: str, name: str) -> Outcome:
-    """A refusal names the program, and says something."""
+    """A refusal names the program, and gives a reason."""
     if not message.startswith((f"{name}:", f"program {name}")) or len(message) < len(name) + 8:
-        return Outcome(Verdict.DIFFERS, f"a message without place: {message}")
+        return Outcome(Verdict.DIFFERS, f"a message without program name: {message}")
     return Outcome(Verdict.REFUSED, "in words")
 
 

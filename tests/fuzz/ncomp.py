@@ -18,7 +18,7 @@ ENCODING = "latin-1"
 
 
 class Run(NamedTuple):
-    """How a run ended: exit status, text written (None: no file), what was shown, and its machine-readable report."""
+    """The result of a run: exit status, text written (None: no file), text shown, and its machine-readable report."""
 
     status: int
     text: str | None

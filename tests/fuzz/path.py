@@ -1,4 +1,4 @@
-"""Canonical calls as moves of the axes: where they go, by which path, and what else happens between them."""
+"""Canonical calls as moves of the axes: their ends, their paths, and the other calls between them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Frame:
     plane: str = "xy"
 
     def set(self, name: str, values: list[float]) -> None:
-        """Take over what a call sets."""
+        """Apply the values that a call sets."""
         if name == "plane":
             self.plane = str(values)
         elif name == "rotation":
@@ -69,13 +69,13 @@ class Move:
     feed: float
     since: tuple[str, ...]
     number: int = 0
-    """Of the frame that holds: a new one after every call that places the coordinates."""
+    """Number of the active frame: a new one after every call that sets the coordinates."""
     takes_up: bool = False
     """A block of ncomp's own that takes up play."""
     degrees: float = 0.0
     """That the frame is turned by."""
     at: Callable[[Array], Array] = field(default=lambda share: share, repr=False)
-    """Axis positions (n, 3) at shares (n,) of the way."""
+    """Axis positions (n, 3) at shares (n,) of the path."""
 
     @property
     def end(self) -> Array:
@@ -94,7 +94,7 @@ SAMPLES = 17
 def moves(
     calls: Iterable[Call], tools: Mapping[int, tuple[float, float]], samples: int = SAMPLES
 ) -> tuple[list[Move], tuple[str, ...]]:
-    """All moves, and what happens behind the last of them."""
+    """All moves, and the calls after the last of them."""
     frame, at, found = Frame(), np.zeros(3), []
     since: list[str] = []
     feed, unit, number, spindle = 0.0, 1.0, 0, 0.0
@@ -148,7 +148,7 @@ def without_trims(moves: list[Move]) -> list[Move]:
 
 
 def _points(call: Call, frame: Frame, start: Array, shares: Array) -> Array:
-    """Axis positions at shares of the way from a program point."""
+    """Axis positions at shares of the path from a program point."""
     return frame.machine(_program_points(call, frame, start, shares[:, None]))
 
 

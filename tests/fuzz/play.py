@@ -54,7 +54,7 @@ class Play:
     def __init__(self, play: Iterable[float]) -> None:
         self.half = 0.5e-3 * np.array(list(play))
         self.low, self.high = -self.half.copy(), self.half.copy()
-        """Of the carriage, mm, behind the command; where both agree it is known."""
+        """Lower and upper limits of the lag of the carriage behind the command, mm; if they agree it is known."""
         self.at = np.zeros(3)
 
     def follow(self, q: Array) -> tuple[Array, Array]:
@@ -132,7 +132,7 @@ class Mechanics:
         return f"{programmed.kind}: off by {error * 1e3:.2f} um, before {was * 1e3:.2f}, tolerance {limit * 1e3:.2f}"
 
     def _cut(self, written: list[Move], play: Play) -> Array:
-        """Tool points (2, n, 3) along moves, for both extremes of what is not known."""
+        """Tool points (2, n, 3) along moves, for both extremes of the unknown lag."""
         cut = []
         for move in written:
             sides = play.follow(move.points)
@@ -160,7 +160,7 @@ class Mechanics:
 
 
 def _distance(points: Array, move: Move) -> Array:
-    """Distance (2, n) of points (2, n, 3) from the programmed way of the tool, to about 0.05 um."""
+    """Distance (2, n) of points (2, n, 3) from the programmed path of the tool, to about 0.05 um."""
     flat_points = points.reshape(-1, 3)
     shares = np.linspace(0.0, 1.0, COARSE)
     nearest = shares[cKDTree(move.at(shares) - [0.0, 0.0, move.tool]).query(flat_points)[1]]
@@ -179,7 +179,7 @@ def _from(points: Array, place: Array) -> float:
 
 
 def _excused(report: dict[str, object]) -> int:
-    """How many moves a note says may be off by a play."""
+    """Number of moves that may be off by a play according to a note."""
     notes = [str(note) for note in report.get("notes", ())]  # type: ignore[attr-defined]
     said = [note for note in notes if "taken up along" in note or "turns back" in note]
     counts = [note.rpartition(", ")[2].partition(" times")[0] for note in said]

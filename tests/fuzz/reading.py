@@ -28,7 +28,7 @@ Row = tuple[int, Kind, Array]
 
 
 def fault(case: Case, moves: list[Move]) -> str:
-    """The first move that ncomp reads in another way than LinuxCNC, empty for none; contours are left out."""
+    """The first move that ncomp reads differently from LinuxCNC, empty for none; contours are left out."""
     codes = [code_of(line) for line in split_lines(case.program)]
     if any(re.search(r"G4[12](?!\d)", code) for code in codes):
         return ""

@@ -27,7 +27,7 @@ class Style:
         self.number = 0
 
     def value(self, value: float, decimals: int = 4) -> str:
-        """A number; what it reads back as is `round(value, decimals)`."""
+        """Text of a number; its value when read is `round(value, decimals)`."""
         text = f"{round(value, decimals):.{decimals}f}".rstrip("0")
         text = text.removesuffix(".") if self.rng.random() < 0.3 else text
         text = "0" if text in {"-0", "-0."} else text
@@ -88,7 +88,7 @@ def _lowered(text: str) -> str:
 
 
 class Program:
-    """Writes one program; holds what it has said so far, mm, in the coordinates in force. None: not known."""
+    """Writes one program; holds the programmed positions, mm, in the active coordinates. None: not known."""
 
     def __init__(self, seed: int, *, contours: bool, plain: bool) -> None:
         self.rng = rng = random.Random(seed)
@@ -189,7 +189,7 @@ class Program:
         return self.style.value(value, self.decimals), value * self.unit
 
     def axis(self, name: str, target: float) -> str:
-        """A word that goes to `target` in mm, as an increment or not; its place is then known."""
+        """A word that moves to `target` in mm, as an increment or not; the position is then known."""
         here = self.at[name]
         if self.absolute:
             text, self.at[name] = self.coordinate(target)
@@ -227,7 +227,7 @@ class Program:
         self.put(words)
 
     def same(self) -> None:
-        """A move to where the tool stands, or a motion code alone."""
+        """A move to the present position of the tool, or a motion code alone."""
         name = self.rng.choice("XYZ")
         if self.at[name] is not None and self.per_minute:
             self.put([*self.g(self.rng.choice("01")), self.axis(name, self.at[name] or 0.0)])
@@ -540,7 +540,7 @@ class Program:
         self.at[name] = value * self.unit if self.absolute else None if here is None else here + value * self.unit
 
     def _body(self, lines: int) -> None:
-        """A few plain statements whose start is not known; what they leave behind is not known either."""
+        """A few plain statements with an unknown start; the state after them is not known either."""
         before, self.simple = self.simple, True
         absolute, per_minute = self.absolute, self.per_minute
         self.at, self.motion = dict.fromkeys("XYZ"), None

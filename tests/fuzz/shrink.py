@@ -25,7 +25,7 @@ def shrink(text: str, differs: Callable[[str], bool], seconds: float = SECONDS) 
 
 
 def _words(line: str) -> list[str]:
-    """Words of a line: a letter with what follows up to the next letter or blank, brackets whole; last the line end."""
+    """Words of a line: a letter with the text up to the next letter or blank, brackets whole; last the line end."""
     body = line.rstrip("\r\n")
     words = re.findall(r"\s+|[A-Za-z_]?[^\sA-Za-z\[<(]*(?:\[[^\n]*\]|<[^>\n]*>|\([^)\n]*\))?", body)
     return [*filter(None, words), line[len(body) :]]

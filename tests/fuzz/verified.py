@@ -37,13 +37,13 @@ TESTS = Path(__file__).parents[1]
 MACHINES = ("gantry", "cframe", "bzt_pfu", "dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table")
 ENDINGS = {"iso": ".nc", "siemens": ".mpf", "heidenhain": ".h"}
 LENGTH = 80.0
-"""Of the tool, mm."""
+"""Length of the tool, mm."""
 REACH = 40.0
-"""Of the programs about the middle of X, Y and Z, mm."""
+"""Largest distance of programmed positions from the middle of X, Y and Z, mm."""
 TURN = 25.0
-"""Of rotary axes about the middle of what they may, degrees."""
+"""Largest rotation of rotary axes from the middle of their travel, degrees."""
 ROUNDING_UM = 0.35
-"""Of the tool point, by axis words of 0.1 um and turns of 0.1 mdeg."""
+"""Error of the tool point by the rounding of axis words, 0.1 um and 0.1 mdeg, um."""
 LARGE = (1e3,)
 """Tolerance at which nothing is split; with play nothing would be a reversal either."""
 CLAIM_UM = 0.05
@@ -60,7 +60,7 @@ _OWN = re.compile(r"NCOMP|FN 1: QL4")
 
 
 class Move(NamedTuple):
-    """One block: `G0`, `G1`, or another text with places of the axes to be filled in."""
+    """One block: `G0`, `G1`, or another text in which positions of the axes are inserted."""
 
     rapid: bool
     words: dict[str, float]
@@ -90,7 +90,7 @@ def draw(seed: int) -> Case:
 
 
 class Writer:
-    """Writes moves, and what else programs have, in one dialect."""
+    """Writes moves and other blocks of programs in one dialect."""
 
     def __init__(self, dialect: str, rng: random.Random, chain: Any) -> None:
         self.dialect, self.rng, self.chain = dialect, rng, chain
@@ -173,7 +173,7 @@ class Writer:
     def everywhere(self) -> None:
         self.move(True, {axis: self.place(axis) for axis in "XYZ"})
 
-    # ---- what only `verify` judges
+    # ---- blocks that only `verify` evaluates
 
     def arc(self) -> None:
         self.plain = False
@@ -579,7 +579,7 @@ def _rotary(chain: Any) -> list[str]:
 
 
 def _offset(chain: Any) -> dict[str, float]:
-    """Of the work offset: the middle of the travel, mm."""
+    """Work offset, mm: the middle of the travel."""
     middle = {axis: round(sum(chain.axis(axis).travel) / 2, 3) for axis in "XYZ"}
     return middle | {"Z": middle["Z"] - LENGTH}
 

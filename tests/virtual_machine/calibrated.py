@@ -25,7 +25,7 @@ class Calibrated:
     effects: tuple[Mapping[str, Any], ...]
 
     def errors(self, chain: Chain, positions: Array, ways: Array | None = None) -> Array:
-        """`(n, axes, 6)`, mm and rad, at positions `(n, axes)`, mm and degrees, come to in ways `(n, axes)`, 1 or -1."""
+        """`(n, axes, 6)`, mm and rad, at positions `(n, axes)`, mm and degrees, by directions `(n, axes)`, 1 or -1."""
         result = np.zeros((*positions.shape, 6))
         for effect in self.effects:
             i = chain.index(effect["axis"])
@@ -67,7 +67,7 @@ def motion(axis: Axis, basis: Mapping[str, Any], parameters: Sequence[float], x:
         return np.asarray(constant + sum(terms, np.zeros_like(q)))
     low, high = (basis["nodes"][0], basis["nodes"][-1]) if basis["kind"] == "b-spline" else basis["interval"]
     here = low + (x - low) % 360.0
-    if high - low < 359.0:  # straight across what was not measured
+    if high - low < 359.0:  # linear across the arc that was not measured
         ends = _curve(basis, parameters, np.array([high, low]))
         return np.where(here <= high, _curve(basis, parameters, here), np.interp(here, [high, low + 360.0], ends))
     if basis["kind"] == "b-spline":

@@ -1,4 +1,4 @@
-"""Controls with compensation tables: each reads the files of an export as its manual says, and moves the motors.
+"""Controls with compensation tables: each reads the files of an export by its manual, and moves the motors.
 
 Nothing of ncomp is used. Commands and motors are `(n, axes)`, mm and degrees; ways `(n, axes)` are 1 or -1, the
 direction in which each axis came to its command.
@@ -21,14 +21,14 @@ from virtual_machine.chain import Array, Chain, applied, nominal_points, tool_po
 from virtual_machine.truth import MICRO
 
 Motors = Callable[[Array, Array], Array]
-"""Where the motors stand for commands and ways."""
+"""Positions of the motors for commands and directions of approach (`ways`)."""
 ORDER = "XYZABCUVW"
 SIGN = {"error": -1.0, "correction": 1.0}
 """What makes a value of a file an amount that the control adds."""
 
 
 class Addition(NamedTuple):
-    """A function of commands and ways whose values are added to the command of one axis."""
+    """A function of commands and directions whose values are added to the command of one axis."""
 
     output: str
     value: Callable[[Array, Array], Array]
@@ -179,7 +179,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
 
 
 def fanuc(folder: Path, chain: Chain, sign: str, unit: float = 1e-3) -> Motors:
-    """Points of one number space; 3620 is at the reference position, each value is gained on the way to its point.
+    """Points of one number space; 3620 is at the reference position, each value is added in the section up to its point.
 
     Negative travel has points of its own from 3626 on, and the amount 3627 at the reference position.
     """
@@ -485,7 +485,7 @@ BY_MODEL: Mapping[str, Callable[[Path, Chain, str, Array], Motors]] = {
 
 
 def control(format: str, folder: Path, chain: Chain, sign: str, tool: Array) -> Motors:
-    """The control that these files were written for; sign: what it takes the values of the files for."""
+    """The control that these files were written for; sign: its meaning of the values in the files."""
     if format in SIMPLE:
         return SIMPLE[format](folder, chain, sign)
     return BY_MODEL[format](folder, chain, sign, tool)

@@ -105,7 +105,7 @@ class Shop:
     chain: Chain
     errors: Errors
     length: float
-    """Of the tool, mm."""
+    """Length of the tool, mm."""
 
     def actual(self, positions: Array, length: float) -> Array:
         """Where the tip of a tool really is `(n, 3)`, mm, workpiece frame; positions `(n, axes)`, mm and degrees."""
@@ -137,7 +137,7 @@ class Shop:
     ) -> tuple[Array, Array]:
         """Errors of the part from its datum, um: at block ends `(n,)`, and along feed moves at SHARES `(m, 32)`.
 
-        `program` is run with the work offset on this machine. What the part should be says the `nominal` program: its
+        `program` is run with the work offset on this machine. The `nominal` program defines the nominal part: its
         points as seen from the datum that the control believes in, put to the datum that the probe has touched. `wanted` is
         the work offset of this belief, where another one has been entered since.
         """

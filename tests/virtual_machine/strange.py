@@ -1,8 +1,8 @@
 """Machines and designs that ncomp's planning does not make: other chains, sizes and orders, parts of a turn, one axis
 at a time, inches, trackers on the bed or within the volume.
 
-A machine is drawn as the text of a machine file, a design as positions with targets; what a tracker reads of the
-machine with its errors is written as a measurement file. The truth at other positions judges what the command made.
+A machine is drawn as the text of a machine file, a design as positions with targets. The readings of a tracker on the
+machine with its errors are written as a measurement file. The true errors at other positions test the fitted model.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def machine_file(rng: np.random.Generator, rotary: int = 2) -> str:
 
 @dataclass(frozen=True)
 class Design:
-    """What is measured: positions `(n, axes)`, mm and degrees, a target each, and where the tracker is."""
+    """A measurement: positions `(n, axes)`, mm and degrees, a target each, and the position of the tracker."""
 
     chain: Chain
     positions: Array
@@ -85,7 +85,7 @@ def scattered(chain: Chain, rng: np.random.Generator, ranges: Ranges, count: int
 
 
 def one_at_a_time(chain: Chain, rng: np.random.Generator, ranges: Ranges, count: int) -> Array:
-    """Each axis through its range while the others stand somewhere."""
+    """Each axis through its range while the others are at a random position."""
     standing = scattered(chain, rng, ranges, 1)[0]
     parts = []
     for i, name in enumerate(chain.names):
@@ -124,7 +124,7 @@ def stand_beside(chain: Chain, rng: np.random.Generator, positions: Array, away:
 
 
 def truth_of(design: Design, rng: np.random.Generator) -> Curves:
-    """Smooth error motions over what is measured."""
+    """Smooth error motions over the measured range."""
     return smooth(_measured_chain(design), rng)
 
 
@@ -150,7 +150,7 @@ def deviations(
 
 
 def readings(design: Design, truth: Curves, rng: np.random.Generator) -> Array:
-    """What the tracker reads `(n, 3)`, mm, with its noise."""
+    """Readings of the tracker `(n, 3)`, mm, with its noise."""
     chain, q = design.chain, design.chain.to_radians(design.positions)
     errors = errors_of(design, truth, design.positions)
     places = {**design.targets, **design.table, **design.bed}
@@ -188,7 +188,7 @@ def points_file(design: Design, positions: Array) -> str:
 
 
 def left_over(points: Array, moved: Array) -> Array:
-    """What is left `(n, 3)` of displacements at points when these are shifted and turned to fit best."""
+    """Displacements `(n, 3)` at points after the best-fit shift and rotation."""
     centred = points - points.mean(axis=0)
     turns = np.cross(np.eye(3)[None], centred[:, None] / np.abs(centred).max())
     columns = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=1)
