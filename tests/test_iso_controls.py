@@ -48,7 +48,7 @@ def test_words_of_a_dwell_move_on_some_controls(check):
     assert check(program, "linuxcnc")[0] == 0
 
 
-# what stands behind HEAD: who refuses it
+# text after HEAD: the families that refuse it
 BLOCKS = {
     "G0 G20 G17 G90 G40 G49 G80": "",
     "G0 G80\nX1200.": "",

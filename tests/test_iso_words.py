@@ -19,7 +19,7 @@ CODES = (
     "G91.1", "G93 F5", "G94", "G98", "G99", "G18", "G20", "G96 D100 S9", "G97 S9", "M3 S9", "M0", "M62 P1",
     "M66 P0 L0", "M61 Q1", "G0", "G1", "G3", "G81", "G82", "G83 Q1",
 )  # fmt: skip
-"""All that end where they say: no reference point, no tool change."""
+"""All moves that end at programmed positions: no reference point, no tool change."""
 WORDS = (
     "X5", "Z1.5", "X5 Y6", "X5 R2.5", "R2.5", "I2", "I2 J0", "X5 I2", "P2", "X5 P2", "L2", "X5 L2", "Q2", "X5 Q2",
     "K2", "X5 K1", "X5 Y2 I2 J0 P2", "X5 Z1 R2.5", "X5 Z1 R2.5 L2", "X5 R2.5 P1", "X5 H1", "X5 D1", "X5 S100 T2",

@@ -15,7 +15,7 @@ from kinematics.transforms import Array
 from postproc.cli import app
 
 CLAIMED_TOO_MUCH = 2.0
-"""What is left, in standard uncertainties, RMS over the volume that was measured."""
+"""Remaining error in standard uncertainties, RMS over the measured volume."""
 
 
 def command(*arguments: str) -> None:
