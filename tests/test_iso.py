@@ -485,8 +485,8 @@ REFUSED = {
     "M30\nO2": "a second program in one file",
     "M30\n%\nO2\nX1": "a second program in one file",
     "%\nX5": "behind a tape mark that none opened",
-    "X10 %": "a tape mark that does not stand alone",
-    "/%": "a tape mark that does not stand alone",
+    "X10 %": "a tape mark beside other text",
+    "/%": "a tape mark beside other text",
     # the next block, where a semicolon ends one
     "X5; Y5": "words behind a semicolon",
     "X5 ;G1 y5 ": "words behind a semicolon",
