@@ -1,6 +1,6 @@
 """Two calibrations of one machine side by side, error motion by error motion, in the conventions of ISO 230-1.
 
-Every error motion is worked out from all effects that move the machine by position alone, as a function of its own
+Every error motion is calculated from all effects that depend on positions alone, as a function of its own
 axis with the others at home, approached from neither side, over the range that both calibrations know:
 
 | | convention |

@@ -72,7 +72,7 @@ class Seen(NamedTuple):
         between, shift = (", ".join(f"{u:.2g}" for u in values) for values in (self.u_between, self.u_shift))
         return (
             f"{between} um (k=1, x y z) of the deviation between positions; {shift} um of a shift common to all, which "
-            "a zero touched off on the machine takes up"
+            "disappears if the zero is touched off on the machine"
         )
 
     def json(self) -> dict[str, list[float]]:

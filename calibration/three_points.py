@@ -190,7 +190,7 @@ def identified(
         found[measurement.machine.axes[one.column].name] = _identify(measurement.machine, one, points, found, choice)
     _refuse_unknown(choice, found)
     notes = list(odd) + (
-        [] if points.freedom else ["every point was seen once: no repeatability, u by the sheet alone"]
+        [] if points.freedom else ["every point was measured once: no repeatability, u by the specification alone"]
     )
     results = {name: _result(measurement.machine, one, points) for name, one in found.items()}
     notes += _missed(results)

@@ -86,7 +86,7 @@ def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Bl
         try:
             return read_block(line, text)
         except RecursionError:
-            raise Refusal(line, text, "a formula that is nested or goes on for so long is not understood") from None
+            raise Refusal(line, text, "the formula is too long or nested too deeply: divide it") from None
 
     return read
 

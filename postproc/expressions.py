@@ -85,7 +85,7 @@ def evaluate(expression: Expression, scope: Scope) -> Value:
     try:
         return _value(expression, scope)
     except RecursionError:
-        raise NotKnown("a formula that is nested or goes on for so long is not understood") from None
+        raise NotKnown("the formula is too long or nested too deeply: divide it") from None
 
 
 def _value(expression: Expression, scope: Scope) -> Value:

@@ -225,7 +225,7 @@ class HeidenhainInterpreter:
         if 143.0 in content.m:
             self.control.delete_basic_rotation(block)
         if 124.0 in content.m:
-            self.notes.add("M124: the control may leave out short blocks, those that ncomp adds among them", block.line)
+            self.notes.add("M124: the control may skip short blocks, also blocks that ncomp adds", block.line)
         if 128.0 in content.m:
             self._start_tcp(block, "M128")
         if 140.0 in content.m:
@@ -255,7 +255,7 @@ class HeidenhainInterpreter:
         for axis in named or np.flatnonzero(self.machine.rotary).tolist():
             if not 0.0 <= recorder.position[axis] < 360.0 and recorder.known[axis]:
                 name, at = self.machine.names[axis], recorder.position[axis]
-                raise block.refuse(f"M94 takes whole turns off {name}{at:g}: which turn comes next is not followed")
+                raise block.refuse(f"M94 subtracts whole turns from {name}{at:g}: its turn is not known then")
 
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""

@@ -168,7 +168,7 @@ class Control:
         if self.tilt is not None:
             raise block.refuse("another preset while the working plane is tilted")
         if preset in self.without_rotation and any(self.state.setup.turned.get(preset, ())):
-            raise block.refuse(f"preset {preset} behind an M143: whether its rotation is back depends on the control")
+            raise block.refuse(f"preset {preset} after an M143: its rotation then depends on the control")
         if preset not in self.state.setup.turned:
             self.notes.add("presets taken without rotation", block.line)
         if self.places.active:

@@ -10,7 +10,7 @@ from postproc.iso_codes import AXES
 from postproc.program import Block
 
 SHIFT, ROTATION, SCALING, AXIS_SCALING = 7, 10, 11, 26
-_ORDER = "cycle {} beside another that changes the coordinates: their order is not followed"
+_ORDER = "cycle {} together with another that changes the coordinates: this order is not supported"
 
 
 @dataclass

@@ -493,7 +493,7 @@ class IsoInterpreter:
 
     def _check_cycle_frame(self, content: Content, cycle: CannedCycle) -> None:
         if cycle.unit != self.modes.unit:
-            raise content.refuse("G20 or G21 within a canned cycle: some controls read its depth anew")
+            raise content.refuse("G20 or G21 within a canned cycle: some controls interpret its depth in the new unit")
         if cycle.incremental == self.modes.absolute:
             self._check_switched(content, cycle)
         if cycle.axis != self.machine.index(self.modes.plane[2]):

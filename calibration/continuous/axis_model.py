@@ -79,8 +79,8 @@ def line_of(measurements: Sequence[Measurement], axis: str) -> Line:
     if np.abs(np.concatenate(stood) - line.positions).max() > SAME or np.ptp(np.concatenate(targets), axis=0).any():
         names = ", ".join(measurement.source for measurement in measurements)
         raise UserError(
-            f"{names}: the readings of {axis} lie on more than one line (other axes or target differ); a calibration "
-            "takes those of one line"
+            f"{names}: the readings of {axis} lie on more than one line (other axes or target differ): give "
+            "the readings of one line"
         )
     return line
 

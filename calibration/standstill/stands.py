@@ -112,7 +112,7 @@ def find_stands(stream: Stream, where: str, radius: float = RADIUS) -> Found:
     cuts = np.flatnonzero(np.diff(stream.time[kept]) > GAP_READINGS * interval) + 1
     blocks = _blocks(stream, kept, cuts, interval)
     if not len(blocks.time):
-        raise UserError(f"{where}: the beam never holds for {blocks.duration * 1e3:.0f} ms")
+        raise UserError(f"{where}: no interval of {blocks.duration * 1e3:.0f} ms without an interruption of the beam")
     size = round(blocks.duration / interval)
     radius = max(radius, OF_NOISE * 1.25 * noise / size**0.5)
     stands, creeping = [], []

@@ -45,7 +45,7 @@ Datums = Annotated[
 ]
 SetUpZero = Annotated[
     bool,
-    typer.Option("--set-up-zero", help="Work offsets and tool lengths that nobody gives are zero, on purpose."),
+    typer.Option("--set-up-zero", help="Take zero on purpose for work offsets and tool lengths that are not given."),
 ]
 NoTravelCheck = Annotated[bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")]
 Temperatures = Annotated[
