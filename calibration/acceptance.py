@@ -85,9 +85,9 @@ def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
 
 
 def no_gain(found: Fit, before: Array, held: HeldOut | None) -> str:
-    """Why a fit is no gain, empty where it is one: it leaves, or predicts, larger deviations than the nominal machine.
+    """Reason why a fit is no improvement: larger residuals, or predictions, than the nominal machine; empty if it is one.
 
-    Larger both as they are and in units of the instrument's uncertainty. before: as `nominal_residuals`.
+    They must be larger both in um and in units of the instrument's uncertainty. before: as `nominal_residuals`.
     """
     advice = "No calibration is written: check the data and the model (ncomp diagnose), or measure more"
     if found.chi2_reduced < QUIET:

@@ -24,7 +24,7 @@ from kinematics.turn import beyond, gap_of
 SHARE = 0.5
 """Largest permitted change of an error motion outside the measured range, as a share of its change inside."""
 FLOOR = 10.0
-"""um and urad: a change that is never refused."""
+"""Change, um or urad, that is never refused."""
 STEPS = 721
 """Positions on an axis."""
 
@@ -37,7 +37,7 @@ class Growth(NamedTuple):
     inside: float
     """Its change in the measured range."""
     outside: float
-    """How far it goes beyond that outside."""
+    """Its further change outside the measured range."""
     where: float
     """Position of the axis there, mm or degrees."""
     measured: str

@@ -43,15 +43,15 @@ Straightness = Literal["end-point", "least-squares"]
 POSITIONS = 121
 """Along an axis."""
 TURN = 360.0
-"""deg: a rotary axis is compared over one turn at most."""
+"""Largest compared range of a rotary axis, degrees: one turn."""
 POINTS = 1000
-"""In the common volume, at random with a fixed seed."""
+"""Number of positions in the common volume, random with a fixed seed."""
 COVERAGE = 2.0
 """k of the expanded uncertainty U."""
 CONFIDENCE = 0.95
 """Probability with which two calibrations that agree show no significant difference of an error motion."""
 LEAST = 1e-9
-"""um and urad: errors below this are none."""
+"""Smallest error, um or urad; smaller ones count as zero."""
 
 
 class Figure(NamedTuple):
@@ -139,7 +139,7 @@ class Volume(NamedTuple):
     """The difference B minus A of the tool point over the volume that both know."""
 
     bounds: Mapping[str, Interval]
-    """By axis, mm or degrees."""
+    """Bounds of the common volume by axis, mm or degrees."""
     tool_mm: float
     difference: VolumetricError
     aligned: VolumetricError
@@ -164,7 +164,7 @@ class Comparison:
 
     machine: Machine
     reference: Mapping[str, float]
-    """By axis, mm or degrees."""
+    """Reference positions by axis, mm or degrees."""
     straightness: Straightness
     motions: tuple[Motion, ...]
     figures: tuple[Figure, ...]
@@ -299,7 +299,7 @@ def _in_common_frame(
 
 
 def _left_out(effect: Effect) -> str:
-    """Why an effect is not compared; empty where it is."""
+    """Reason why an effect is not compared; empty if it is."""
     if effect.ACTS_ON == "instrument":
         return "an effect of the instrument"
     others = [need.replace("_", " ") for need in effect.needs if need != "approach"]
@@ -316,7 +316,7 @@ def _along(machine: Machine, i: int, positions: Array, way: float) -> State:
 
 
 def _intervals(machine: Machine, model: ErrorModel) -> dict[tuple[int, int], Interval]:
-    """By axis and component that the model has: where its effects are known, mm or degrees."""
+    """Intervals, mm or degrees, in which the effects of the model are known, by axis and component."""
     found: dict[tuple[int, int], Interval] = {}
     for effect in model.effects:
         known = effect.intervals
@@ -363,11 +363,11 @@ def _reference(machine: Machine, i: int, ends: Interval, references: Mapping[str
 
 
 class _Rule(NamedTuple):
-    """How an error motion is put into its convention."""
+    """Linear map of the values of an error motion to its convention."""
 
     text: str
     matrix: Array
-    """`(n, n + 1)` on its values at the positions and, last, at the reference."""
+    """Factors `(n, n + 1)` of its values at the positions and, last, at the reference."""
     mean: bool = False
     """True where its mean is a location error."""
 
@@ -474,7 +474,7 @@ def _direction(machine: Machine, i: int) -> Array:
 
 
 def _lean(side: _Side, i: int, ends: Interval | None, straightness: Straightness) -> _Seen:
-    """How far the line of a linear axis leans from its direction: vector `(3,)`, workpiece frame, mm per mm.
+    """Tilt of the line of a linear axis against its direction: vector `(3,)`, workpiece frame, mm per mm.
 
     The slope of the reference line through the deviations across the axis over a range, mm. The axis' own angular error
     motions count with their values at home: how they vary bends the line, by an amount that depends on the tool point.

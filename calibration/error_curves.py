@@ -137,7 +137,7 @@ class Candidates:
 
     best: Shape
     others: tuple[tuple[tuple[Shape, float], ...], ...] = ()
-    """By curve whose degree is open, each of its degrees with its weight; the other curves as in the best."""
+    """For each curve without a given degree, its degrees with their weights; the other curves as in the best."""
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class Interferometer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     """um per m of travel from the first position of the run."""
     u_straightness_um: float = 0.0
     u_straightness_um_per_m: float = 0.0
-    """um per m of travel from the first position of the run."""
+    """Length-dependent part of it, um per m of travel from the first position of the run."""
     u_angle_urad: float = 0.0
     """Standard uncertainty of angular error motions of a linear axis, urad."""
     components: Literal[1] = 1

@@ -28,7 +28,7 @@ class Registration:
     zeros: Mapping[str, float] = field(default_factory=dict)
     """By run of an interferometer: its reading where the axis is without error."""
     slopes: Mapping[str, float] = field(default_factory=dict)
-    """By run of a straightness: turn of its line against the axis, rad; zero is where the axis is at 0."""
+    """Slope of the line of each straightness run against the axis, rad; its zero is at position 0 of the axis."""
     targets: Mapping[str, Array] = field(default_factory=dict)
     """By name of a target on table or bed: its position `(3,)`."""
 

@@ -175,7 +175,7 @@ def identify(
 def identified(
     measurement: Measurement, choice: Choice, datums: Mapping[str, Array] | None = None, odd: Sequence[str] = ()
 ) -> ThreePoints:
-    """As `identify`, of data that can be used; `odd`: what was found about them."""
+    """As `identify`, for usable data; `odd`: notes on their anomalies."""
     places, number = physical_points(measurement)
     series = all_series(measurement, places, number)
     on_bed = {name: number for (name, _), number in places.items() if measurement.targets[name].carrier == "bed"}

@@ -29,7 +29,7 @@ KINDS = ("ranging", "length", "two-face")
 PARAMETERS = ("u_range_um", "u_range_um_per_m", "u_angle_um", "u_angle_um_per_m")
 STARTS = ((1.0, 0.5, 5.0, 2.0), (0.1, 1.0, 0.5, 5.0), (5.0, 0.05, 20.0, 0.5))
 SMALLEST = 1e-6
-"""um and um/m: below this a parameter is zero."""
+"""Smallest parameter, um or um/m; a smaller one is zero."""
 DOUBTFUL = 1e-3
 """Chance of a chi2 below which the tests do not fit the model."""
 

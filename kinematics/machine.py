@@ -112,7 +112,7 @@ class Control:
     family: Literal["any", "fanuc", "linuxcnc"] = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
     klartext_arcs: Literal["helix", "plane", "axes"] = "helix"
-    """How a corrected Klartext arc moves an axis across its plane: as a helix (`CP IPA Z`, which every control takes),
+    """Form of a corrected Klartext arc that moves an axis across its plane: a helix (`CP IPA Z`, for every control),
     not at all, or by a word beside those of the arc (`C X Y Z`)."""
     scaled_axes: Literal["", "XYZ", "XY"] = ""
     """Axes that Klartext cycle 11 scales (machine parameter 7410); without it such programs are refused."""
@@ -138,7 +138,7 @@ class Machine:
     tools_assumed: bool = False
     """The tool lengths are assumptions likewise."""
     datums: Mapping[str, Datum] = field(default_factory=dict)
-    """How work offsets are obtained, by their name; `default` for all that are not named."""
+    """Datum entries of work offsets, by their name; `default` for all that are not named."""
 
     @property
     def chain(self) -> str:

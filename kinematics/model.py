@@ -227,7 +227,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return {what: excess for what, excess in largest.items() if excess > ROUNDING}
 
     def excesses(self, machine: Machine, state: State) -> dict[tuple[str, str], Array]:
-        """How far each row `(n,)` lies outside the interval of each effect, 0 inside; names and units as `outside`.
+        """Distance of each row `(n,)` from the interval of each effect, 0 inside; names and units as `outside`.
 
         Of an axis that turns fully: how far along the turn from the arc that was measured.
         """

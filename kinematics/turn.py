@@ -58,7 +58,7 @@ def gap_of(arc: Interval) -> float:
 
 
 def beyond(arc: Interval, x: Array) -> Array:
-    """How far positions `(n,)` lie outside the measured arc, degrees along the turn to its nearer end."""
+    """Distance of positions `(n,)` from the measured arc, degrees along the turn to its nearer end."""
     if not gap_of(arc):
         return np.zeros(len(x))
     along, width = np.mod(x - arc[0], TURN), arc[1] - arc[0]
@@ -86,7 +86,7 @@ def columns_of(axis: Axis, basis: Basis, x: Array) -> Array:
 
 
 def spread_beyond(arc: Interval, x: Array) -> Array:
-    """How far an error may be from the straight line across the arc that was not measured `(n,)`, of its typical size.
+    """Standard deviation `(n,)` of an error from the line across the unmeasured arc, as a share of its typical size.
 
     The rise of the harmonic BENDING over its chord across the gap, and 1 where the gap holds a quarter of its wave on
     either side.

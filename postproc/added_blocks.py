@@ -106,7 +106,7 @@ class AddedBlock:
     iterations: Iterations | None = None
     """Iterations of the block beside it, if that may run several times."""
     number: int = 0
-    """Among the blocks of ncomp's own beside that one."""
+    """Number among the blocks that are added beside the same block."""
     _modes: list[str] = field(default_factory=list)
     _words: list[tuple[str, str]] = field(default_factory=list)
     _feed: list[str] = field(default_factory=list)

@@ -140,7 +140,7 @@ class CorrectedWays:
 
     @cached_property
     def _datum(self) -> Array:
-        """How far the part lies from its nominal position `(n, 3)`, mm, workpiece frame."""
+        """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame."""
         return datum_shifts(self.motions, self.models[0], self.conditions)
 
     @cached_property

@@ -89,13 +89,13 @@ def corrected_positions(
 
 
 class Missed(NamedTuple):
-    """How far the actual pose is from the wanted one `(n,)`: tool point, um; tool axis, urad."""
+    """Distances `(n,)` of the actual pose from the wanted one: tool point, um; tool axis, urad."""
 
     point_um: Array
-    """From the nominal tool point on the part as it lies: the error relative to the datum."""
+    """Error relative to the datum, um: distance from the nominal tool point on the part at its actual position."""
     axis_urad: Array
     absolute_um: Array
-    """From the nominal tool point of the true work offset: the absolute error."""
+    """Absolute error, um: distance from the nominal tool point of the true work offset."""
     wanted: Array
     """Nominal tool points `(n, 3)`, mm, workpiece frame."""
     apart: Array

@@ -62,7 +62,7 @@ class ControlState:
         return values
 
     def _offset_origin(self, name: str) -> Origin | None:
-        """Where a work offset comes from; None where an axis of X, Y and Z is given by nobody."""
+        """Origin of a work offset; None if X, Y or Z is not given."""
         if set("XYZ") & set(self.setup.machine.names) <= self.offsets.get(name, {}).keys():
             return Origin.PROGRAM
         given = self.setup.work_offset(name)
@@ -99,7 +99,7 @@ class ControlState:
         return key in self.tools or self.setup.names_tool(key)
 
     def _tool_origin(self, key: str) -> Origin | None:
-        """Where the length of a tool comes from; None where nobody gave it."""
+        """Origin of the length of a tool; None if it is not given."""
         if key in self.tools:
             return Origin.PROGRAM
         given = self.setup.tool_length(key)

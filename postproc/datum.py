@@ -93,6 +93,6 @@ def touched(motions: Motions) -> tuple[list[TouchOff], np.ndarray]:
 
 
 def datum_shifts(motions: Motions, model: ErrorModel, conditions: Conditions) -> Array:
-    """From the nominal tool point to that of the part as it lies `(n, 3)`, mm, workpiece frame; 0 for true offsets."""
+    """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame; 0 for true offsets."""
     touch_offs, which = touched(motions)
     return np.asarray(np.vstack([deviations(motions.machine, model, touch_offs, conditions), np.zeros(3)])[which])

@@ -49,7 +49,7 @@ _TCPM = re.compile(
 )
 _HARMLESS_FUNCTION = re.compile(r"FUNCTION (MODE MILL|(S-PULSE|FEED DWELL)\b.*)", re.IGNORECASE)
 _RESETS = {"TRANS MIRROR RESET": 8, "TRANS ROTATION RESET": 10, "TRANS SCALE RESET": 11}
-"""With the numbers of the cycles that do the same."""
+"""RESET blocks, with the numbers of the cycles that have the same effect."""
 _FN = re.compile(r"FN ?(\d+)", re.IGNORECASE)
 
 

@@ -149,7 +149,7 @@ class Control:
 
     @property
     def basic_rotation(self) -> tuple[float, float, float]:
-        """That of the preset in force, degrees about X, Y, Z."""
+        """Basic rotation of the active preset, degrees about X, Y, Z."""
         deleted = self.preset in self.without_rotation
         return (0.0, 0.0, 0.0) if deleted else self.state.setup.turned.get(self.preset, (0.0, 0.0, 0.0))
 

@@ -18,10 +18,10 @@ class Depth(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """How the words of a block are written."""
+    """Unit, decimals and extent of the written words of a block."""
 
     unit: float
-    """mm."""
+    """Unit of the numbers, mm."""
     decimals: int
     corrected: bool
     """Depth and R are corrected, not left unchanged."""

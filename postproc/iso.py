@@ -478,7 +478,7 @@ class IsoInterpreter:
             self.recorder.drill(index, hole.target, hole.level, self.modes.unit, hole.places, hole.cycle)
 
     def _returns(self, cycle: CannedCycle) -> bool | None:
-        """Where a hole ends, as `to_retract`; None where the level before the cycle is of another frame.
+        """End position of a hole, as `to_retract`; None if the level before the cycle belongs to another frame.
 
         There LinuxCNC returns to its number, and others to its position.
         """

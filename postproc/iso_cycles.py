@@ -38,9 +38,9 @@ class CannedCycle:
     known: Known
     """How that is known."""
     unit: float
-    """mm; of its numbers."""
+    """Unit of its numbers, mm."""
     frame: Frame
-    """In which it began."""
+    """Frame in which it began."""
     retract: float | None = None
     depth: float | None = None
     begun: bool = False

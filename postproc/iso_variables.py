@@ -33,7 +33,7 @@ LINUXCNC_EQUAL = 1e-4
 VALUE, RETURNED = "#<_value>", "#<_value_returned>"
 """The value that the last subprogram of LinuxCNC has returned, and whether it has; both 0 before the first."""
 EXISTS = "EXISTS"
-"""Before the name of a variable: whether LinuxCNC has one."""
+"""Function of LinuxCNC: true if the variable in its brackets exists."""
 
 
 SIGNS = {"LT": "<", "LE": "<=", "GT": ">", "GE": ">="}
@@ -230,7 +230,7 @@ LINUXCNC: Operations = {
     "ROUND": _half_away,
     "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)),
 }
-"""As its interpreter works them out."""
+"""Operations as LinuxCNC's interpreter evaluates them."""
 FANUC: Operations = {
     "EQ": lambda a, b: truth(_fanuc_equal(a, b)),
     "NE": lambda a, b: truth(not _fanuc_equal(a, b)),
@@ -239,7 +239,7 @@ FANUC: Operations = {
     "FUP": lambda a: math.copysign(math.ceil(abs(a)), a),
     "ROUND": _half_away,
 }
-"""By its manual: fractions are rounded towards zero or away from zero."""
+"""Operations by FANUC's manual: fractions are rounded towards zero or away from zero."""
 
 
 def variables_of(family: str) -> IsoVariables:

@@ -62,7 +62,7 @@ class Judge:
         """Along its moves `(n, shares, axes)`, at INNER and the end, where an axis may turn back within one."""
 
     def datum_shifts(self, motions: Motions) -> Array:
-        """How far the part lies from its nominal position `(n, 3)`, mm, workpiece frame, at the rows of a chunk."""
+        """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame, at the rows of a chunk."""
         return datum_shifts(motions, self._model, self._conditions)
 
     def along(self, motions: Motions) -> Array | None:

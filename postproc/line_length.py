@@ -1,4 +1,4 @@
-"""How long a line of an ISO program may be for LinuxCNC."""
+"""Largest length of a line of an ISO program for LinuxCNC."""
 
 from __future__ import annotations
 

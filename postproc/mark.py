@@ -37,9 +37,9 @@ class Mark(NamedTuple):
 
     calibration: str
     setup: str | None = None
-    """Geometry of the machine, and the work offsets and tools that the program uses."""
+    """Fingerprint of the geometry of the machine and of the work offsets and tools that the program uses."""
     datum: str | None = None
-    """How each of these work offsets was obtained."""
+    """Fingerprint of the datum entries of these work offsets."""
 
     def differs(self, here: Mark) -> dict[str, tuple[str, str]]:
         """Known differences, by the names PARTS: the fingerprint in this mark, and the one here."""
@@ -136,7 +136,7 @@ def _setup_lines(state: ControlState) -> Iterable[str]:
 
 
 def _datum_lines(state: ControlState) -> Iterable[str]:
-    """How the work offsets that a program has used were obtained, one a line."""
+    """Datum entries of the work offsets that a program has used, one a line."""
     for name in sorted(state.used_offsets):
         datum = state.setup.datum(name)
         at = " ".join(f"{axis}{_numbers((value,))}" for axis, value in sorted(datum.at.items()))

@@ -18,7 +18,7 @@ from postproc.motions import BY_ROW, Motions
 from postproc.moves import Arc, Kind, Known
 
 NEARLY_A_TURN = 2 * math.pi - 1e-3
-"""rad."""
+"""Sweep of an arc that is nearly a full circle, rad."""
 
 
 def arc_ends(motions: Motions, row: int) -> tuple[Point, Point]:

@@ -114,10 +114,10 @@ class Outside:
     lines: list[int] = field(default_factory=list)
     """Lines of the first MOST_LINES moves outside."""
     largest: dict[tuple[str, str], float] = field(default_factory=dict)
-    """By effect and unit, as `ErrorModel.outside`."""
+    """Largest excess by effect and unit, as `ErrorModel.outside`."""
 
     def add(self, excesses: Mapping[tuple[str, str], Array], lines: Array) -> None:
-        """How far moves `(n,)` lie outside, as `ErrorModel.excesses` has it, and their lines in the program."""
+        """Add the excesses of moves `(n,)`, as from `ErrorModel.excesses`, and their lines in the program."""
         self.moves += len(lines)
         beyond = np.zeros(len(lines), bool)
         for what, excess in excesses.items():
@@ -234,7 +234,7 @@ class CorrectionLimit:
 
     @property
     def origin(self) -> str:
-        """Where the limit comes from, in words."""
+        """Text for the origin of the limit."""
         if self._given_um is not None:
             return "--max-correction-um"
         if self._turns:

@@ -21,7 +21,7 @@ from postproc.polar_words import (
 from postproc.words import WordEditor
 
 NEAR = 3e-4
-"""mm: an arc round a pole that is nearer than this to its centre keeps its path but for as much."""
+"""Distance of a pole from the centre of an arc, mm, up to which the arc keeps its path but for this distance."""
 Ends = tuple[list[float], list[float]]
 """Where the control stands before a move, and behind it: positions of all axes, mm and degrees."""
 

@@ -43,7 +43,7 @@ class Recorder:
     _last: tuple[Frame, _Places, _Places, Arc | None] | None = field(init=False, default=None)
     """The last move: its frame, start and end, and its circle."""
     _first_lengths: dict[str, float] = field(init=False, default_factory=dict)
-    """By work offset: length of the first tool that moved in it, mm."""
+    """Length of the first tool that moved in each work offset, mm, by its name."""
     used: Frame | None = field(init=False, default=None)
     """The frame of the last programmed move."""
 

@@ -82,7 +82,7 @@ class Report:
     straying: dict[str, Straying] = field(default_factory=dict)
     """By reason: moves that stay in one piece and exceed the tolerance."""
     left: dict[str, list[int]] = field(default_factory=dict)
-    """By axes that are not corrected in feed moves: the lines."""
+    """Lines of feed moves with axes that are not corrected, by these axes."""
     conditions: Conditions = field(default_factory=Conditions)
     correction: dict[str, Statistic] = field(default_factory=dict)
     """By axis, um."""

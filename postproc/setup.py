@@ -19,14 +19,14 @@ T = TypeVar("T")
 
 
 class Origin(enum.Enum):
-    """Where a work offset or a tool length comes from; the value is the word for it on screens."""
+    """Origin of a work offset or a tool length; the value is its text on screens."""
 
     GIVEN = ""
     """Options, a table of the control, or the machine file."""
     PROGRAM = "set by the program"
     ZERO = "--set-up-zero"
     ASSUMED = "assumed"
-    """By the machine file, for all that nobody gave."""
+    """Assumed by the machine file, for all values that are not given."""
 
 
 class Given(NamedTuple, Generic[T]):
@@ -58,14 +58,14 @@ class Setup:
     turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """Work offsets that turn the coordinates, by name: degrees about X, Y, Z."""
     obtained: Mapping[str, Datum] = field(default_factory=dict)
-    """How work offsets were obtained, given for this run, by name."""
+    """Datum entries of work offsets that are given for this run, by name."""
     probed: bool = False
     """All other work offsets were touched off on the machine; otherwise they are true."""
     zero: bool = False
     """Work offsets and tool lengths that nobody gave are zero on purpose (--set-up-zero)."""
 
     def datum(self, name: str) -> Datum:
-        """How a work offset was obtained; machine coordinates are true."""
+        """Datum entry of a work offset; machine coordinates are true."""
         if name in NO_OFFSET:
             return Datum(probed=False)
         everywhere = self.machine.datums.get("default", Datum(self.probed))

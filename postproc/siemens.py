@@ -84,7 +84,7 @@ class SiemensInterpreter:
         self.absolute = True
         self.unit = 1.0
         self.work_offset, self.offset_said = "G500", False
-        """In force, and whether the program has named it: a named G500 that nobody gave is machine zero."""
+        """Active work offset, and whether the program has named it: a named G500 that is not given is machine zero."""
         self.places = Places(self.machine, self.notes)
         self.polar = Polar()
         self.cycles = Cycles(self.scope, self.notes)

@@ -51,7 +51,7 @@ class Significance:
         return min(max(self.significant / self.improvement, 0.0), 1.0)
 
     def text(self) -> str:
-        """How many moves are not significant, in words."""
+        """Text with the number of moves that are not significant."""
         return (
             f"for {self.unsure} of {self.worthwhile} moves with a predicted error above {self.tolerance_um:g} um the "
             f"predicted improvement is below {COVERAGE:g} times its standard uncertainty: "

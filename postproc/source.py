@@ -131,7 +131,7 @@ def chunks(items: Iterator[tuple[int, str]], size: int) -> Iterator[list[tuple[i
 
 
 def _state(stream: io.BufferedReader) -> tuple[int, int, int]:
-    """Which file it is, its size, and when it was written last."""
+    """Identity of the file, its size, and the time of its last change."""
     found = os.fstat(stream.fileno())
     return found.st_ino, found.st_size, found.st_mtime_ns
 

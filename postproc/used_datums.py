@@ -39,9 +39,9 @@ class UsedDatum:
     tcp: bool
     """X Y Z of the work offset are those of the tool point in the workpiece frame."""
     given: Datum
-    """As the user or the machine file gives it."""
+    """Datum entry from the user or the machine file."""
     by_default: bool
-    """Neither of them does."""
+    """True if neither of them gives one."""
     shift: Array | None = None
     """True datum minus work offset `(3,)`, mm, workpiece frame; None without an error model."""
 
@@ -96,7 +96,7 @@ class UsedDatums:
     used: list[UsedDatum] = field(default_factory=list)
     _known: set[TouchOff] = field(default_factory=set)
     _turned: dict[str, str] = field(default_factory=dict)
-    """By work offset: note on rotary axes with another position in its first move than at its touch-off; or none."""
+    """Note, by work offset, on rotary axes with another position in its first move than at its touch-off; or none."""
     _outside: list[str] = field(default_factory=list)
     """Notes on touch-offs outside the travel, or outside the range of the calibration."""
 

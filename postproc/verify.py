@@ -92,7 +92,7 @@ def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setu
 
 
 def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> list[Motions]:
-    """As `read_motions`, by an interpreter that then holds the set-up as the program has used it."""
+    """As `read_motions`, by an interpreter that contains the used set-up of the program afterwards."""
     motions = []
     for part in execution(source, dialect, interpreter).parts():
         chunk = _with_tags(part.motions)

@@ -62,9 +62,9 @@ class Iterations:
 
     layout: Layout
     counts: float
-    """How far a number may be from that of the first iteration, in units of its last decimal."""
+    """Largest difference of a number from that of the first iteration, in units of its last decimal."""
     numbers: dict[str, float | None] = field(default_factory=dict)
-    """By a name for the word; None for one that was left out."""
+    """Numbers by a name for the word; None for a word that was left out."""
 
     def agreed(self, name: str, number: float, decimals: int) -> float:
         """The number of the first iteration, if it is near enough."""

@@ -83,7 +83,7 @@ class Writer:
         self._editors: dict[int, WordEditor] = {}
         self._places: Sequence[int] | None = None
         self._iterations: dict[int, Iterations] = {}
-        """By block of the program, where blocks may run several times."""
+        """Iterations by block of the program, if blocks may run several times."""
         self._said: list[list[bool]] = []
         self._ours: list[bool] = []
         self._inner: list[bool] = []

@@ -27,9 +27,9 @@ class Stop:
     target: str = "t1"
     dwell: float = 1.0
     creep: float = 0.0
-    """mm/s, of the first axis, during the dwell."""
+    """Speed of the first axis during the dwell, mm/s."""
     settle: float = 0.0
-    """mm, of the first axis: swings in with a time constant of 80 ms."""
+    """Settling amplitude of the first axis, mm, with a time constant of 80 ms."""
     broken: tuple[float, float] | None = None
     """Shares of the dwell between which the beam is broken."""
     broken_before: bool = False

@@ -298,7 +298,7 @@ def test_the_machine_file_says_it(command):
 
 
 def test_a_work_offset_that_is_used_with_the_table_turned(command):
-    """Where it was touched off is asked for: the default is home."""
+    """The position of the touch-off is an option: the default is home."""
     head = "G21 G90 G54 T1 M6\nG43 H1\n"
     options = ("-m", "dmu50", "--work-offset", "G54=0,0,100", "--tool-length", "T1=80", "-o", "out.nc")
     note = "G54 is first used at B30,C90 and taken as touched off elsewhere: --datum G54=probed@B30,C90 if it was there"

@@ -42,7 +42,7 @@ NODE_UM, NODE_U = 0.05, 0.5
 MOST_NODES = 600
 """Largest number of nodes of a table, because the file contains their covariance."""
 CHANGES = 3.0
-"""Times its standard uncertainty, by which the reversal at a position differs from its mean where it changes."""
+"""Least difference of the reversal at a position from its mean that counts as a change, in standard uncertainties."""
 JUMP_MM = 0.05
 """Distance of the nodes beside a jump from it at least."""
 SAME = 1e-6
@@ -304,7 +304,7 @@ def _variances(model: ErrorModel) -> Array:
 
 
 def _gives_way(axis: str, both: bool) -> Callable[[Effect], bool]:
-    """Which effects the estimate holds: the positioning error of the axis, and its reversal where that is known."""
+    """Effects of the estimate: the positioning error of the axis, and its reversal if that is known."""
     own = own_component(axis)
 
     def gives_way(effect: Effect) -> bool:

@@ -85,7 +85,7 @@ class Diagnosis:
     moves: tuple[Move, ...]
     """Measurements that would tell most, per minute, the best first."""
     reason: str
-    """Why the new calibration must not be used; empty where it may."""
+    """Reason why the new calibration must not be used; empty if it may."""
 
     @property
     def accepted(self) -> bool:
@@ -226,7 +226,7 @@ def diagnose(
 
 
 def _no_gain(stage: Stage) -> str:
-    """Why the fitted model is no gain over the nominal machine; empty where it is one."""
+    """Reason why the fitted model is no improvement over the nominal machine; empty if it is."""
     found, frame = stage.fit, stage.frame
     before, held = nominal_residuals(found), frame.held_out
     everywhere = np.full_like(found.residual, np.nan)

@@ -32,7 +32,7 @@ AWAY = 0.5
 GAP_READINGS = 5.0
 """Intervals without a reading that interrupt the stream."""
 SLOWEST = 0.1
-"""s: largest interval of readings."""
+"""Largest interval of readings, s."""
 FROZEN = 20
 """Readings without any change at all from which on the beam counts as broken, where readings scatter."""
 BATCHES = 10

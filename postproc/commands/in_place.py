@@ -1,4 +1,4 @@
-"""Where a corrected program goes: over its input only on demand, and then a backup stays beside it."""
+"""Output file of a corrected program: the input only on demand, and then with a backup beside it."""
 
 from __future__ import annotations
 

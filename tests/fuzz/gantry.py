@@ -37,7 +37,7 @@ class Errors:
     """Steps of a table in the control: height, um, pitch and position of one, mm; the same in each axis."""
 
     def text(self) -> str:
-        """As a calibration file."""
+        """Text of a calibration file."""
         effects = [
             {
                 "kind": "error-motion",

@@ -90,7 +90,7 @@ def _groups(before: list[Move], after: list[Move], lines: list[str]) -> Iterator
 
 
 class Placed:
-    """Which axes the program has placed, move after move, since the last change of the frame."""
+    """Axes with a known position, move after move, since the last change of the frame."""
 
     def __init__(self, text: str, groups: list[Group]) -> None:
         self.codes = [code_of(line) for line in split_lines(text)]

@@ -73,7 +73,7 @@ class Move:
     takes_up: bool = False
     """A block of ncomp's own that takes up play."""
     degrees: float = 0.0
-    """That the frame is turned by."""
+    """Rotation of the frame, degrees."""
     at: Callable[[Array], Array] = field(default=lambda share: share, repr=False)
     """Axis positions (n, 3) at shares (n,) of the path."""
 

@@ -72,7 +72,7 @@ def _ends(motions: Motions) -> list[Row]:
 
 
 def _end(motions: Motions, row: int) -> Array:
-    """Where coordinates are turned, an axis is placed by every coordinate that moves it."""
+    """In rotated coordinates an axis gets its position from every coordinate that moves it."""
     shares = motions.frames[motions.frame[row]].shares
     assumed = (shares & (motions.known[row] == Known.ASSUMED)).any(axis=1)
     return np.where(assumed, np.nan, motions.machine_target[row])

@@ -14,7 +14,7 @@ MM_PER_INCH = 25.4
 
 
 class Style:
-    """How one program is written: mostly one habit, now and then anything."""
+    """Style of one program: mostly one habit, sometimes any form."""
 
     def __init__(self, rng: random.Random) -> None:
         self.rng = rng

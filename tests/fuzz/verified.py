@@ -47,7 +47,7 @@ ROUNDING_UM = 0.35
 LARGE = (1e3,)
 """Tolerance at which nothing is split; with play nothing would be a reversal either."""
 CLAIM_UM = 0.05
-"""Between the errors that a run predicts and those that `verify` finds."""
+"""Largest difference between the errors that a run predicts and those that `verify` finds, um."""
 ACCEPTED = frozenset(("stale", "future", "temperature", "outside", "insignificant"))
 """What random errors are not expected to keep to; worse than before no move may be."""
 KINDS = ("constant", "smooth", "located", "play", "steps", "cyclic")

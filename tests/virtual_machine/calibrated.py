@@ -52,7 +52,7 @@ def read_calibration(file: Path) -> Calibrated:
 
 
 def _sideways(axis: Axis, about: int) -> Array:
-    """Where the carriage of a linear axis leaves its line to, for each rad and mm, in the frame of its errors."""
+    """Direction of the displacement of the carriage of a linear axis for each rad and mm, in the frame of its errors."""
     return np.asarray(axis.frame.T @ np.cross(axis.frame[:, about], axis.direction))
 
 

@@ -93,9 +93,9 @@ class TouchedOff:
     offset: dict[str, float]
     """X Y Z that the control has stored, mm."""
     datum: Array
-    """Where it really is `(3,)`, mm, workpiece frame."""
+    """True position `(3,)`, mm, workpiece frame."""
     believed: Array
-    """Where a machine without errors would have found it `(3,)`."""
+    """Position `(3,)` at which a machine without errors would have found it, mm."""
 
 
 @dataclass(frozen=True)
@@ -108,16 +108,16 @@ class Shop:
     """Length of the tool, mm."""
 
     def actual(self, positions: Array, length: float) -> Array:
-        """Where the tip of a tool really is `(n, 3)`, mm, workpiece frame; positions `(n, axes)`, mm and degrees."""
+        """True positions of the tip of a tool `(n, 3)`, mm, workpiece frame; positions `(n, axes)`, mm and degrees."""
         q, tips = self.chain.to_radians(positions), _tips(len(positions), length)
         return tool_points(self.chain, q, self.errors(self.chain, positions), np.zeros((len(q), 6)), tips)
 
     def nominal(self, positions: Array, length: float) -> Array:
-        """Where it should be."""
+        """Nominal positions of the tip `(n, 3)`, mm."""
         return nominal_points(self.chain, self.chain.to_radians(positions), _tips(len(positions), length))
 
     def touched_off(self, place: dict[str, float], probe: float, **rotary: float) -> TouchedOff:
-        """The probe's tip is driven until it really is at a datum, the rotary axes standing at positions in degrees.
+        """The probe's tip is driven until it is exactly at a datum, with the rotary axes at positions in degrees.
 
         The datum is the point of the workpiece where a machine without errors would find it by the work offset `place`.
         """

@@ -59,7 +59,7 @@ class Design:
 
     @property
     def ranges(self) -> Ranges:
-        """By axis, the least and largest position."""
+        """Least and largest position of each axis."""
         return {
             name: (float(q.min()), float(q.max())) for name, q in zip(self.chain.names, self.positions.T, strict=True)
         }
@@ -141,7 +141,7 @@ def _measured_chain(design: Design) -> Chain:
 def deviations(
     design: Design, truth: Curves, positions: Array, target: tuple[float, float, float]
 ) -> tuple[Array, Array]:
-    """Where a target on the tool is to be, and by how much it is elsewhere, `(n, 3)` each, mm, workpiece frame."""
+    """Nominal positions of a target on the tool, and their errors, `(n, 3)` each, mm, workpiece frame."""
     chain, q = design.chain, design.chain.to_radians(positions)
     arms = np.tile(target, (len(q), 1))
     nominal = nominal_points(chain, q, arms)
