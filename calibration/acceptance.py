@@ -85,7 +85,7 @@ def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
 
 
 def no_gain(found: Fit, before: Array, held: HeldOut | None) -> str:
-    """Reason why a fit is no improvement: larger residuals, or predictions, than the nominal machine; empty if it is one.
+    """Reason why a fit is no improvement (larger residuals, or predictions, than the nominal machine); else empty.
 
     They must be larger both in um and in units of the instrument's uncertainty. before: as `nominal_residuals`.
     """

@@ -45,7 +45,7 @@ class Interferometer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
     """Deviations along, or about, one axis at a time; of linear axes straightness and angles too (six degrees)."""
 
     u_um: float = 0.0
-    """um; urad on a rotary axis."""
+    """Standard uncertainty, um; urad on a rotary axis."""
     u_um_per_m: float = 0.0
     """um per m of travel from the first position of the run."""
     u_straightness_um: float = 0.0
