@@ -222,7 +222,7 @@ def test_turned_coordinates(angle):
 def test_a_do_loop_behind_a_while_loop_with_a_break(limit):
     """LinuxCNC 2.9 leaves it after its first pass, whether the break was reached or not."""
     loop = f"#1=0\no1 while [#1 lt 3]\n#1=[#1+1]\no2 if [#1 eq {limit}]\no1 break\no2 endif\nX#1\no1 endwhile\n"
-    with pytest.raises(UserError, match="behind a while loop with a break"):
+    with pytest.raises(UserError, match="after a while loop with a break"):
         read(HEAD + loop + "o4 do\nX#1\n#1=[#1+1]\no4 while [#1 lt 9]\n", load("gantry"))
 
 

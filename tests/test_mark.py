@@ -92,7 +92,7 @@ def test_without_a_mark_verify_says_so(corrected):
     Path("out.nc").write_text("".join(line for line in lines if mark_in(line) is None))
     done = corrected(work_offset="G54=1,2,3")
     assert done.status == 0
-    assert "bears no mark" in done.err
+    assert "has no mark" in done.err
 
 
 def test_the_names_are_listed(corrected):

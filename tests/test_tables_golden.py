@@ -353,7 +353,7 @@ WRITERS = {
     "heidenhain old with backlash": ("heidenhain", ("layout=old", "backlash=true"), "XX", "no column BACKLASH"),
     "heidenhain old, too many rows": ("heidenhain", ("layout=old", "distance=0.5"), "XX", "do not reach"),
     "mitsubishi steps": ("mitsubishi", ("unit_um=0.01", "interval=300"), "XX", "do not reach"),
-    "straightness without interval": ("fanuc", ("straightness=true",), "YX", "say --set interval="),
+    "straightness without interval": ("fanuc", ("straightness=true",), "YX", "give --set interval="),
 }
 
 

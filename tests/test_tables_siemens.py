@@ -88,7 +88,7 @@ BROKEN = {
     "a point twice": (EEC + "$AA_ENC_COMP[0,3,X1]=0.0\n", "a second value of this point"),
     "no whole number of steps": (EEC.replace("STEP[0,X1]=1.0", "STEP[0,X1]=0.99"), "not a whole number"),
     "another axis": (EEC.replace("X1", "Q1"), "axis Q1 is none of X Y Z; give --set names=AXIS:Q1"),
-    "another measuring system": (EEC.replace("[0,", "[1,"), "say --set system=1"),
+    "another measuring system": (EEC.replace("[0,", "[1,"), "give --set system=1"),
     "no step": (EEC.replace("$AA_ENC_COMP_STEP", "; "), "no _STEP"),
     "a word": (EEC.replace("=0.003", "=x"), "a.ini:3"),
     "modulo of a linear axis": (EEC.replace("MODULO[0,X1]=0", "MODULO[0,X1]=1"), "IS_MODULO without a turn"),
