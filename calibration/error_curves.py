@@ -114,6 +114,8 @@ class Curves:
     """Those of the degrees that AIC finds best, where these curves are a mean over degrees."""
     spread: Array = field(default_factory=lambda: np.zeros((0, 1, 1)))
     """`(m, p, 6n)`: each curve less their mean, by the root of its weight, from the error motions at the positions."""
+    unresolved: tuple[int, ...] = ()
+    """Curves that have waves about as short as the positions resolve, and so probably shorter ones as well."""
 
     @property
     def degrees(self) -> tuple[int | None, ...]:
@@ -138,6 +140,8 @@ class Candidates:
     best: Shape
     others: tuple[tuple[tuple[Shape, float], ...], ...] = ()
     """For each curve without a given degree, its degrees with their weights; the other curves as in the best."""
+    unresolved: tuple[int, ...] = ()
+    """See `Curves.unresolved`: curves of which no degree below the highest two has weight."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +263,13 @@ def _by_aic(criterion: _Criterion, degrees: Array, open_: list[int], least: Arra
                 if value < best - 1e-9:
                     best, degrees, changed = value, trial, True
     trials = [[_with_degree(degrees, j, other) for other in range(least[j], highest + 1)] for j in open_]
-    return Candidates(criterion.shape(degrees), tuple(_weighted(criterion, each) for each in trials))
+    others = tuple(_weighted(criterion, each) for each in trials)
+    unresolved = [
+        j
+        for j, shapes in zip(open_, others, strict=True)
+        if min(shape.degrees[j] or 0 for shape, _ in shapes) >= max(highest - 1, least[j] + 1)
+    ]
+    return Candidates(criterion.shape(degrees), others, tuple(unresolved))
 
 
 def _with_degree(degrees: Array, component: int, degree: int) -> Array:
@@ -335,7 +345,8 @@ def averaged(candidates: Candidates, positions: Array, motions: RigidMotions) ->
         mean = np.sum([weight * each for each, weight in away], axis=0)
         estimator = estimator + mean
         spread += [np.sqrt(weight) * (each - mean) for each, weight in away]
-    return Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator, best, np.array(spread))
+    parameters = np.asarray(estimator @ motions.errors.reshape(-1))
+    return Curves(shape, parameters, estimator, best, np.array(spread), candidates.unresolved)
 
 
 def _widest(candidates: Candidates) -> Shape:

@@ -14,7 +14,7 @@ the same equations, with all covariances.
 from __future__ import annotations
 
 import datetime
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -193,7 +193,7 @@ def identified(
         [] if points.freedom else ["every point was measured once: no repeatability, u by the specification alone"]
     )
     results = {name: _result(measurement.machine, one, points) for name, one in found.items()}
-    notes += _missed(results)
+    notes += [*_missed(results), *_unresolved(results)]
     model = _model(measurement, found, results, points)
     return ThreePoints(
         results,
@@ -390,6 +390,17 @@ def _missed(results: Mapping[str, AxisResult]) -> list[str]:
         f"{', '.join(missed)}: the curve misses its points by more than they scatter (chi2/dof), u widened by its "
         "square root; --basis table holds them"
     ]
+
+
+def _unresolved(results: Mapping[str, AxisResult]) -> Iterator[str]:
+    """A sentence for each axis with error motions that its positions do not resolve."""
+    for name, result in results.items():
+        names = [f"E_{COMPONENTS[j]}{name}" for j in result.curves.unresolved]
+        if names:
+            yield (
+                f"{', '.join(names)}: waves about as short as {len(result.positions)} positions resolve; u does not "
+                f"contain shorter ones, which are probable: measure {name} at {2 * len(result.positions) - 1} positions"
+            )
 
 
 def _result(machine: Machine, found: _Found, points: stations.Points) -> AxisResult:

@@ -169,6 +169,20 @@ def test_uncertainties_hold_errors_with_five_half_waves(monkeypatch):
     assert max(degrees) > 8
 
 
+def test_waves_that_the_positions_hardly_resolve_are_named(monkeypatch):
+    """Five half-waves over the travel of X: u does not contain what 11 positions do not show, and 31 do."""
+    named = []
+    for n in (11, 31):
+        found = identify(waves(monkeypatch, n, 2)[1])
+        named.append([note for note in found.notes if "positions resolve" in note])
+    (note,) = named[0]
+    assert note.startswith("E_XX, ")
+    assert "measure X at 21 positions" in note
+    assert named[1] == []
+    smooth = measured(DMU50, model(DMU50, random_effects(8, degree=2)), AROUND, rng=np.random.default_rng(2))
+    assert not [note for note in identify(smooth).notes if "positions resolve" in note]
+
+
 def test_a_curve_that_misses_its_points_is_named_and_widened(monkeypatch):
     _, seen = waves(monkeypatch, 21, 1)
     found = identify(seen, Choice(degrees={"XX": 3}))

@@ -138,8 +138,9 @@ def _curves(axis: AxisResult) -> dict[str, Any]:
             "degree": degree,
             "chi2_reduced": one.chi2 / one.freedom if one.freedom else None,
             "u_widened_by": one.widening,
+            "resolved": j not in axis.curves.unresolved,
         }
-        for letter, degree, one in zip("XYZABC", axis.curves.degrees, axis.misfits, strict=True)
+        for j, (letter, degree, one) in enumerate(zip("XYZABC", axis.curves.degrees, axis.misfits, strict=True))
     }
 
 
