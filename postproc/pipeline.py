@@ -349,7 +349,7 @@ class Pipeline:
         for column, (moves, judge) in enumerate(((motions, self.before), (commanded, self.after))):
             np.maximum.at(errors[:, column], move, self._strayed(motions, moves, judge, rows, CLOSELY))
         found = np.unique(move)
-        self.guard.check_ways(motions, ends[found], errors[found])
+        self.guard.check_ways(motions, ends[found], errors[found], self.splitter.whole, ERROR_JUMPS)
 
     def _strayed(
         self, motions: Motions, commanded: Motions, judge: Judge, rows: np.ndarray, shares: Iterable[float] = BETWEEN

@@ -159,16 +159,33 @@ class Guard:
         """How many moves are worse by their rounding, and by how much, um, by where that is."""
 
     def check_ends(self, motions: Motions, rows: np.ndarray, errors: Array) -> None:
-        """Errors `(k, 2)`, um, before and after at the ends of some rows `(k,)` of a chunk, as `check`."""
-        self._check(motions, rows, errors, np.full(len(rows), self._rounding_um), "at its end")
+        """Errors `(k, 2)`, um, before and after at the ends of some rows `(k,)` of a chunk.
 
-    def check_ways(self, motions: Motions, rows: np.ndarray, errors: Array) -> None:
-        """The largest errors `(k, 2)`, um, before and after along moves that end at some rows `(k,)`, as `check`."""
+        Refusal at the first that is worse by more than its rounding, unless that is accepted.
+        """
+        self._check(motions, rows, errors, np.full(len(rows), self._rounding_um), "at its end", {})
+
+    def check_ways(
+        self, motions: Motions, rows: np.ndarray, errors: Array, reasons: Mapping[int, str], otherwise: str
+    ) -> None:
+        """The largest errors `(k, 2)`, um, before and after along moves that end at some rows `(k,)`.
+
+        Refusal as by `check_ends`, with the reason, by block, why a move is not split.
+        """
         factors = np.where(motions.kind[rows] == Kind.ARC, 4.0, 2.0)
-        self._check(motions, rows, errors, factors * self._rounding_um, "between its ends")
+        hints = {int(block): f": {reasons.get(int(block), otherwise)}" for block in motions.block[rows]}
+        self._check(motions, rows, errors, factors * self._rounding_um, "between its ends", hints)
 
-    def _check(self, motions: Motions, rows: np.ndarray, errors: Array, limits: Array, where: str) -> None:
-        """Refusal at the first move that is worse by more than its limit `(k,)`, um, and not accepted."""
+    def _check(
+        self,
+        motions: Motions,
+        rows: np.ndarray,
+        errors: Array,
+        limits: Array,
+        where: str,
+        hints: Mapping[int, str],
+    ) -> None:
+        """Refusal, with the hint of its block, at the first move that is worse by more than its limit `(k,)`, um."""
         before, after = errors.T
         excess = after - before
         rounded = (excess > UNSEEN_UM) & (excess <= limits)
@@ -180,7 +197,7 @@ class Guard:
             block = motions.blocks[motions.block[row]]
             found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
             if "worse" not in self._plausibility.accepted:
-                hint = TURNING_HINT if motions.turning[row] else ""
+                hint = TURNING_HINT if motions.turning[row] else hints.get(int(motions.block[row]), "")
                 raise block.refuse(f"{found}{hint}; --accept worse continues nevertheless")
             self._add(block.line, float(before[i]), float(after[i]))
 

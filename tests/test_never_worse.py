@@ -92,3 +92,11 @@ def test_a_worse_end_within_the_tolerance_is_refused(command, monkeypatch):
     accepted = command("in.nc", *options, "-o", "out.nc", "--accept", "worse", "--json", "-")
     assert accepted.status == 0, accepted.err
     assert "at most 0.6 um instead of 0.3 um (lines 4)" in json.loads(accepted.out)["accepted"]["worse"]
+
+
+def test_a_refusal_has_the_reason_why_the_move_is_not_split():
+    """A block of a loop that goes elsewhere every time stays in one piece, also over a jump."""
+    model = model_of(GANTRY, QuantisedCompensation("X", 4.7, 18.0, 10.0))
+    loop = "#100=0\nWHILE[#100 LT 3]DO1\nG1 X[112.3+#100*0.7] F500\nX[101.9+#100]\n#100=#100+1\nEND1\nM30\n"
+    with pytest.raises(UserError, match=r"worse than in the input between its ends: .*its block runs several times"):
+        judged(f"G21 G17 G90\nG0 X96.0 Y300.0 Z100.0\n{loop}", model, 5.0)
