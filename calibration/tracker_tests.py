@@ -30,6 +30,10 @@ PARAMETERS = ("u_range_um", "u_range_um_per_m", "u_angle_um", "u_angle_um_per_m"
 STARTS = ((1.0, 0.5, 5.0, 2.0), (0.1, 1.0, 0.5, 5.0), (5.0, 0.05, 20.0, 0.5))
 SMALLEST = 1e-6
 """Smallest parameter, um or um/m; a smaller one is zero."""
+NEAREST = 0.1
+"""Smallest range of a test, m."""
+LEAST_UM, LARGEST_UM = 0.01, 1000.0
+"""Limits of a tracker's errors, um; a file beyond them is in another unit."""
 DOUBTFUL = 1e-3
 """Chance of a chi2 below which the tests do not fit the model."""
 
@@ -116,6 +120,8 @@ def read_tests(path: Path) -> TrackerTests:
     near = table.numbers(["range_mm"])["range_mm"] * 1e-3
     if np.any(near <= 0.0):
         table.fault(int(np.argmax(near <= 0.0)), "range_mm", "a range is above 0")
+    if np.any(near < NEAREST):
+        table.fault(int(np.argmax(near < NEAREST)), "range_mm", "a range below 100 mm is none of a tracker's test: mm?")
     far = _own(table, "range_2_mm", kind == "ranging") * 1e-3
     half = _own(table, "length_mm", kind == "length") * 0.5e-3
     ends = np.where(kind == "ranging", far, np.hypot(near, half))
@@ -125,6 +131,10 @@ def read_tests(path: Path) -> TrackerTests:
     value, coverage = table.numbers([name])[name], _coverage(table) if name == "stated_um" else None
     if coverage is not None and np.any(value <= 0.0):
         table.fault(int(np.argmax(value <= 0.0)), name, "a stated value is above 0")
+    if np.any(np.abs(value) > LARGEST_UM):
+        table.fault(int(np.argmax(np.abs(value) > LARGEST_UM)), name, "more than 1 mm is no error of a tracker: um?")
+    if not np.any(np.abs(value) > LEAST_UM):
+        raise UserError(f"{table.source}: no {name} is above {LEAST_UM:g} um, less than any tracker errs: um?")
     return TrackerTests(kind, np.stack([begins, ends], axis=1), along, value, coverage, str(path))
 
 

@@ -241,9 +241,209 @@ def test_commands_in_a_small_part_of_the_travel_are_asked_for_their_unit(good, t
     assert "is the unit of the commands right (inch or m)?" in (done.stdout or str(done.exception))
 
 
-def test_a_dead_instrument_beside_a_continuous_run_is_refused(tmp_path):
-    run_file, targets, table = (str(tmp_path / name) for name in ("run.csv", "targets.csv", "table.csv"))
-    simulated = (
+# ---- other machines
+
+
+def drawn(*, spread: float) -> Spoil:
+    """Observations that are nothing but noise, mm."""
+
+    def spoil(head, names, rows):
+        rng, where = np.random.default_rng(0), [i for i, name in enumerate(names) if name in ("x", "y", "z")]
+        return head, names, [[str(rng.normal(0, spread)) if i in where else v for i, v in enumerate(r)] for r in rows]
+
+    return spoil
+
+
+def at_one_position(head, names, rows):
+    where = [i for i, name in enumerate(names) if re.fullmatch("[A-CX-Z]", name)]
+    return head, names, [[rows[0][i] if i in where else v for i, v in enumerate(row)] for row in rows]
+
+
+def backwards(head, names, rows):
+    return head, names, rows[::-1]
+
+
+def decimal_commas(head, names, rows):
+    return head, names, [[value.replace(".", ",") for value in row] for row in rows]
+
+
+def cell(text: str) -> Spoil:
+    return lambda head, names, rows: (head, names, [*rows[:5], [*rows[5][:-2], text, rows[5][-1]], *rows[6:]])
+
+
+OTHERS = {
+    "gantry": (
+        *("--machine", "gantry", "--strategy", "random", "--points", "60", "--tracker=-1500,1500,300"),
+        *(*TARGETS, "-u", "u_range_um=0.5", "-u", "u_angle_um=3", "-u", "u_angle_um_per_m=3"),
+    ),
+    "trunnion_ac": (
+        *("--machine", "trunnion_ac", "--strategy", "space-filling", "--points", "60", "--rotary", "simultaneous"),
+        *("--range", "C=0:360", *TARGETS, *TRACKER),
+    ),
+}
+ANYWHERE = POINTS | {
+    "um commanded": (times(1e3, *"XYZ"), "m, mm or um mixed up"),
+    "target metres off": (header(r"(target.t1: \S+ \S+) -120", r"\1 -9120"), "target t1 is stated"),
+    "noise alone": (drawn(spread=0.01), "no exchange of columns"),
+    "one position": (at_one_position, "no exchange of columns"),
+    "time backwards": (backwards, "sort them by time"),
+    "decimal commas": (decimal_commas, "a decimal comma?"),
+    "infinite": (cell("inf"), "is no number"),
+    "empty": (cell(""), "empty"),
+    "six rows": (only(6), "measure about"),
+}
+TURNING = {
+    "radians": (times(np.pi / 180.0, "C"), "with C read as rad"),
+    "radians of the other": (times(np.pi / 180.0, "A"), "with A read as rad"),
+    "sign of C": (times(-1.0, "C"), "with the sign of C reversed"),
+    "rotary axes exchanged": (exchanged("A", "C"), "with columns C and A exchanged"),
+}
+
+
+@pytest.fixture(scope="module")
+def others(tmp_path_factory) -> dict[str, Path]:
+    """Measurement files of other machines, by machine."""
+    folder = tmp_path_factory.mktemp("others")
+    for name, options in OTHERS.items():
+        done = CliRunner().invoke(app, ["simulate", *options, "-o", str(folder / name)])
+        assert done.exit_code == 0, done.exception
+    return {name: folder / name for name in OTHERS}
+
+
+@pytest.mark.parametrize(
+    ("machine", "spoil", "sentence"),
+    [
+        pytest.param(machine, *case, id=f"{machine}-{name}")
+        for machine in OTHERS
+        for name, case in (ANYWHERE | (TURNING if machine == "trunnion_ac" else {})).items()
+    ],
+)
+def test_mistakes_are_refused_on_other_machines(others, tmp_path, machine, spoil, sentence):
+    path, output = spoiled(others[machine], spoil, tmp_path / "bad.csv"), tmp_path / "cal.json"
+    done = run("fit", path, machine, output)
+    assert isinstance(done.exception, UserError), done.exception
+    assert sentence in str(done.exception)
+    assert not output.exists()
+
+
+def some_off(head, names, rows):
+    """Every fifth row 50 mm off."""
+    rng, where = np.random.default_rng(0), [i for i, name in enumerate(names) if name in ("x", "y", "z")]
+    return (
+        head,
+        names,
+        [
+            [str(float(v) + rng.normal(0, 50)) if i in where and n % 5 == 0 else v for i, v in enumerate(row)]
+            for n, row in enumerate(rows)
+        ],
+    )
+
+
+@pytest.mark.parametrize(
+    ("spoil", "key", "number"),
+    [(some_off, "outliers", 36), (lambda head, names, rows: (head, names, [*rows, *rows]), "copies", 180)],
+    ids=["outliers", "rows twice"],
+)
+def test_outliers_and_copies_are_left_out_and_listed(others, tmp_path, spoil, key, number):
+    path = spoiled(others["gantry"], spoil, tmp_path / "bad.csv")
+    done = run("fit", path, "gantry", tmp_path / "cal.json", "--json", str(tmp_path / "fit.json"))
+    assert done.exit_code == 0, done.exception
+    figures = json.loads((tmp_path / "fit.json").read_text())
+    assert len(figures[key]) == number
+    assert figures["after"]["heldout_rms_um"] < figures["before"]["rms_um"]
+
+
+# ---- on the fly
+
+PATH = "G21 G90 G17\nG0 X0 Y0 Z0\nF6000\nG1 X600 Z300\nG1 Y600 Z0\nG1 X0 Z300\nG1 X600 Y300 Z100\nG1 X0 Y0 Z0\nM30\n"
+FLYING = {
+    "inch": (times(1 / 25.4, *"xyz"), "is it another program?"),
+    "um": (times(1e3, *"xyz"), "is it another program?"),
+    "left-handed": (times(-1.0, "y"), "miss the path of the program"),
+    "noise alone": (drawn(spread=0.01), "is it another program?"),
+    "half of it": (lambda head, names, rows: (head, names, rows[: len(rows) // 2]), "is it another program?"),
+    "target metres off": (header(r"(target.t: \S+ \S+) \S+", r"\1 -9120"), "target t is stated"),
+    "time backwards": (backwards, "not later than in the row before"),
+    "rows twice": (lambda head, names, rows: (head, names, [*rows, *rows]), "not later than in the row before"),
+    "not a number": (not_a_number, "is no number"),
+    "six rows": (only(6), "too few to follow a path"),
+    "dead instrument": (constant(*"xyz"), "is it another program?"),
+    "no uncertainty": (
+        lambda head, names, rows: ([line for line in head if "u_" not in line], names, rows),
+        "standard uncertainty",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def flying(tmp_path_factory) -> tuple[Path, Path]:
+    """Readings taken on the fly, and the program."""
+    folder = tmp_path_factory.mktemp("flying")
+    data, program = folder / "points.csv", folder / "path.nc"
+    program.write_text(PATH)
+    options = ("--machine", "cframe", "--path", str(program), "--target", "t=0,0,-100", "--feed", "6000")
+    done = CliRunner().invoke(app, ["simulate", *options, *TRACKER, "--rate", "100", "-o", str(data)])
+    assert done.exit_code == 0, done.exception
+    return data, program
+
+
+@pytest.mark.parametrize("name", FLYING)
+def test_a_mistake_of_data_taken_on_the_fly_is_refused(flying, tmp_path, name):
+    spoil, sentence = FLYING[name]
+    data, program = flying
+    path, output = spoiled(data, spoil, tmp_path / "bad.csv"), tmp_path / "cal.json"
+    done = run("fit", path, "cframe", output, "--path", str(program))
+    assert isinstance(done.exception, UserError), done.exception
+    assert sentence in str(done.exception)
+    assert not output.exists()
+
+
+# ---- continuous runs
+
+
+def steps(head, names, rows):
+    """Every fifth sample 30 mm off."""
+    return head, names, [[row[0], str(float(row[1]) + 30.0 * (i % 5 == 0))] for i, row in enumerate(rows)]
+
+
+def random_readings(head, names, rows):
+    rng, where = np.random.default_rng(0), names.index("deviation_um")
+    return head, names, [[str(rng.normal(0, 100)) if i == where else v for i, v in enumerate(row)] for row in rows]
+
+
+UNEXPLAINED = "the runs do not explain them"
+RUN = {
+    "inch": (times(1 / 25.4, "displacement_mm"), "or the unit"),
+    "um": (times(1e3, "displacement_mm"), "or the unit"),
+    "sign": (times(-1.0, "displacement_mm"), "turn its sign"),
+    "dead instrument": (constant("displacement_mm"), "the axis stood"),
+    "steps": (steps, UNEXPLAINED),
+    "time backwards": (backwards, "does not follow"),
+    "columns exchanged": (exchanged("time_s", "displacement_mm"), "does not follow"),
+    "not a number": (not_a_number, "is no number"),
+    "decimal commas": (decimal_commas, "a decimal comma?"),
+    "six rows": (only(6), "at least 100 needed"),
+}
+READINGS = {
+    "readings for deviations": (times(1e3, "deviation_um"), "or the unit"),
+    "mm for um": (times(1e-3, "deviation_um"), UNEXPLAINED),
+    "inch": (times(1 / 25.4, "deviation_um"), UNEXPLAINED),
+    "sign": (times(-1.0, "deviation_um"), UNEXPLAINED),
+    "noise alone": (random_readings, UNEXPLAINED),
+    "another axis": (lambda head, names, rows: (head, names, [["Y" if v == "X" else v for v in r] for r in rows]), "X"),
+    "two rows": (only(2), "at least 2 are needed"),
+    "dead instrument": (constant("deviation_um"), "the instrument did not measure"),
+}
+
+
+@pytest.fixture(scope="module")
+def continuous(tmp_path_factory) -> tuple[Path, Path]:
+    """A continuous run, and readings at targets."""
+    folder = tmp_path_factory.mktemp("continuous")
+    moving, standing = folder / "run.csv", folder / "targets.csv"
+    options = [
+        "--machine",
+        "cframe",
         "--axis",
         "X",
         "--start-mm",
@@ -256,11 +456,55 @@ def test_a_dead_instrument_beside_a_continuous_run_is_refused(tmp_path):
         "500",
         "--spacing",
         "45",
-    )
-    files = ("-o", run_file, "--quasistatic", targets)
-    assert CliRunner().invoke(app, ["simulate-continuous", "--machine", "cframe", *simulated, *files]).exit_code == 0
-    spoiled(Path(targets), constant("deviation_um"), Path(targets))
-    done = CliRunner().invoke(app, ["continuous", run_file, targets, "-o", table])
-    assert isinstance(done.exception, UserError)
-    assert "the instrument did not measure" in str(done.exception)
-    assert not Path(table).exists()
+    ]
+    files = ("-o", str(moving), "--quasistatic", str(standing))
+    done = CliRunner().invoke(app, ["simulate-continuous", *options, *files])
+    assert done.exit_code == 0, done.exception
+    return moving, standing
+
+
+@pytest.mark.parametrize(
+    ("number", "spoil", "sentence"),
+    [pytest.param(number, *case, id=name) for number, of in enumerate((RUN, READINGS)) for name, case in of.items()],
+)
+def test_a_mistake_of_a_continuous_run_or_its_readings_is_refused(continuous, tmp_path, number, spoil, sentence):
+    files = list(continuous)
+    files[number] = spoiled(files[number], spoil, tmp_path / "bad.csv")
+    table, calibration = tmp_path / "table.csv", tmp_path / "cal.json"
+    more = ("--machine", "cframe", "--write-calibration", str(calibration))
+    done = CliRunner().invoke(app, ["continuous", *map(str, files), "-o", str(table), *more])
+    assert isinstance(done.exception, UserError), done.exception
+    assert sentence in str(done.exception)
+    assert not table.exists()
+    assert not calibration.exists()
+
+
+# ---- a tracker's tests
+
+TESTS = "test,range_mm,range_2_mm,length_mm,error_um\n" + "".join(
+    f"ranging,2000,{r},,{e}\nlength,{r},,2300,{-4 * e}\ntwo-face,{r},,,{9 * e}\n"
+    for r, e in ((4000, 0.8), (6000, -1.2), (8000, 1.5), (10000, -1.4))
+)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "by", "sentence"),
+    [
+        (r",([-\d.]+)\n", lambda found: f",{float(found[1]) * 1e-4}\n", "um?"),
+        (r",([-\d.]+)\n", lambda found: f",{float(found[1]) * 1e3}\n", "um?"),
+        (r",[-\d.]+\n", ",0\n", "um?"),
+        ("000,", ",", "mm?"),
+        ("-1.2", "nan", "is no number"),
+        ("-1.2", "1e9", "um?"),
+        (r"\.", ",", "a decimal comma?"),
+        ("two-face", "2-face", "is none of"),
+        (r"\n(length|two-face)[^\n]*", "", "are needed"),
+    ],
+)
+def test_a_mistake_in_the_tests_of_a_tracker_is_refused(tmp_path, pattern, by, sentence):
+    path, output = tmp_path / "tests.csv", tmp_path / "tracker.toml"
+    path.write_text(re.sub(pattern, by, TESTS))
+    done = CliRunner().invoke(app, ["tracker", str(path), "-o", str(output)])
+    assert isinstance(done.exception, UserError), done.exception
+    assert sentence in str(done.exception)
+    assert not output.exists()

@@ -105,7 +105,7 @@ def test_the_command_and_the_study_take_the_tests(tmp_path: Path) -> None:
     ("text", "words"),
     [
         (
-            "test,range_mm,range_2_mm,error_um\nranging,1,2,1\nranging,1,3,1\nranging,1,4,1\n",
+            "test,range_mm,range_2_mm,error_um\nranging,1000,2000,1\nranging,1000,3000,1\nranging,1000,4000,1\n",
             "the angles: three or more",
         ),
         ("test,range_mm,error_um\ntwo-face,1000,1\ntwo-face,2000,1\ntwo-face,3000,1\n", "the range: three or more"),

@@ -34,6 +34,9 @@ FEED_OFF = 0.05
 AGREES = 1.5
 """Times the sheet of the instrument, above which the quasi-static readings scatter for other reasons."""
 
+NO_BETTER = 0.9
+"""Share of their scatter about straight lines, above which the continuous runs don't explain the readings."""
+
 
 class Wave(NamedTuple):
     """A cyclic error."""
@@ -155,6 +158,7 @@ def estimate(
         courses = {way: tuple(course.moved(*found.lines[way]) for course in own) for way, own in courses.items()}
     else:
         notes.append("the error changes too fast along the axis for its positions to be sure: u_um does not hold that")
+    _refuse_unexplained(quasi, inside, found)
     chosen = _direction(direction, ways, found)
     for course in (course for each in ways.values() for course in each.courses):
         notes += _feed_notes(course)
@@ -349,6 +353,27 @@ def _feed_notes(course: Course) -> list[str]:
     if course.missing:
         notes.append(f"run {name}: {course.missing} samples missing in the record")
     return notes
+
+
+def _refuse_unexplained(quasi: QuasiStatic, inside: np.ndarray, found: Fused) -> None:
+    """UserError where the continuous runs explain the quasi-static readings no better than straight lines do.
+
+    Only where the readings scatter by more than the instrument's sheet allows.
+    """
+    squares, free = 0.0, 0
+    for way in WAYS:
+        rows = inside & (quasi.direction == way)
+        if rows.sum() > LEAST_TARGETS:
+            x, y = quasi.target[rows], quasi.deviation[rows]
+            squares += float(np.sum((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2))
+            free += int(rows.sum()) - LEAST_TARGETS
+    line = (squares / free) ** 0.5 if free else np.inf
+    if found.spread.noise > max(AGREES * found.spread.sheet, NO_BETTER * line):
+        raise UserError(
+            f"{quasi.source}: the readings scatter by {found.spread.noise:.3g} um about the error that the continuous "
+            f"runs show, and by {line:.3g} um about a straight line: the runs do not explain them. Compare unit, sign "
+            "and axis of deviation_um and displacement_mm, and look for steps in the runs; no table is written"
+        )
 
 
 def _noise_notes(found: Fused) -> list[str]:

@@ -52,6 +52,8 @@ BACK = 0.1
 """Share of rows that are earlier than the one before, from which the rows are in no order of time."""
 HOT = 200.0
 """degC that no sensor of a machine tool reads: kelvin, or hundredths."""
+FAR = 1000.0
+"""mm: distance of a target from the tool reference point that is possible on every machine."""
 SMALL = 0.05
 """Share of their travel below which linear axes that move together are asked for their unit."""
 NOTICED = 1e-3
@@ -72,7 +74,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     """What is wrong, or odd, with a measurement; what forbids its use first, and then little else."""
     copies = duplicates(measurement)
     own = measurement.rows(np.flatnonzero(~copies))
-    mistakes = [*_order(own), *_temperatures(own), *_dead(own)]
+    mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
     odd = [*_copies(measurement, copies)]
     if measurement.across is None:  # the alignment with the path looks for mistakes of points in motion
         mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
@@ -133,6 +135,21 @@ def _dead(measurement: Measurement) -> Iterator[Finding]:
             "or the wrong column was read",
             True,
         )
+
+
+def _far_targets(measurement: Measurement) -> Iterator[Finding]:
+    """Targets farther from the tool reference point than tools are long: points of one target don't show that."""
+    machine = measurement.machine
+    reach = max(FAR, float(np.ptp(machine.travel, axis=0)[~machine.rotary].max(initial=0.0)))
+    for name, target in measurement.targets.items():
+        away = float(np.linalg.norm(target.position))
+        if target.known and away > reach:
+            yield Finding(
+                "targets",
+                f"target {name} is stated {away:.5g} mm from the tool reference point, farther than {reach:.5g} mm "
+                "(the longest travel, or 1 m): tilts of axes would count with that arm. Mend its position (mm)",
+                True,
+            )
 
 
 def _small_volume(measurement: Measurement) -> Iterator[Finding]:
