@@ -66,7 +66,11 @@ def outward(axis: Axis, q: Array, errors: Array) -> Pose:
 
 
 def error_design(axis: Axis, q: Array, points: Array) -> Array:
-    """Derivatives `(n, k, 3, 6)` of points `(n, k, 3)` that the axis carries by its error motions, at none."""
+    """Derivatives `(n, k, 3, 6)` of points `(n, k, 3)` that the axis carries by its error motions, at none.
+
+    F e + (F w) x arm is linear in translations e and rotations w: the closed form is the derivation. The modules of
+    `kinematics.derived` are for the tool point of a whole chain, this is for any point on one axis.
+    """
     arms = points - error_centre(axis, q)[:, None, :]
     design = np.empty((*points.shape, 6))
     design[..., :3] = axis.error_frame
