@@ -84,7 +84,7 @@ def test_random_programs(name, seed, tcp, blocks):
     tcp &= name in ("dmu50", "head_table")
     text = RandomProgram(machine, seed, tcp=tcp).text(blocks)
     setup, model = random_setup(machine), random_model(machine, seed)
-    options = {"travel_check": not tcp, **WHOLE}
+    options = {"travel_check": not tcp, "max_correction_um": 1e4, **WHOLE}
     # the machine without errors: byte for byte
     assert correct(text, machine, **setup, **options).text == text
     # every end where it should be, by what the corrected text says
