@@ -14,7 +14,6 @@ import numpy as np
 from calibration.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
 from calibration.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.datum import to_datum
-from calibration.diagnosis.sanity import Finding, usable
 from calibration.fit import Fit, fit
 from calibration.heldout import HeldOut, held_out, lines
 from calibration.locations import split_locations, transformed
@@ -23,6 +22,7 @@ from calibration.models import moving_axes, stated_bases, with_effects
 from calibration.outliers import Variance, duplicates
 from calibration.prediction import Seen
 from calibration.resolution import choose, finer
+from calibration.sanity.sanity import Finding, usable
 from calibration.suspects import Suspect, suspects
 from calibration.visibility import Visibility, visibility
 from kinematics.effects import Effect

@@ -22,7 +22,6 @@ import numpy as np
 
 from calibration import stations
 from calibration.acceptance import seen_by, significant_share
-from calibration.diagnosis.sanity import usable
 from calibration.error_curves import (
     Candidates,
     Curves,
@@ -39,6 +38,7 @@ from calibration.error_curves import (
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.rigid_motions import UNITS, RigidMotions, error_design, outward, solve
+from calibration.sanity.sanity import usable
 from calibration.sight import seen_points
 from kinematics.basis import Interval
 from kinematics.covariance import propagated

@@ -8,10 +8,10 @@ from measured import THREE, measured, pose_of, positions, truth
 
 import machines
 from calibration import equations
-from calibration.diagnosis.alternatives import by_axes
 from calibration.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement import Measurement, Target, with_moves
 from calibration.registration import Registration, rigid
+from calibration.sanity.alternatives import by_axes
 from kinematics.model import Observation
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix

@@ -9,10 +9,10 @@ import pytest
 from measured import MONTAVON, ONE, THREE, measured, positions, truth
 
 import machines
-from calibration.diagnosis.sanity import Finding, sanity
 from calibration.instruments import Interferometer
 from calibration.measurement import Measurement, Target, with_moves
 from calibration.readers import read_any
+from calibration.sanity.sanity import Finding, sanity
 from calibration.simulate import Faults, observe, spoil
 from kinematics.effects import Backlash, FollowingError
 from kinematics.model import no_errors

@@ -20,7 +20,6 @@ from calibration.diagnosis.gains import Volume, by_direction, closure, volume
 from calibration.diagnosis.library import Candidate, Untested, changes, library
 from calibration.diagnosis.next_measurement import Move, moves
 from calibration.diagnosis.repeats import Repeats, repeats
-from calibration.diagnosis.sanity import Finding, usable
 from calibration.diagnosis.selection import Accepted, Judged, Selector, Stage, judge
 from calibration.diagnosis.unnamed import add_unnamed
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
@@ -29,6 +28,7 @@ from calibration.diagnosis.written import new_calibration
 from calibration.heldout import summed_up
 from calibration.measurement import Measurement
 from calibration.outliers import Variance
+from calibration.sanity.sanity import Finding, usable
 from calibration.visibility import Visibility, visibility
 from kinematics.model import ErrorModel
 

@@ -17,10 +17,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calibration import equations
-from calibration.diagnosis.places import place_numbers
 from calibration.instruments import LaserTracker
 from calibration.measurement import Measurement
 from calibration.normal import whitened, whiteners
+from calibration.sanity.places import place_numbers
 from kinematics.transforms import Array
 
 CLOSE_S = 120.0

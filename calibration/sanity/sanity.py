@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from calibration.diagnosis.alternatives import (
+from calibration.measurement import Measurement
+from calibration.outliers import duplicates
+from calibration.sanity.alternatives import (
     Alternative,
     alternatives,
     by_axes,
@@ -21,9 +23,7 @@ from calibration.diagnosis.alternatives import (
     trimmed_rms,
     worst_rms,
 )
-from calibration.diagnosis.places import place_numbers
-from calibration.measurement import Measurement
-from calibration.outliers import duplicates
+from calibration.sanity.places import place_numbers
 from kinematics.errors import UserError
 from kinematics.transforms import Array
 
