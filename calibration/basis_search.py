@@ -22,7 +22,7 @@ AUTO = "auto"
 AUTOMATIC_KINDS = ("b-spline", "cubic")
 """Kinds of basis that `auto` tries."""
 ROTARY_KIND = "fourier"
-"""What it takes for rotary axes: their errors repeat with the turn, and harmonics hold a shift of what they carry."""
+"""Kind of basis for rotary axes: their errors repeat with the turn, and harmonics contain a shift of the component."""
 SIZES: Mapping[str, tuple[int, ...]] = {
     "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
     "cubic": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
@@ -119,9 +119,9 @@ def chosen(
 ) -> list[Choice]:
     """The choice of each draw: the one of greatest evidence, all axes in the same kind of basis.
 
-    Where `unexplained` judges (data on a few diagonals) and the size of the errors is free, smaller sizes are tried as
-    well, and the choice is the one whose fits predict the lines best that they have not seen: the evidence is how
-    probable the data are on the lines, not what the model does between them.
+    If `unexplained` is given (data on a few diagonals) and the size of the errors is free, smaller sizes are tried as
+    well, and the choice is the one whose fits best predict the lines left out of them: the evidence measures the
+    probability of the data on the lines, not the errors of the model between them.
     """
     preferred = _preferred(search, np.arange(draws), evidence, progress)
     if unexplained is None or search.prior_scale is not None:

@@ -68,8 +68,8 @@ def predicted_by_others(
 ) -> HeldOut | None:
     """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
 
-    labels `(n,)`: numbers of the blocks; rows below zero belong to none. Rows whose set-up or target the others hardly
-    saw tell of the registration, not of the machine, and don't count. None when too few rows count.
+    labels `(n,)`: numbers of the blocks; rows below zero belong to none. Rows whose set-up or target hardly
+    occurs in the others depend on the registration, not on the machine, and don't count. None if too few rows count.
     """
     missed = np.full((2, len(good), good.components), np.nan)
     for label in np.unique(labels[labels >= 0]):

@@ -58,7 +58,7 @@ def choose(
 ) -> Choice:
     """The choice of `basis_search.chosen` for a measurement.
 
-    rotary_kind: another kind for rotary axes. effects: what is fitted besides. A given prior_scale stays. A first fit
+    rotary_kind: another kind for rotary axes. effects: fitted in addition. A given prior_scale stays. A first fit
     finds outliers, registration and, where the sheet promises too much (p < DOUBT), the size of the noise.
     """
     search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest)

@@ -2,7 +2,7 @@
 
 Positions between the ends of each axis are left out in turn, in all rounds and with all targets, and predicted by an
 identification of the others: neighbours on either side remain, as between the positions of the whole measurement. The
-stations, and the positions of all targets on what carries them, are registered on the others for either model.
+stations, and the positions of all targets on their carriers, are registered on the others for either model.
 """
 
 from __future__ import annotations

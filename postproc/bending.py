@@ -194,7 +194,7 @@ class Cuts(NamedTuple):
     """Where moves are cut."""
 
     shares: dict[int, list[float]]
-    """By row: shares of its way; rows that need no cut are left out."""
+    """Shares of the cuts by row; rows that need no cut are left out."""
     steep: list[_Piece]
     """Pieces at the shortest length that stray farther than they may."""
 

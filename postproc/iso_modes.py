@@ -68,7 +68,7 @@ class Modes:
         return True
 
     def note_unsaid(self, line: int, kind: Kind) -> None:
-        """Note what a move is read by that the program has not given."""
+        """Note the assumptions of a move: modes that the program has not given."""
         for what in ("unit", "distance", "plane") if kind is Kind.ARC else ("unit", "distance"):
             if what in self.unsaid:
                 self.notes.add(self.unsaid.pop(what), line)

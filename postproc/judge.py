@@ -88,7 +88,7 @@ class Judge:
         return self.last_states(rows)
 
     def last_states(self, rows: np.ndarray, share: float = 1.0) -> States:
-        """The same for other rows of the last chunk, as a mask or by their numbers, at a share of their ways."""
+        """The same for other rows of the last chunk, as a mask or by their numbers, at a share of their paths."""
         if self._along is not None:
             looked_at = bisect.bisect_left((*INNER, 1.0), share)
             return self._conditions.states(self._along[rows, looked_at])

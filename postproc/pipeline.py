@@ -334,7 +334,7 @@ class Pipeline:
     ) -> None:
         """Hold programmed moves, whose pieces err by `strayed` `(rows,)`, um, between their ends, to the input.
 
-        No path errs less in the input than at its end: what strays no farther than that is not looked at closely.
+        In the input no path has a smaller error than its end: moves within that error are not examined further.
         """
         ends = np.flatnonzero(~motions.inner)
         move = np.searchsorted(ends, rows)

@@ -48,7 +48,7 @@ class Splitter:
 
     @property
     def limits(self) -> Limits:
-        """What the rounding of ends leaves for the way between; never less than half of what is asked for."""
+        """Tolerance of the path after the rounding of its ends; never less than half of the requested one."""
         rounding = rounding_mm(self.machine)
         asked = 1e-3 * self.tolerance_um
         return Limits(max(asked - 1.1 * rounding, asked / 2, rounding), math.inf if self.worse else rounding)

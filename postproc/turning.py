@@ -21,7 +21,7 @@ from postproc.notes import Notes
 from postproc.numbers import rounding_mm
 
 WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
-"""Shares of the way whose largest errors are compared."""
+"""Shares of the move whose largest errors are compared."""
 NOTE = "left as in the input: the feed move of rotary axes alone behind it would be worse with this correction"
 
 
@@ -73,7 +73,7 @@ def _worse(
     states = conditions.states(None if approach is None else approach[rows])
 
     def largest(shares: Sequence[float], added: Array | float) -> Array:
-        """Largest errors `(rows,)`, um, at these shares of the way."""
+        """Largest errors `(rows,)`, um, at these shares of the move."""
         found = np.zeros(len(rows))
         for share in shares:
             program = motions.along(share)

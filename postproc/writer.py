@@ -135,7 +135,7 @@ class Writer:
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
         """Programmed position that the control holds before the row, in the row's frame.
 
-        That is what has been written; for axes that the program has not given since, the assumed start.
+        These are the written positions; for axes that the program has not given since, the assumed start.
         """
         frame = motions.frames[motions.frame[row]]
         start: list[float] = motions.start[row].tolist()

@@ -414,7 +414,7 @@ REFUSED = {
     "T1.5": "T with a number that is not whole",
     "T" + "9" * 400: "T with a number that is not whole",
     "G43 H1.5": "H with a number that is not whole",
-    "X1 E6": "E in a move: its effect depends on the control",  # what is left of X1E6
+    "X1 E6": "E in a move: its effect depends on the control",  # the rest of X1E6
     "X1 L3": "L calls a subprogram on some controls and repeats the block on others",
     "L340": "L calls a subprogram on some controls",
     "X1 R5": "R without an arc",

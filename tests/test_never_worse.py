@@ -40,7 +40,7 @@ def judged(text, model, tolerance_um):
 @settings(max_examples=12)
 @given(amplitude=st.floats(0.1, 6.0), period=st.floats(7.0, 90.0), start=st.integers(100, 160), way=st.booleans())
 def test_a_wave_within_the_tolerance_does_not_double(tolerance, amplitude, period, start, way):
-    """Corrected at its ends alone, a move may stray from its path by twice what it errs in the input."""
+    """Corrected at its ends alone, a move may deviate from its path by twice its error in the input."""
     model = model_of(GANTRY, Cyclic("X", "X", period, (amplitude,), (0.0,)))
     text = LONG.format(start, start + 77) if way else ROUND.format(start, start + 40)
     verdict, _ = judged(text, model, tolerance)

@@ -1,4 +1,4 @@
-"""`three-points` is checked at positions that it has not seen: what predicts worse than the nominal machine is refused.
+"""`three-points` is checked at held-out positions: a model that predicts worse than the nominal machine is refused.
 
 Measurement files of a virtual DMU 50, spoiled or not, handed to the command.
 """
@@ -83,7 +83,7 @@ def shuffled(seed: int) -> Measurement:
 
 
 def another_machine(seed: int) -> Measurement:
-    """Measured on a machine whose C turns the other way."""
+    """Measured on a machine whose C turns in the opposite direction."""
     seen = session(seed, axes="XYZC")
     q = seen.state.positions * np.where(np.array(DMU50.names) == "C", -1.0, 1.0)
     return replace(seen, state=replace(seen.state, positions=q))
@@ -110,7 +110,7 @@ def test_a_table_through_errors_without_order_is_refused_by_what_is_held_out(com
 
 
 def guessed(measurement: Measurement) -> Measurement:
-    """Targets whose places were taken with a ruler."""
+    """Targets whose positions were measured with a ruler."""
     rng = np.random.default_rng(0)
     sizes = {"tool": 0.5, "table": 10.0, "bed": 10.0}
     return replace(

@@ -200,7 +200,7 @@ from DATUM by DISTANCE.""",
     loading="""\
 Copy the files into the machine's folder for compensation (PLC partition, under the machine builder's key);
 activate the line of config.cma; machine parameter: non-linear compensation of each axis (MP730 on old controls).
-TNC 407/415/425: the distance must be a power of two in 0.1 um: say --set distance=6.5536 or the like. The total
+TNC 407/415/425: the distance must be a power of two in 0.1 um: give --set distance=6.5536 or a similar value. The total
 of all rows may be limited (PLC module 9095 reports it).""",
     certainty="""\
 Columns and assignment: HEIDENHAIN manuals. Text layout and sign: one public tool, which writes the error; nothing

@@ -50,7 +50,7 @@ class Reckoner:
         self.plane = self.tcp = False
         self.poses: list[list[float]] = []
         self.passes: dict[int, int] = {}
-        """Of loops that run, by their line."""
+        """Iterations of loops that run, by their line."""
 
     def run(self, text: str) -> list[list[float]]:
         """Axis positions, mm and rad, behind each move from the first on that knows X, Y and Z.
@@ -168,7 +168,7 @@ class Reckoner:
         self.turn, self.shift, self.plane = turn, np.array(shift, float), plane
 
     def value(self, formula: str) -> float:
-        """Of a formula with variables, brackets and comparisons of one of the three dialects."""
+        """Value of a formula with variables, brackets and comparisons of one of the three dialects."""
         known = re.sub(r"#\d+|QL?\d+|R\d+", lambda name: f"({self.values[name[0]]!r})", formula.replace(",", "."))
         python = known.replace("[", "(").replace("]", ")").replace(" LT ", "<")
         return float(eval(re.sub(r"(?<![\d.])0+(?=\d)", "", python), {"__builtins__": {}}))
