@@ -167,6 +167,18 @@ class Machine:
         """Lower and upper ends (2, axes), mm and rad."""
         return np.array([a.travel for a in self.axes], float).T * self.scale
 
+    @property
+    def rounding_mm(self) -> float:
+        """Largest distance, mm, of a position from the nearest one in steps of the resolution of X, Y and Z."""
+        return max(self.axes[i].resolution for i in self.translators) * math.sqrt(3.0) / 2
+
+    @property
+    def turned_mm(self) -> float:
+        """Distance, mm, by which the rounding of rotary words moves the tool point at most."""
+        reach = float(np.linalg.norm(np.abs(self.travel).max(axis=0)[~self.rotary]))
+        reach += max(float(np.linalg.norm(axis.point)) for axis in self.axes)
+        return reach * sum(math.radians(axis.resolution) / 2 for axis in self.axes if axis.rotary)
+
     @cached_property
     def translators(self) -> tuple[int, ...]:
         """Columns of the linear axes that place the tool: the first independent ones, X Y Z before U V W.

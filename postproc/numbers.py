@@ -7,10 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
 from kinematics.errors import UserError
-from kinematics.machine import Machine
 
 Value = TypeVar("Value")
 
@@ -18,18 +15,6 @@ Value = TypeVar("Value")
 def decimals_for(resolution: float) -> int:
     """Decimals that hold a resolution: 4 for 0.0001, 6 for 0.0001 mm in inches (3.9e-6)."""
     return max(0, math.ceil(-math.log10(resolution) - 1e-9))
-
-
-def rounding_mm(machine: Machine) -> float:
-    """Farthest that the rounding of its words can put a position of a machine aside, mm: half a step of each axis."""
-    return max(machine.axes[i].resolution for i in machine.translators) * math.sqrt(3.0) / 2
-
-
-def turned_mm(machine: Machine) -> float:
-    """Farthest that the rounding of rotary words can put the tool point of a machine aside, mm."""
-    reach = float(np.linalg.norm(np.abs(machine.travel).max(axis=0)[~machine.rotary]))
-    reach += max(float(np.linalg.norm(axis.point)) for axis in machine.axes)
-    return reach * sum(math.radians(axis.resolution) / 2 for axis in machine.axes if axis.rotary)
 
 
 def decimals_of(text: str) -> int:

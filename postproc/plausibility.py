@@ -23,7 +23,6 @@ from postproc.frames import Frame
 from postproc.lines import ranges, shortened
 from postproc.motions import Motions
 from postproc.moves import Kind
-from postproc.numbers import rounding_mm, turned_mm
 from postproc.significance import Significance
 
 REASONS: Mapping[str, str] = {
@@ -150,7 +149,7 @@ class Guard:
     """
 
     def __init__(self, machine: Machine, plausibility: Plausibility, *, turns: bool) -> None:
-        rounding = rounding_mm(machine) + (turned_mm(machine) if turns else 0.0)
+        rounding = machine.rounding_mm + (machine.turned_mm if turns else 0.0)
         self._rounding_um, self._plausibility = rounding * 1e3, plausibility
         self._lines: list[int] = []
         self._largest = (0.0, 0.0)

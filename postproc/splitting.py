@@ -18,7 +18,7 @@ from postproc.bending import CorrectedWays, Limits, bent, find_cuts
 from postproc.conditions import Conditions
 from postproc.motions import Motions
 from postproc.moves import Known
-from postproc.numbers import decimals_for, rounding_mm
+from postproc.numbers import decimals_for
 from postproc.pieces import arc_turned, split
 from postproc.program import Block
 
@@ -49,7 +49,7 @@ class Splitter:
     @property
     def limits(self) -> Limits:
         """Tolerance of the path after the rounding of its ends; never less than half of the requested one."""
-        rounding = rounding_mm(self.machine)
+        rounding = self.machine.rounding_mm
         asked = 1e-3 * self.tolerance_um
         return Limits(max(asked - 1.1 * rounding, asked / 2, rounding), math.inf if self.worse else rounding)
 

@@ -18,7 +18,6 @@ from postproc.conditions import Conditions
 from postproc.datum import datum_shifts
 from postproc.motions import Motions
 from postproc.notes import Notes
-from postproc.numbers import rounding_mm
 
 WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
 """Shares of the move whose largest errors are compared."""
@@ -82,5 +81,5 @@ def _worse(
         return found
 
     pairs = [(largest(shares, 0.0), largest(shares, kept)) for shares in (WITHIN, AT_END)]
-    rounding_um = rounding_mm(motions.machine) * 1e3
+    rounding_um = motions.machine.rounding_mm * 1e3
     return np.asarray(np.any([after > before + rounding_um for before, after in pairs], axis=0))

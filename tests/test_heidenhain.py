@@ -551,7 +551,7 @@ REFUSED = [
     ("TCH PROBE 0.0", "where a probing move ends is not known"),
     ("CYCL DEF 7.1 X+Q1", "Q1 is not set by the program"),
     ("CYCL DEF 7.1 C+5", "cycle 7 shifts the datum by C"),
-    ("CYCL DEF 10.1 ROT+30\nCYCL DEF 8.1 X", "cycle 8 beside another that changes the coordinates"),
+    ("CYCL DEF 10.1 ROT+30\nCYCL DEF 8.1 X", "cycle 8 together with another that changes the coordinates"),
     ("CYCL DEF 7.1 #0", "datum #0 is in no datum table"),
     ("CYCL DEF 7 SHIFT", "cycle 7 shifts the datum"),
     ("CYCL DEF 7.0 SHIFT X+1", "cycle 7 shifts the datum"),

@@ -239,7 +239,7 @@ REFUSED = {
     "G92 X0.\nG52 X1.": "G52 while G92 is on",
     "G92 X0.\nG55": "a work offset while G52, G92 or a turn",
     "G68 X0. Y0. R5.\nG92 X0.": "says where the tool stands while the coordinates are turned",
-    "G10 L2 P0 X1.": "G10 L2 P0: the offset in force on LinuxCNC",
+    "G10 L2 P0 X1.": "G10 L2 P0: the active offset on LinuxCNC",
     "G10 L2 P1 X1. I5.": "I in G10: not followed",
     "G10 L2 P1 R5.\nG1 X1. Y1. Z1.\nG92 X0.": "says where the tool stands while the coordinates are turned",
     "G10 L2 P1 R5.\nG68 X1. Y1. R5.": "within a work offset that turns",

@@ -74,7 +74,7 @@ def test_one_line_is_refused(tmp_path: Path) -> None:
 
 
 def test_targets_on_the_bed_alone_show_nothing_and_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="show nothing of the machine's errors"):
+    with pytest.raises(UserError, match="do not show the machine's errors"):
         examined(tmp_path, "bed-only", 1, rotary=1)
 
 

@@ -140,7 +140,7 @@ def test_axes_that_stand_keep_their_direction(name):
 def test_the_first_feed_move_behind_an_unknown_m_function_is_noted():
     text = "G21 G90\nG0 X1000 Y1000 Z500\nG1 X1010 F500\nM100\nX1800 Y1400 Z460\n"
     result = correct(text, GANTRY, random_model(GANTRY, 2, 200.0))
-    noted = [note for note in result.report.notes if "not split" in note and "where all its axes are" in note]
+    noted = [note for note in result.report.notes if "not split" in note and "the positions of all its axes" in note]
     assert len(noted) == 1
     assert "(lines 5)" in noted[0]
 
