@@ -186,7 +186,7 @@ def check_whole(text: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_stopped_at_some_moment(folder, stop):
-    (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 8_000 + "M30"))
+    (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 20_000 + "M30"))
     for _ in range(3):
         with started("in.nc", *GANTRY, "-o", "out.nc", cwd=folder) as process:
             time.sleep(random.uniform(0.3, 2.5))

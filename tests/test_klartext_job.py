@@ -4,7 +4,7 @@ import io
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
@@ -95,7 +95,6 @@ def test_tcp_programs_are_corrected_in_the_workpiece_frame():
     assert "B22 C20 F500" in text
 
 
-@settings(max_examples=30)
 @given(st.lists(st.tuples(st.sampled_from("XYZ"), st.floats(-60, 60), st.booleans()), min_size=1, max_size=12))
 def test_modal_and_incremental_blocks_reach_the_nominal_points(moves):
     lines = "".join(f"L {'I' * step}{axis}{value / (9 if step else 1):.3f} F300\r\n" for axis, value, step in moves)

@@ -86,7 +86,7 @@ def kept_before_turning(nominal, commanded):
 
 
 @pytest.mark.parametrize("name", MACHINES)
-@settings(max_examples=12)
+@settings(max_examples=25)
 @given(seed=seeds, tcp=st.booleans(), blocks=st.integers(3, 60))
 def test_random_programs(name, seed, tcp, blocks):
     machine = load(name)
@@ -125,7 +125,7 @@ def test_random_programs(name, seed, tcp, blocks):
 
 
 @pytest.mark.parametrize("name", ["gantry", pytest.param("dmu50", marks=pytest.mark.slow)])
-@settings(max_examples=4)
+@settings(max_examples=8)
 @given(seed=seeds)
 def test_chunks_of_any_size_give_the_same_bytes(name, seed):
     machine = load(name)
@@ -178,7 +178,7 @@ def another(machine, seed):
 
 
 @pytest.mark.parametrize("name", MACHINES)
-@settings(max_examples=12)
+@settings(max_examples=25)
 @given(seed=seeds, tcp=st.booleans(), told=st.booleans())
 def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp, told):
     """The corrected program, on a machine set up in another way than ncomp was told, stays beside the original."""

@@ -78,7 +78,7 @@ def test_a_rotary_axis_of_fanuc_closes():
     assert -found / np.radians(1e-3) / 1e6 == pytest.approx([0, 1, -1, 0], abs=1e-9)
 
 
-@settings(max_examples=5)
+@settings(max_examples=12)
 @given(st.integers(0, 10_000), st.sampled_from([0.5, 1.0, 2.0]))
 def test_rounding_does_not_add_up(seed, unit):
     """The sum of rounded increments is never off by more than half a unit from the curve that was fitted."""

@@ -186,8 +186,8 @@ class Judge:
         """Tolerance of the end (3,), mm: large for axes that the program has not placed in the frame in force."""
         placed = self.placed.follow(i)
         limits = np.array([AT_ENDS if axis in placed else self.loose for axis in "XYZ"])
-        if len(placed) < 3:  # an arc that is not cut, for want of an axis, stays round where it is nearly full
-            limits += (2e-2 if self.groups[i].programmed.kind == "arc" else 2e-3) * self.loose
+        if len(placed) < 3:  # a nearly full arc that is not split, because an axis is unknown, stays round
+            limits += (2e-2 if _nearly_full(self.groups[i].programmed) else 2e-3) * self.loose
         code = self.placed.code(i)
         if COMPENSATION.search(code):
             self.beside = not self.strict_before
@@ -219,3 +219,8 @@ class Judge:
         if abs(new - time) < 0.02 * time + 1e-3:
             return ""
         return f"feed: {programmed.feed} mm/min has become {[move.feed for move in written]}"
+
+
+def _nearly_full(move: Move) -> bool:
+    """True of an arc of more than about 300 degrees: its length is five times the distance of its ends."""
+    return move.kind == "arc" and bool(move.length > 5.0 * np.linalg.norm(move.points[-1] - move.points[0]))
