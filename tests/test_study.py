@@ -396,11 +396,34 @@ def test_an_interrupted_study_goes_on_where_it_was(tmp_path):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"points": 160}, {"tracker": [-1500, 1500, 301]}, {"fit": {**PAPER, "basis": "legendre:5"}}, {"tools": TOOLS}],
+    [
+        {"points": 160},
+        {"tracker": [-1500, 1500, 301]},
+        {"fit": {**PAPER, "basis": "legendre:5"}},
+        {"tools": TOOLS},
+        {"point_s": 30},
+        {"runs": 2},
+    ],
+    ids=lambda changes: next(iter(changes)),
 )
 def test_another_study_has_another_key(changes):
     assert paper_case().key != paper_case(**changes).key
-    assert paper_case().key == paper_case(name="another name").key
+    assert paper_case().key == paper_case(name="another name", setup_min=120).key
+
+
+def test_cases_that_differ_in_time_alone_differ_where_errors_drift():
+    """The results of a case are those of the case alone, whatever the study contains before it."""
+    drift = {"errors": {"effects": ["thermal-drift:component=Z,rate=2000"]}, "fit": {"basis": "cubic:5", "prior": 30.0}}
+    fast, slow = (case_of({**drift, "case": [{**GANTRY, "point_s": seconds}]}) for seconds in (5, 120))
+    alone, (_, behind) = results([slow], 3)[0], results([fast, slow], 3)
+    assert np.array_equal(behind.after, alone.after)
+    assert not np.array_equal(results([fast], 3)[0].after, alone.after)
+
+
+def test_a_result_states_the_time_of_its_own_case():
+    cases = [paper_case(setup_min=minutes) for minutes in (20, 50)]
+    first, second = results(cases, 2, check_draws=1)
+    assert second.minutes == first.minutes + 30
 
 
 @pytest.mark.slow

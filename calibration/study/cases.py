@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -62,18 +62,38 @@ class Case:
     @property
     def key(self) -> str:
         """Fingerprint of everything that decides the results, the code included."""
-        machine, state = self.plan.machine, self.plan.state
-        assert state.target is not None
-        said = (
-            self.instrument, self.trackers, self.fit, self.besides, self.truths.model.effects, self.plan.targets,
-            self.temperatures, repr(self.reach), self.seed, machine.chain_hash, machine.travel.tolist(),
+        plan, truths = self.plan, self.truths
+        decisive = (
+            plan.machine, plan.strategy, plan.state, plan.run, plan.axis, plan.targets, self.instrument, self.trackers,
+            self.reach, self.temperatures, self.fit, self.besides, truths.model.effects, truths.low, truths.high,
+            truths.linear, self.volumes, self.seed,
         )  # fmt: skip
-        numbers = [state.positions, state.approach, self.truths.low, *(v.state.positions for v in self.volumes)]
-        digest = hashlib.sha256(msgspec.json.encode(said))
-        for column in [*numbers, *(volume.transform for volume in self.volumes)]:
-            digest.update(b"none" if column is None else np.ascontiguousarray(column).tobytes())
-        digest.update("".join(state.target.tolist()).encode())
+        digest = hashlib.sha256()
+        for part in _content(decisive):
+            digest.update(part)
         return f"{digest.hexdigest()[:12]}-{code()}"
+
+
+def _content(value: object) -> Iterator[bytes]:
+    """All that a value holds, without caches: numbers, names and arrays, in their order."""
+    if isinstance(value, np.ndarray):
+        numbers = value.dtype.kind != "O"
+        yield f"{value.dtype.str}{value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes() if numbers else repr(value.tolist()).encode()
+    elif is_dataclass(value):
+        for field in fields(value):
+            if field.init:
+                yield from _content(getattr(value, field.name))
+    elif isinstance(value, Mapping):
+        for name, entry in value.items():
+            yield f"{name!r}:".encode()
+            yield from _content(entry)
+    elif isinstance(value, tuple | list):
+        yield f"{len(value)}".encode()
+        for entry in value:
+            yield from _content(entry)
+    else:
+        yield f"{value!r};".encode()
 
 
 @cache

@@ -116,8 +116,7 @@ def _result(done: _Progressing, draws: Draws, check_draws: int) -> Result:
     chunks = sorted(done.outcomes)[: done.enough]
     outcomes = [done.outcomes[chunk] for chunk in chunks]
     batches = tuple(outcome.after[0] for outcome in outcomes)
-    ready = prepared(done.key, done.case) if check_draws else None
-    setup = done.case.setup() if ready is None else ready.setup
+    setup = done.case.setup()
     return Result(
         done.case,
         np.concatenate([outcome.before for outcome in outcomes], axis=1),
@@ -127,5 +126,5 @@ def _result(done: _Progressing, draws: Draws, check_draws: int) -> Result:
         len(setup.measurement),
         setup.minutes,
         setup.notes,
-        None if ready is None else compared(ready, check_draws),
+        compared(prepared(done.key, done.case), check_draws) if check_draws else None,
     )
