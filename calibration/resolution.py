@@ -31,7 +31,7 @@ from calibration.normal import Normal, residuals, whitened, whiteners
 from calibration.problem import solution
 from kinematics.effects import Effect
 from kinematics.model import Design, ErrorModel, no_errors
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
 FINE = 24
 """Nodes of the first fit."""
@@ -140,14 +140,16 @@ class LinearEvidence:
         return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
 
     def _block(self, a: Part, b: Part) -> Array:
-        if (a, b) not in self._blocks:
-            self._blocks[a, b] = self._columns(a).T @ self._columns(b)
-            self._blocks[b, a] = self._blocks[a, b].T
-        return self._blocks[a, b]
+        """The block of two parts, made in one order of the two: whichever thread asks first, its bits are the same."""
+        first, second = min(a, b), max(a, b)
+        if (first, second) not in self._blocks:
+            self._blocks[first, second] = read_only(self._columns(first).T @ self._columns(second))
+        block = self._blocks[first, second]
+        return block if first == a else block.T
 
     def _along(self, part: Part) -> Array:
         """The residual `(parameters,)` along the columns of a part."""
-        return np.asarray(self._residual @ self._columns(part))
+        return read_only(np.asarray(self._residual @ self._columns(part)))
 
     def _typical(self, part: Part) -> Array:
         """Priors `(parameters,)` of a part."""
@@ -160,7 +162,7 @@ class LinearEvidence:
         else:
             machine, state = self._measurement.machine, self._measurement.state
             columns = Design(self._model(part), machine, state, with_instrument=True).of(slice(None), self._transform)
-        return np.asarray(columns.reshape(len(self._residual), -1))
+        return read_only(np.asarray(columns.reshape(len(self._residual), -1)))
 
     def _model(self, part: Part) -> ErrorModel:
         """The effects of a part: of an axis in its basis, or those fitted besides."""

@@ -22,12 +22,12 @@ import numpy as np
 
 from kinematics.forward import axis_pose, error_centre, error_pose
 from kinematics.machine import Axis
-from kinematics.transforms import Array, Pose, by_turn
+from kinematics.transforms import Array, Pose, by_turn, read_only
 
 ROUNDS = 20
 CONVERGED = 1e-11
 """mm and rad."""
-UNITS = np.array([1e-3] * 3 + [1e-6] * 3)
+UNITS = read_only(np.array([1e-3] * 3 + [1e-6] * 3))
 """um and urad in mm and rad."""
 
 

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from kinematics.error_transform import pose_slopes
 from kinematics.forward import axis_frames, forward
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import Array, rotation_about, turn
+from kinematics.transforms import Array, read_only, rotation_about, turn
 
 TOLERANCE = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
 POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
@@ -40,8 +40,8 @@ CONVERGED = 5e-11  # mm: residual at which a damped Newton search ends, orientat
 ARM = 100.0  # mm per rad: weighs orientation against position in the damped Newton search
 RESTARTS = 8  # damped Newton searches from other rotary positions before a pose is given up
 TURN = 2.0 * math.pi
-TOOL_AXIS = np.array([0.0, 0.0, 1.0])
-UNLIMITED = np.array([[-math.inf], [math.inf]])
+TOOL_AXIS = read_only(np.array([0.0, 0.0, 1.0]))
+UNLIMITED = read_only(np.array([[-math.inf], [math.inf]]))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from kinematics.errors import UserError
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
 if TYPE_CHECKING:
     from kinematics.touch_off import Datum
@@ -88,7 +88,7 @@ class Axis:
             line = -line
         v, c = np.cross(letter, line), float(letter @ line)
         k = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-        return np.asarray(np.eye(3) + k + k @ k / (1.0 + c))
+        return read_only(np.asarray(np.eye(3) + k + k @ k / (1.0 + c)))
 
 
 @dataclass(frozen=True)
@@ -155,17 +155,17 @@ class Machine:
     @cached_property
     def rotary(self) -> NDArrayBool:
         """Mask (axes,) of the rotary axes."""
-        return np.array([a.rotary for a in self.axes], bool)
+        return read_only(np.array([a.rotary for a in self.axes], bool))
 
     @cached_property
     def scale(self) -> Array:
         """Factors (axes,) from file units (mm, degrees) to internal ones (mm, rad)."""
-        return np.where(self.rotary, math.pi / 180.0, 1.0)
+        return read_only(np.where(self.rotary, math.pi / 180.0, 1.0))
 
     @cached_property
     def travel(self) -> Array:
         """Lower and upper ends (2, axes), mm and rad."""
-        return np.array([a.travel for a in self.axes], float).T * self.scale
+        return read_only(np.array([a.travel for a in self.axes], float).T * self.scale)
 
     @property
     def rounding_mm(self) -> float:

@@ -10,8 +10,8 @@ import numpy as np
 
 from kinematics.basis import Basis
 from kinematics.errors import UserError
-from kinematics.machine import Machine
-from kinematics.transforms import Array
+from kinematics.machine import Axis, Machine
+from kinematics.transforms import Array, read_only
 from kinematics.turn import columns_of
 
 REFERENCE = 20.0
@@ -55,7 +55,7 @@ class State:
     """Point `(n, 3)` in the instrument's frame, mm."""
     past: State | None = None
     """Time and temperatures before the first row, for effects with a memory; None where they had settled by then."""
-    _known: dict[tuple[str, Basis], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _known: dict[tuple[int, Axis, Basis], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
     _left_behind: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
@@ -90,10 +90,11 @@ class State:
 
     def basis_columns(self, machine: Machine, axis: str, basis: Basis) -> Array:
         """Basis functions `(n, size)` at the positions of one axis; kept, since its error motions share their basis."""
-        if (axis, basis) not in self._known:
-            own = machine.axes[machine.index(axis)]
-            self._known[axis, basis] = columns_of(own, basis, self.position(machine, axis))
-        return self._known[axis, basis]
+        column = machine.index(axis)
+        key = column, machine.axes[column], basis
+        if key not in self._known:
+            self._known[key] = read_only(columns_of(machine.axes[column], basis, self.position(machine, axis)))
+        return self._known[key]
 
     def left_behind(self, key: Hashable, work: Callable[[State], Any]) -> Any:
         """What `work` makes of the past, worked out once per key; None without a past."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+AnyArray = TypeVar("AnyArray", bound=np.ndarray[Any, Any])
 
 BLOCK = 4096
 """Rows that long columns are worked through at a time, so that what belongs together stays in the cache."""
@@ -17,6 +18,12 @@ BLOCK = 4096
 def blocks(n: int) -> Iterator[slice]:
     """The rows 0 ... n - 1, in blocks."""
     return (slice(start, min(start + BLOCK, n)) for start in range(0, n, BLOCK))
+
+
+def read_only(array: AnyArray) -> AnyArray:
+    """The same array, which nobody can change any more: for those that are kept and shared."""
+    array.setflags(write=False)
+    return array
 
 
 class Pose(NamedTuple):
@@ -39,7 +46,7 @@ class Pose(NamedTuple):
         return Pose(back, -turn(back, self.translation))
 
 
-IDENTITY = Pose(np.eye(3)[None], np.zeros((1, 3)))
+IDENTITY = Pose(read_only(np.eye(3)[None]), read_only(np.zeros((1, 3))))
 
 
 def turn(rotation: Array, vectors: ArrayLike) -> Array:

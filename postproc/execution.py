@@ -73,10 +73,10 @@ class Execution(Protocol):
     def parts(self) -> Iterator[Part]:
         """The chunks as they run; UserError, located in the program, for what can't be used."""
 
-    def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
+    def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """Blocks, in the order of the program, whose texts are known when the blocks of a part have become `texts`."""
 
-    def rest(self) -> tuple[list[Block], list[str]]:
+    def rest(self) -> tuple[Sequence[Block], list[str]]:
         """Those that are left at the end."""
 
 
@@ -122,11 +122,11 @@ class Straight:
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
 
-    def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
+    def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """All of them."""
         return part.motions.blocks, texts
 
-    def rest(self) -> tuple[list[Block], list[str]]:
+    def rest(self) -> tuple[Sequence[Block], list[str]]:
         """Nothing."""
         return [], []
 
@@ -164,7 +164,7 @@ class Walk:
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
 
-    def finished(self, part: Part, texts: list[str]) -> tuple[list[Block], list[str]]:
+    def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """None before the end; a block that runs more than once has to become the same every time."""
         for place, text in zip(part.places, texts, strict=True):
             first = self.texts.setdefault(place, text)
@@ -176,7 +176,7 @@ class Walk:
                 )
         return [], []
 
-    def rest(self) -> tuple[list[Block], list[str]]:
+    def rest(self) -> tuple[Sequence[Block], list[str]]:
         """All of them; those that did not run as they were."""
         return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from typing import IO, NamedTuple
 
@@ -87,7 +87,7 @@ def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> l
     return found
 
 
-def mark_place(dialect: Dialect, blocks: list[Block]) -> int | None:
+def mark_place(dialect: Dialect, blocks: Sequence[Block]) -> int | None:
     """Index of the block before which the mark is inserted: the first after the head.
 
     That is behind tape mark, program number, BEGIN PGM and the comments around them. None when there is none yet.

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 from postproc.circles import SAME, point_along, sweep
 from postproc.frames import Frame, cartesian, to_machine, to_program
 from postproc.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
@@ -18,11 +18,14 @@ from postproc.program import Block
 
 @dataclass(frozen=True)
 class Motions:
-    """One row per move, in program order; positions `(n, axes)` in programmed coordinates, mm and degrees."""
+    """One row per move, in program order; positions `(n, axes)` in programmed coordinates, mm and degrees.
+
+    Its columns are read-only: the same ones belong to several Motions, and are kept from chunk to chunk.
+    """
 
     machine: Machine
-    blocks: list[Block]
-    frames: list[Frame]
+    blocks: Sequence[Block]
+    frames: Sequence[Frame]
     block: np.ndarray
     """Index of the block `(n,)`."""
     kind: np.ndarray
@@ -48,19 +51,23 @@ class Motions:
     """Known `(n, axes)`, before the move."""
     known: np.ndarray
     """Known `(n, axes)`, after the move."""
-    words: list[tuple[AxisWord, ...]]
-    arcs: dict[int, Arc]
+    words: Sequence[tuple[AxisWord, ...]]
+    arcs: Mapping[int, Arc]
     """By row."""
-    cycles: dict[int, Cycle] = field(default_factory=dict)
+    cycles: Mapping[int, Cycle] = field(default_factory=dict)
     """By row."""
-    polars: dict[int, Polar] = field(default_factory=dict)
+    polars: Mapping[int, Polar] = field(default_factory=dict)
     """By row, of moves whose words say places in polar coordinates."""
-    contours: dict[int, tuple[int, int]] = field(default_factory=dict)
+    contours: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     """By row of a move that the control shifts by the radius of the tool: columns of the plane."""
-    still: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    still: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     """By row: columns of axes that no word of ours may name in it."""
-    polar_ends: dict[int, PolarEnd] = field(default_factory=dict)
+    polar_ends: Mapping[int, PolarEnd] = field(default_factory=dict)
     """By index of the block."""
+
+    def __post_init__(self) -> None:
+        for name in COLUMNS:
+            read_only(getattr(self, name))
 
     def __len__(self) -> int:
         return len(self.block)
@@ -133,6 +140,10 @@ class Motions:
         }
         words = [self.words[row] for row in taken] if self.words else []
         return replace(self, words=words, **columns, **by_row)
+
+    def copies(self, *names: str) -> tuple[Any, ...]:
+        """Copies of some columns, which may be changed, for a Motions of other moves."""
+        return tuple(getattr(self, name).copy() for name in names)
 
     @property
     def judged_ways(self) -> NDArrayBool:

@@ -75,20 +75,27 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants
     rows = np.repeat(np.arange(len(motions)), pieces - 1)
     shares = np.array([share for row in sorted(cuts) for share in cuts[row]], float)
     added = np.flatnonzero(later)
-    result.start[added] = result.target[added - 1] = places(motions, rows, shares)
-    result.added[added] = result.settled[added] = True
-    result.begin[added] = np.nan if at_quadrants else shares
-    result.known_start[added] = motions.known[rows]
-    if result.words:
-        for row in added.tolist():
-            result.words[row] = ()
+    start, target, begin, known_start = result.copies("start", "target", "begin", "known_start")
+    start[added] = target[added - 1] = places(motions, rows, shares)
+    begin[added] = np.nan if at_quadrants else shares
+    known_start[added] = motions.known[rows]
+    result = replace(
+        result,
+        start=start,
+        target=target,
+        begin=begin,
+        known_start=known_start,
+        added=result.added | later,
+        settled=result.settled | later,
+        words=[() if later[row] else words for row, words in enumerate(result.words)],
+    )
+    arcs = dict(result.arcs)
     for row in cuts.keys() & motions.arcs.keys():
         bounds, turned = (0.0, *cuts[row], 1.0), arc_turned(motions, row)
         for i, (low, high) in enumerate(itertools.pairwise(bounds), start=int(first[row])):
-            result.arcs[i] = part_of(motions.arcs[row], arc_ends(result, i), (high - low) * turned)
-            if low > 0.0:
-                result.arcs[i] = result.arcs[i]._replace(words=(None, None), pole_block=-1)
-    return result
+            arc = part_of(motions.arcs[row], arc_ends(result, i), (high - low) * turned)
+            arcs[i] = arc._replace(words=(None, None), pole_block=-1) if low > 0.0 else arc
+    return replace(result, arcs=arcs)
 
 
 def part_of(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
@@ -158,13 +165,14 @@ def with_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBool) -> Mo
         return motions
     result = motions.take(np.insert(np.arange(len(motions)), before, before))
     rows = before + np.arange(len(before))
-    result.kind[rows] = Kind.TAKE_UP
-    result.added[rows] = True
-    result.target[rows] = result.start[rows]
-    result.known[rows] = np.where(axes, Known.PROGRAM, np.minimum(result.known_start[rows], Known.MACHINE))
+    kind, added, target, known = result.copies("kind", "added", "target", "known")
+    kind[rows] = Kind.TAKE_UP
+    added[rows] = True
+    target[rows] = result.start[rows]
+    known[rows] = np.where(axes, Known.PROGRAM, np.minimum(result.known_start[rows], Known.MACHINE))
     gone = set(rows.tolist())
     words = [() if i in gone else words for i, words in enumerate(result.words)]
     left: dict[str, Any] = {
         name: {row: v for row, v in getattr(result, name).items() if row not in gone} for name in BY_ROW
     }
-    return replace(result, words=words, **left)
+    return replace(result, kind=kind, added=added, target=target, known=known, words=words, **left)

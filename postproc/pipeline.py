@@ -11,7 +11,7 @@ from __future__ import annotations
 import datetime
 import itertools
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -179,7 +179,7 @@ class Pipeline:
         left += self._flat_arcs.notes() + self.guard.notes()
         return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
 
-    def _put(self, out: MarkedOutput, blocks: list[Block], texts: list[str]) -> None:
+    def _put(self, out: MarkedOutput, blocks: Sequence[Block], texts: list[str]) -> None:
         """Write corrected blocks of the program, with room for the mark."""
         job, report = self.job, self.report
         report.blocks += len(blocks)
@@ -221,7 +221,7 @@ class Pipeline:
         report.added_blocks += written.added
         return written.texts
 
-    def _refuse_marked(self, blocks: list[Block]) -> None:
+    def _refuse_marked(self, blocks: Sequence[Block]) -> None:
         own = self.job.dialect.own
         for block in blocks:
             used = own.search(block.text) if own is not None and not self.job.force else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -150,5 +150,6 @@ def _with_round_angles(motions: Motions) -> Motions:
     turned = linear_positions(machine, turned, tool_point(machine, q, part.tool), part.tool)
     result = part.in_program(turned)
     result[:, columns] = rounded[:, columns]
-    motions.start[inner] = motions.target[inner - 1] = result
-    return motions
+    start, target = motions.copies("start", "target")
+    start[inner] = target[inner - 1] = result
+    return replace(motions, start=start, target=target)

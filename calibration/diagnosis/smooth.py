@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
-AMPLITUDES = np.concatenate([[0.0], np.geomspace(0.02, 200.0, 9)])
+AMPLITUDES = read_only(np.concatenate([[0.0], np.geomspace(0.02, 200.0, 9)]))
 """Variance of the function, in variances of the noise."""
 TURNING = 0.2
 """The amplitude with which the smooth parts are estimated for that."""

@@ -25,7 +25,7 @@ from calibration.diagnosis.selection import WORTH, Selector, Stage, chosen_of, p
 from kinematics.effects import Unnamed
 from kinematics.effects.unnamed import DEGREE
 from kinematics.state import TEMPERATURE, TIME
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
 Direction = Literal["X", "Y", "Z"]
 COMPONENTS: tuple[Direction, ...] = ("X", "Y", "Z")
@@ -37,7 +37,7 @@ MOST_TERMS, MOST_IN_ODDS = 120, 300
 ROWS_PER_TERM = 2
 OWN = 0.45
 """Share of the squares of any combination of terms that the model and the registration have to leave."""
-AMPLITUDES = np.geomspace(0.02, 20.0, 16)
+AMPLITUDES = read_only(np.geomspace(0.02, 20.0, 16))
 """Standard deviation of the function, in terms of the typical size of a coefficient."""
 PASSES = 2
 """Times that each length is looked at."""
@@ -181,7 +181,8 @@ def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
     order = some[np.argsort(-held[some], kind="stable")]
     count = int(np.searchsorted(np.cumsum(held[order]), HELD * held.sum())) + 1
     chosen = np.sort(order[: min(count, most)])
-    return np.stack(np.unravel_index(chosen, [len(own) for own in each]), axis=1), sizes[chosen]
+    degrees = np.stack(np.unravel_index(chosen, [len(own) for own in each]), axis=1)
+    return read_only(degrees), read_only(sizes[chosen])
 
 
 @lru_cache(maxsize=64)
@@ -190,7 +191,7 @@ def _coefficients(length: float) -> Array:
     places, weights = legendre.leggauss(NODES)
     kernel = np.exp(-0.5 * ((places[:, None] - places) / (2.0 * length)) ** 2)
     ways = legendre.legvander(places, DEGREE) * weights[:, None] * (np.arange(DEGREE + 1) + 0.5)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("ai,ab,bi->i", ways, kernel, ways), 0.0)))
+    return read_only(np.asarray(np.sqrt(np.maximum(np.einsum("ai,ab,bi->i", ways, kernel, ways), 0.0))))
 
 
 def surviving(whole: Array, left: Array) -> np.ndarray:

@@ -9,7 +9,6 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 import machines

@@ -11,7 +11,7 @@ from scipy import linalg
 
 from calibration.study.equations import Columns, Made, Part, Sample
 from calibration.study.truths import Truths
-from kinematics.transforms import Array
+from kinematics.transforms import Array, read_only
 
 UNSEEN = 1e-10
 """Singular values squared below this share of the largest count as zero where no prior holds."""
@@ -92,10 +92,12 @@ class Fits:
         return self._made[part]
 
     def _between(self, a: Part, b: Part) -> Array:
-        if (a, b) not in self._gram:
-            made = self._of(a).observed.T @ self._of(b).observed
-            self._gram[a, b], self._gram[b, a] = made, made.T
-        return self._gram[a, b]
+        """The normal matrix of two parts, made in one order of the two: its bits are the same for every chunk."""
+        first, second = min(a, b), max(a, b)
+        if (first, second) not in self._gram:
+            self._gram[first, second] = read_only(self._of(first).observed.T @ self._of(second).observed)
+        matrix = self._gram[first, second]
+        return matrix if first == a else matrix.T
 
 
 def rms(deviations: Array) -> Array:
