@@ -21,16 +21,16 @@ from pathlib import Path
 
 import machines
 from kinematics.effects import LocationError
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel, Provenance, no_errors, reference
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Provenance, no_errors, reference
+from kinematics.user_error import UserError
+from postproc.control.setup import Setup, make_setup
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.unroll import unrolled
 from postproc.dialects import find_dialect
-from postproc.notes import Notes
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import Setup, make_setup
-from postproc.source import open_source
+from postproc.text.notes import Notes
+from postproc.text.source import open_source
 from postproc.tool_tables import ToolTable
-from postproc.unroll import unrolled
 
 SQUARENESS_URAD = 20.0
 TOOLS = ToolTable(tools={str(n): 0.0 for n in range(1000)}, radii={str(n): 3.0 for n in range(1000)})

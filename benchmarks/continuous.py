@@ -30,8 +30,8 @@ import machines
 from calibration.continuous.estimate import Estimate, estimate
 from calibration.continuous.records import QuasiStatic, Record
 from calibration.continuous.virtual import Laser, Motion, Targets, measure
-from calibration.instruments import Interferometer
-from calibration.readers import read_any
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.readers import read_any
 from kinematics.transforms import Array
 
 PAPER = {"end point": "3.03", "two points": "0.48", "least squares": "0.14", "joint": "-"}

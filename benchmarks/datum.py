@@ -27,7 +27,7 @@ from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.part import Shop
 
-from kinematics.model import write_model
+from kinematics.error_model.model import write_model
 
 ROOT = Path(__file__).parents[1]
 BOX = (ROOT / "examples" / "box.nc").read_text(encoding="utf-8")

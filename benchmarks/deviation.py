@@ -18,8 +18,8 @@ import numpy as np
 import machines
 from kinematics.deviation import Deviation, exact_deviation
 from kinematics.effects import ErrorMotion
+from kinematics.error_model.model import read_model
 from kinematics.error_transform import first_order_deviation
-from kinematics.model import read_model
 from kinematics.state import State
 from kinematics.transforms import BLOCK
 

@@ -15,16 +15,16 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration.calibrate import Calibration, calibrate
-from calibration.datum import error_motions, to_datum
-from calibration.instruments import LaserTracker
-from calibration.locations import split_locations, transformed
-from calibration.measurement import Target
-from calibration.plan import Choices
-from calibration.simulate import observe, random_truth, tracker_pose
-from calibration.strategies import plan
+from calibration.fit.calibrate import Calibration, calibrate
+from calibration.fit.datum import error_motions, to_datum
+from calibration.fit.location_errors import split_locations, transformed
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Target
+from calibration.measurement.plan import Choices
+from calibration.planning.strategies import plan
+from calibration.simulation.simulate import observe, random_truth, tracker_pose
 from kinematics.effects import COMPONENTS, UM, URAD, LocationError
-from kinematics.model import ErrorModel
+from kinematics.error_model.model import ErrorModel
 from kinematics.state import State
 
 TARGETS = {"1": Target((0.0, 0.0, -120.0)), "2": Target((90.0, 40.0, -180.0)), "3": Target((-60.0, 80.0, -100.0))}

@@ -20,14 +20,14 @@ import numpy as np
 
 import machines
 from kinematics.effects import Backlash
-from kinematics.model import ErrorModel, no_errors, read_model
-from postproc.compensate import correct
+from kinematics.error_model.model import ErrorModel, no_errors, read_model
+from postproc.compensation.correction import correct
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.notes import Notes
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import open_source
-from postproc.writer import Writer
+from postproc.text.notes import Notes
+from postproc.text.source import open_source
+from postproc.write.writer import Writer
 
 RUNS = 3
 

@@ -11,13 +11,13 @@ from __future__ import annotations
 import numpy as np
 
 import machines
-from calibration.fit import fit
-from calibration.instruments import LaserTracker
-from calibration.measurement import Target
-from calibration.models import BasisChoice, rigid_model
-from calibration.simulate import observe, random_truth, tracker_pose
-from calibration.strategies import plan
-from calibration.visibility import visibility
+from calibration.fit.fit import fit
+from calibration.fit.identifiability import visibility
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Target
+from calibration.observation.full_model import BasisChoice, rigid_model
+from calibration.planning.strategies import plan
+from calibration.simulation.simulate import observe, random_truth, tracker_pose
 from kinematics.state import State
 
 MACHINE = """

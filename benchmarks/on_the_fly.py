@@ -24,31 +24,31 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration.calibrate import calibrate
-from calibration.fit import fit
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.models import BasisChoice, with_effects
-from calibration.normal import residuals
-from calibration.on_the_fly.blind import common_odd_mode
+from calibration.evaluation.volumetric import aligned, deviation_on, volumetric_error_um
+from calibration.fit.calibrate import calibrate
+from calibration.fit.fit import fit
+from calibration.fit.identifiability import visibility
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.observation.full_model import BasisChoice, with_effects
+from calibration.observation.normal_equations import residuals
+from calibration.observation.outliers import first_registration
+from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM, MARGIN, on_path
 from calibration.on_the_fly.drive import Manner
 from calibration.on_the_fly.footing import with_footing
-from calibration.on_the_fly.gain import Volume
 from calibration.on_the_fly.nominal_path import NominalPath, target_path
-from calibration.on_the_fly.on_path import CELL_MM, CORNER_MM, MARGIN, on_path
-from calibration.on_the_fly.planned import planned
+from calibration.on_the_fly.planning.blind_mode import common_odd_mode
+from calibration.on_the_fly.planning.noise_gain import Volume
+from calibration.on_the_fly.planning.path_search import planned
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.virtual import Session, readings_of, write_readings
-from calibration.outliers import first_registration
-from calibration.simulate import observe, tracker_pose
-from calibration.strategies import evaluation_grid, plan
-from calibration.truth import model_of, random_truth
-from calibration.visibility import visibility
-from calibration.volumetric import aligned, deviation_on, volumetric_error_um
+from calibration.planning.strategies import evaluation_grid, plan
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import model_of, random_truth
 from kinematics.basis import Fourier
 from kinematics.effects import COMPONENTS, ErrorMotion
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, no_errors
 from kinematics.state import State
 from kinematics.transforms import Array
 

@@ -10,7 +10,7 @@
 3. **An arc.** C of trunnion_ac measured from 0 to 340 in steps of 5 degrees: the error left inside and in the gap, its
    standard uncertainty in the report of the correction, and the refusal of `ncomp PROGRAM`.
 
-Errors are those of the virtual calibration paper, Table 1, and ncomp's own of rotary axes (`calibration.truth`).
+Errors are those of the virtual calibration paper, Table 1, and ncomp's own of rotary axes (`calibration.simulation.true_model`).
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from pathlib import Path
 import numpy as np
 
 import machines
-from calibration.volumetric import deviation_on, rigid_columns
+from calibration.evaluation.volumetric import deviation_on, rigid_columns
+from kinematics.error_model.model import ErrorModel, read_model
 from kinematics.forward import forward
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, read_model
 from kinematics.transforms import Array
 
 SEED = 20261122

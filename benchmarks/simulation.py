@@ -11,10 +11,10 @@ import tracemalloc
 import numpy as np
 
 import machines
-from calibration.instruments import LaserTracker
-from calibration.simulate import observe, random_truth, tracker_pose
-from calibration.strategies import evaluation_grid, plan
-from calibration.volumetric import deviation_on, volumetric_error_um
+from calibration.evaluation.volumetric import deviation_on, volumetric_error_um
+from calibration.measurement.instruments import LaserTracker
+from calibration.planning.strategies import evaluation_grid, plan
+from calibration.simulation.simulate import observe, random_truth, tracker_pose
 
 DRAWS, POINTS = 1000, 500_000
 

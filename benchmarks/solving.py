@@ -17,14 +17,14 @@ from collections.abc import Callable
 import numpy as np
 
 import machines
-from calibration.fit import fit
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.models import BasisChoice, priors, rigid_model
-from calibration.normal import designs
-from calibration.outliers import first_registration
-from calibration.problem import Problem
-from calibration.simulate import observe, random_truth, tracker_pose
+from calibration.fit.fit import fit
+from calibration.fit.problem import Problem
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.observation.full_model import BasisChoice, priors, rigid_model
+from calibration.observation.normal_equations import designs
+from calibration.observation.outliers import first_registration
+from calibration.simulation.simulate import observe, random_truth, tracker_pose
 from kinematics.state import State
 
 BASES = {"X": BasisChoice("cubic", 16), "Y": BasisChoice("cubic", 14), "Z": BasisChoice("cubic", 14)}

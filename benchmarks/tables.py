@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 
 import machines
-from kinematics.model import read_model
+from kinematics.error_model.model import read_model
 from postproc.tables.export import export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import FORMATS

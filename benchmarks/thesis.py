@@ -27,19 +27,19 @@ import numpy as np
 
 import machines
 from benchmarks import thesis_procedure
-from calibration.equations import expected
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.registration import Registration, rigid
-from calibration.three_points import identify
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.registration import Registration, rigid
+from calibration.observation.equations import expected
+from calibration.single_axis.three_points import identify
 from kinematics.basis import Polynomial
 from kinematics.correction import correct_position
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel, Observation, Provenance, reference
 from kinematics.error_transform import place_transform
 from kinematics.forward import forward, tool_point
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Observation, Provenance, reference
 from kinematics.state import State
 from kinematics.transforms import IDENTITY, Array, Pose, by_turn, rotation_vector_matrix
 

@@ -20,15 +20,15 @@ import numpy as np
 
 import machines
 from benchmarks.rotary_turns import SEED, STATIONS, TABLE, TARGETS, TOOL, random_machine
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.simulate import observe, random_truth, tracker_pose
-from calibration.three_points import identify
-from calibration.volumetric import deviation_on, rigid_columns
+from calibration.evaluation.volumetric import deviation_on, rigid_columns
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from calibration.single_axis.three_points import identify
+from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import place_transform
 from kinematics.forward import forward
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 

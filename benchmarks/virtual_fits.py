@@ -16,17 +16,17 @@ from typing import NamedTuple
 import numpy as np
 
 import machines
-from calibration.fit import Fit, fit
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.models import with_effects
-from calibration.resolution import choose
-from calibration.simulate import observe, random_truth, tracker_pose
-from calibration.strategies import evaluation_grid, plan
-from calibration.volumetric import aligned, deviation_on
+from calibration.evaluation.volumetric import aligned, deviation_on
+from calibration.fit.basis_selection import choose
+from calibration.fit.fit import Fit, fit
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.observation.full_model import with_effects
+from calibration.planning.strategies import evaluation_grid, plan
+from calibration.simulation.simulate import observe, random_truth, tracker_pose
+from kinematics.error_model.model import ErrorModel
 from kinematics.error_transform import place_transform
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 

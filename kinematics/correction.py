@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from kinematics.error_transform import pose_slopes
-from kinematics.errors import UserError
 from kinematics.forward import forward, tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 CONVERGED = 1e-8
 """mm and rad."""

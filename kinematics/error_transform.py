@@ -22,11 +22,11 @@ from numpy.typing import ArrayLike
 from kinematics.derived import MODULES
 from kinematics.deviation import Deviation, in_blocks
 from kinematics.effects import COMPONENTS
-from kinematics.errors import UserError
 from kinematics.files import fingerprint, write_whole
 from kinematics.forward import forward
 from kinematics.machine import Machine
 from kinematics.transforms import Array, by_turn, turn
+from kinematics.user_error import UserError
 
 
 class Derived(Protocol):

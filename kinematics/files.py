@@ -11,7 +11,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from kinematics.errors import UserError
 from kinematics.transforms import Array, read_only
+from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
     from kinematics.touch_off import Datum

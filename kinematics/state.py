@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from kinematics.basis import Basis
-from kinematics.errors import UserError
 from kinematics.machine import Axis, Machine
 from kinematics.transforms import Array, read_only
 from kinematics.turn import columns_of
+from kinematics.user_error import UserError
 
 REFERENCE = 20.0
 """degC that temperatures count from."""

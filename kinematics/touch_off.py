@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine

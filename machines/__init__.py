@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from kinematics.errors import UserError
 from kinematics.machine import EVERY_OTHER, Control, Machine, make_axis, split_chain
 from kinematics.touch_off import read_datum
+from kinematics.user_error import UserError
 
 FOLDER = Path(__file__).parent
 T = TypeVar("T")

@@ -12,27 +12,10 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from kinematics.errors import UserError
-from postproc.commands import (
-    check,
-    compare,
-    continuous,
-    correct,
-    diagnose,
-    export,
-    fit,
-    import_tables,
-    iso230,
-    machines,
-    plan,
-    predict,
-    simulate,
-    simulate_continuous,
-    study,
-    three_points,
-    tracker,
-    verify,
-)
+from kinematics.user_error import UserError
+from postproc.commands.calibrations import compare, continuous, diagnose, fit, iso230, three_points
+from postproc.commands.measurements import plan, predict, simulate, simulate_continuous, study, tracker
+from postproc.commands.programs import check, correct, export, import_tables, machines, verify
 
 MAIN_JOB = "correct"
 

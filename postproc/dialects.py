@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import Protocol
 
-from kinematics.errors import UserError
 from kinematics.machine import Machine
-from postproc.control_state import ControlState
-from postproc.evidence import evidence
-from postproc.flow import Variables, never
-from postproc.motions import Motions
-from postproc.notes import Notes
-from postproc.program import Block, Refusal
-from postproc.recorder import Recorder
-from postproc.setup import Setup
+from kinematics.user_error import UserError
+from postproc.control.setup import Setup
+from postproc.control.state import ControlState
+from postproc.motion.motions import Motions
+from postproc.motion.recorder import Recorder
+from postproc.text.block import Block, Refusal
+from postproc.text.dialect_evidence import evidence
+from postproc.text.flow import Variables, never
+from postproc.text.notes import Notes
 
 
 class Interpreter(Protocol):
@@ -92,7 +92,9 @@ def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Bl
 
 
 def _iso() -> Dialect:
-    from postproc import iso, iso_leader, iso_statements
+    from postproc.iso import interpreter as iso
+    from postproc.iso import leader as iso_leader
+    from postproc.iso import statements as iso_statements
 
     return Dialect(
         "iso",
@@ -108,7 +110,9 @@ def _iso() -> Dialect:
 
 
 def _heidenhain() -> Dialect:
-    from postproc import heidenhain, heidenhain_blocks, heidenhain_statements
+    from postproc.heidenhain import blocks as heidenhain_blocks
+    from postproc.heidenhain import interpreter as heidenhain
+    from postproc.heidenhain import statements as heidenhain_statements
 
     return Dialect(
         "heidenhain",
@@ -125,7 +129,10 @@ def _heidenhain() -> Dialect:
 
 
 def _siemens() -> Dialect:
-    from postproc import siemens, siemens_blocks, siemens_calls, siemens_statements
+    from postproc.siemens import blocks as siemens_blocks
+    from postproc.siemens import calls as siemens_calls
+    from postproc.siemens import interpreter as siemens
+    from postproc.siemens import statements as siemens_statements
 
     return Dialect(
         "siemens",

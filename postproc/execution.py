@@ -13,13 +13,13 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from kinematics.errors import UserError
-from postproc.block_values import straight
+from kinematics.user_error import UserError
 from postproc.dialects import Dialect, Interpreter
-from postproc.flow import Flow
-from postproc.motions import Motions, merged
-from postproc.program import Block, Refusal
-from postproc.source import CHUNK, Source
+from postproc.motion.motions import Motions, merged
+from postproc.text.block import Block, Refusal
+from postproc.text.block_values import straight
+from postproc.text.flow import Flow
+from postproc.text.source import CHUNK, Source
 
 Item = TypeVar("Item")
 
@@ -42,7 +42,7 @@ class Part:
 def settled(parts: Iterable[Part]) -> Iterator[Part]:
     """The parts, joined where the moves of one decide how the last move before it is written.
 
-    That is one which begins with a turn of rotary axes alone (`postproc/turning.py`), or makes no move.
+    That is one which begins with a turn of rotary axes alone (`postproc/correct/rotary_moves.py`), or makes no move.
     """
     held: list[Part] = []
     for part in parts:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.measuring_program import Manner, assumptions, speech_of, words_of
+from postproc.generate import Manner, assumptions, speech_of, words_of
 
 STANDS_S = 3.0
 """At the start, where recording begins, and at the end."""

@@ -8,18 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.circles import sweep
+from kinematics.user_error import UserError
+from postproc.control.setup import Setup
 from postproc.dialects import Dialect
 from postproc.execution import execution
-from postproc.motions import Motions
-from postproc.moves import Kind, Known
-from postproc.notes import Notes
-from postproc.program import Refusal
-from postproc.setup import Setup
-from postproc.source import Source
+from postproc.motion.circles import sweep
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind, Known
+from postproc.text.block import Refusal
+from postproc.text.notes import Notes
+from postproc.text.source import Source
 
 PIECE_DEG = 0.1
 """Circles, and moves with TCP that turn rotary axes, in pieces that turn by no more: straight to 0.2 um at 500 mm."""

@@ -9,14 +9,14 @@ import numpy as np
 import machines
 from calibration.continuous.records import QuasiStatic, Record
 from calibration.continuous.virtual import Laser, Measured, Motion, Targets, end_effect, measure
-from calibration.effect_text import read_effects
-from calibration.instruments import Interferometer
-from calibration.measurement import Measurement
-from calibration.simulate import observe
-from calibration.truth import model_of
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement
+from calibration.simulation.effect_text import read_effects
+from calibration.simulation.simulate import observe
+from calibration.simulation.true_model import model_of
 from kinematics.basis import Fourier
 from kinematics.effects import ErrorMotion
-from kinematics.model import ErrorModel
+from kinematics.error_model.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
 

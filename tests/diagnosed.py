@@ -5,13 +5,13 @@ import numpy as np
 from measured import THREE, measured, positions
 
 import machines
-from calibration.diagnosis.base import Base
-from calibration.diagnosis.frame import GENEROUS, Frame
-from calibration.diagnosis.library import library
-from calibration.diagnosis.selection import Selector
-from calibration.fit import fit
-from calibration.models import BasisChoice, priors, rigid_model
-from kinematics.model import no_errors
+from calibration.diagnosis.search.candidates import library
+from calibration.diagnosis.search.linearised_fit import GENEROUS, Frame
+from calibration.diagnosis.search.selection import Selector
+from calibration.diagnosis.search.start_model import Base
+from calibration.fit.fit import fit
+from calibration.observation.full_model import BasisChoice, priors, rigid_model
+from kinematics.error_model.model import no_errors
 
 CFRAME = machines.load("cframe")
 LEGENDRE = dict.fromkeys("XYZ", BasisChoice("legendre", 3))

@@ -38,8 +38,8 @@ from kinematics.effects import (
     Unnamed,
     Wobble,
 )
+from kinematics.error_model.model import no_errors
 from kinematics.machine import Machine
-from kinematics.model import no_errors
 from kinematics.state import State
 
 DMU50 = machines.load("dmu50")

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from programs import load, source_of
 
+from postproc.control.setup import make_setup
+from postproc.control.tool_table import ToolTable
 from postproc.dialects import find_dialect
 from postproc.execution import execution
-from postproc.notes import Notes
-from postproc.setup import make_setup
-from postproc.tool_tables.table import ToolTable
+from postproc.text.notes import Notes
 
 SUFFIXES = {"iso": "nc", "siemens": "mpf", "heidenhain": "h"}
 

@@ -6,14 +6,14 @@ import msgspec
 import numpy as np
 
 import machines
-from calibration import equations
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.registration import Registration
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.measurement.registration import Registration
+from calibration.observation import equations
 from kinematics.basis import Fourier
 from kinematics.effects import COMPONENTS, ErrorMotion
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, no_errors
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix
 

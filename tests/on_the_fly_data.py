@@ -5,13 +5,13 @@ import itertools
 import numpy as np
 
 import machines
-from calibration.instruments import LaserTracker
-from calibration.measurement import Target
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Target
 from calibration.on_the_fly.drive import Manner
 from calibration.on_the_fly.nominal_path import NominalPath
 from calibration.on_the_fly.readings import Readings
 from calibration.on_the_fly.virtual import Session, readings_of
-from calibration.simulate import tracker_pose
+from calibration.simulation.simulate import tracker_pose
 
 FIXED_TOML = """
 name = "fixed"

@@ -14,17 +14,17 @@ import numpy as np
 import machines
 from kinematics.basis import BSpline, Fourier, Legendre, Polynomial
 from kinematics.effects import Effect, ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel, Provenance, no_errors, reference
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Provenance, no_errors, reference
+from postproc.control.setup import Setup, make_setup
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.report import Report
+from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
 from postproc.execution import execution
-from postproc.motions import Motions, merged
-from postproc.notes import Notes
-from postproc.pipeline import Job, Pipeline
-from postproc.report import Report
-from postproc.setup import Setup, make_setup
-from postproc.source import ENCODING, HEAD_SIZE, Source
-from postproc.verify import read_motions
+from postproc.motion.motions import Motions, merged
+from postproc.text.notes import Notes
+from postproc.text.source import ENCODING, HEAD_SIZE, Source
 
 THREE_AXES = ("gantry", "cframe", "bzt_pfu")
 FIVE_AXES = ("dmu50", "trunnion_ac", "trunnion_bc", "head_head", "head_table")

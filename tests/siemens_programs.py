@@ -6,12 +6,12 @@ import re
 import numpy as np
 from programs import load, setup_of, source_of
 
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.text.source import ENCODING
 
 SIEMENS = find_dialect("siemens", "", "")
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.sight import seen_points
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.observed_points import seen_points
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array, Pose
 

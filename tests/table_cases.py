@@ -9,8 +9,8 @@ from programs import load, model_of
 
 from kinematics.basis import Legendre
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
 from postproc.tables.export import Exported, export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format

@@ -15,8 +15,8 @@ from three_points_data import measured, model, random_effects, station
 from typer.testing import CliRunner, Result
 
 import machines
-from calibration.measurement_file import write_measurement
-from kinematics.errors import UserError
+from calibration.measurement.file import write_measurement
+from kinematics.user_error import UserError
 from postproc.cli import app
 
 TRACKER = ("--tracker=-700,-900,300", "-u", "u_range_um=0.5", "-u", "u_angle_um=3", "-u", "u_angle_um_per_m=3")

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.beyond_measured import check_beyond_measured, growths
+from calibration.fit.beyond_measured import check_beyond_measured, growths
 from kinematics.basis import Legendre
 from kinematics.effects import Effect, ErrorMotion, LocationError, Wobble
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, no_errors
 from kinematics.turn import columns_of
+from kinematics.user_error import UserError
 
 DMU50 = machines.load("dmu50")
 TRUNNION = machines.load("trunnion_ac")

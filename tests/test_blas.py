@@ -34,7 +34,7 @@ def threads(code: str, **environment: str) -> list[int]:
         "import calibration.study.chunks",  # the module that a worker, of this machine or of Dask, unpickles
         "import kinematics.effects",
         "import machines",
-        "import numpy, scipy.linalg, calibration.calibrate",  # a host that has loaded BLAS already
+        "import numpy, scipy.linalg, calibration.fit.calibrate",  # a host that has loaded BLAS already
         "import numpy, postproc.cli",
     ],
 )

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from postproc.lines import ranges
+from postproc.text.line_numbers import ranges
 
 GOOD = """G21 G90 G54
 G0 X1. Y1.

@@ -12,10 +12,10 @@ from three_dialects import WRITERS, parts
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
+from postproc.text.source import ENCODING
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 HEAD = "G21 G90 G17 G54 G94\nG0 X1000 Y1000 Z510\nX1010 Y1010 Z505\n"

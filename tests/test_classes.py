@@ -10,20 +10,20 @@ from programs import random_model
 
 import machines
 from kinematics.basis import Polynomial
-from kinematics.classes import CLASSES, ELEMENTARY, class_of, parse_classes, select
 from kinematics.correction import DAMPING, correct_orientation, correct_position
 from kinematics.effects import ErrorMotion
-from kinematics.errors import UserError
+from kinematics.error_model.classes import CLASSES, ELEMENTARY, class_of, parse_classes, select
+from kinematics.error_model.model import ErrorModel, read_model
 from kinematics.forward import forward, tool_point
-from kinematics.model import ErrorModel, read_model
 from kinematics.state import State
-from postproc.class_table import class_table
+from kinematics.user_error import UserError
+from postproc.control.setup import make_setup
+from postproc.correct.classes import class_table
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import Source
-from postproc.verify import read_motions
+from postproc.motion.motions import merged
+from postproc.text.source import Source
 
 FIVE_AXES = ("dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table")
 DMU50 = machines.load("dmu50")

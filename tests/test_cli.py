@@ -12,7 +12,7 @@ import pytest
 from programs import load, model_of, shifted
 
 from kinematics.effects import Backlash, DriftWithSensor
-from kinematics.model import encode_model, write_model
+from kinematics.error_model.model import encode_model, write_model
 from postproc import cli
 
 GOOD = "%\nO1 (A)\nG21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nG2 X200.0 I10.0 J0\nM30\n%\n"
@@ -186,7 +186,7 @@ def test_wrong_usage(ncomp, tmp_path, arguments):
 
 
 def test_a_fault_of_ours_is_told_from_one_of_the_user(ncomp, monkeypatch):
-    monkeypatch.setattr("postproc.pipeline.Pipeline.run", lambda *_: 1 / 0)
+    monkeypatch.setattr("postproc.correct.pipeline.Pipeline.run", lambda *_: 1 / 0)
     result = ncomp("in.nc", *GANTRY, "-o", "out.nc")
     assert result.status == 1
     assert "internal fault: ZeroDivisionError" in result.err.splitlines()[-1]

@@ -10,13 +10,13 @@ import pytest
 from measured import truth
 
 import machines
-from calibration.datum import gauge, to_datum
-from calibration.locations import transformed
-from calibration.models import priors
+from calibration.fit.datum import gauge, to_datum
+from calibration.fit.location_errors import transformed
+from calibration.observation.full_model import priors
 from kinematics.basis import Harmonics, Legendre, Polynomial
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift, Wobble
+from kinematics.error_model.model import ErrorModel, Provenance, no_errors, reference, write_model
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Provenance, no_errors, reference, write_model
 
 CFRAME, TABLE = machines.load("cframe"), machines.load("head_table")
 MADE = Provenance("test", datetime(2026, 1, 1, tzinfo=UTC))

@@ -9,12 +9,12 @@ from programs import FIVE_AXES, THREE_AXES, RandomProgram, load, model_of, rando
 from kinematics.basis import BSpline, Polynomial
 from kinematics.correction import correct_position
 from kinematics.effects import ErrorMotion
-from kinematics.errors import UserError
+from kinematics.error_model.model import no_errors
 from kinematics.forward import tool_point
-from kinematics.model import no_errors
 from kinematics.state import State
-from postproc.compensate import correct, missed
-from postproc.moves import Kind, Known
+from kinematics.user_error import UserError
+from postproc.compensation.correction import correct, missed
+from postproc.motion.moves import Kind, Known
 
 ALL = (*FIVE_AXES, *THREE_AXES)
 EXACT_UM = 0.01

@@ -19,13 +19,13 @@ from kinematics.effects import (
     StationShift,
     ThermalDrift,
 )
-from kinematics.errors import UserError
-from postproc.conditions import Conditions, make_conditions
+from kinematics.user_error import UserError
+from postproc.compensation.conditions import Conditions, make_conditions
+from postproc.compensation.predicted_error import in_a_program, standing_notes
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.judge import in_a_program, standing_notes
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import ENCODING
+from postproc.text.source import ENCODING
 
 GANTRY = load("gantry")
 HEAD = "G21 G90\nG0 X1000.0 Y500.0 Z100.0\n"

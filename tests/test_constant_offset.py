@@ -7,9 +7,9 @@ from clients.rs274 import Move, Tool
 from programs import LINUXCNC_OFFSETS, RandomProgram, correct, load, random_setup, read_lines, shifted
 from test_rs274 import FREECAD, TOOLS, wrapped
 
-from kinematics.errors import UserError
-from postproc.moves import Kind, Known
-from postproc.source import ENCODING
+from kinematics.user_error import UserError
+from postproc.motion.moves import Kind, Known
+from postproc.text.source import ENCODING
 
 UM = {"X": 3.0, "Y": -4.2, "Z": 7.3}
 """For some others, 5.5 among them, LinuxCNC's own sums make a peck of no length at the bottom of every hole."""

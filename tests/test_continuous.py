@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import machines
 from calibration.continuous.clock import clocked, raster
-from calibration.continuous.course import course_of
+from calibration.continuous.error_curve import course_of
 from calibration.continuous.estimate import estimate
 from calibration.continuous.features import features
 from calibration.continuous.noise import Noise, noise_of_course
@@ -18,8 +18,8 @@ from calibration.continuous.records import QuasiStatic, Record
 from calibration.continuous.segment import constant_velocity
 from calibration.continuous.shape import Extra, shape_of
 from calibration.continuous.virtual import Laser, Motion, Targets, _profile
-from calibration.readers import read_any
-from kinematics.errors import UserError
+from calibration.measurement.readers import read_any
+from kinematics.user_error import UserError
 
 WHITE = Noise(np.ones(1), 0.1, 0.1, 2e-4, ())
 

@@ -10,7 +10,7 @@ import machines
 from kinematics.basis import Polynomial
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError
-from kinematics.model import ErrorModel, Provenance, read_model, reference, write_model
+from kinematics.error_model.model import ErrorModel, Provenance, read_model, reference, write_model
 from kinematics.state import State
 
 CFRAME = machines.load("cframe")

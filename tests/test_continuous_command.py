@@ -10,7 +10,7 @@ from continuous_cases import virtual_case
 from calibration.continuous.reading import read_all
 from calibration.continuous.record_file import write_records
 from calibration.continuous.virtual import Targets
-from calibration.measurement_file import write_measurement
+from calibration.measurement.file import write_measurement
 
 TABLE = ["position_mm", "error_um", "u_um"]
 SIMULATED = (

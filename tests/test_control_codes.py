@@ -8,9 +8,9 @@ import re
 import pytest
 from hand_programs import positions
 
-from kinematics.errors import UserError
-from postproc.notes import Notes
-from postproc.tool_tables.table import ToolTable
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable
+from postproc.text.notes import Notes
 
 TURNED = ToolTable(
     work_offsets={"3": {"X": 100.0, "Y": 200.0, "Z": 300.0}, "4": {"X": 1.0}}, turned={"3": (0.0, 0.0, 90.0)}

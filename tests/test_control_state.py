@@ -12,10 +12,10 @@ from three_dialects import WRITERS, parts
 import machines
 from kinematics.basis import BSpline
 from kinematics.effects import ErrorMotion
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import ENCODING
+from postproc.text.source import ENCODING
 
 GANTRY = machines.load("gantry")
 SCALE = model_of(GANTRY, ErrorMotion("X", "X", BSpline((-5e3, 5e3), 1), (-5e3, 5e3), u=(0.0, 0.0)))

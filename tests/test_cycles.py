@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from programs import WHOLE, correct, load, model_of, random_model, read, read_lines, shifted
 
 from kinematics.effects import Backlash
-from kinematics.errors import UserError
-from kinematics.model import ErrorModel
-from postproc.compensate import missed
-from postproc.moves import Kind
-from postproc.verify import verify
+from kinematics.error_model.model import ErrorModel
+from kinematics.user_error import UserError
+from postproc.compensation.correction import missed
+from postproc.correct.verify import verify
+from postproc.motion.moves import Kind
 
 HEAD = "G21 G90 G54 G17 G98\nG0 X0. Y0. Z100.\n"
 TAIL = "G80\nG0 X1. Y1.\nM2\n"

@@ -15,17 +15,17 @@ from virtual_machine.part import Shop, TouchedOff
 import machines
 from kinematics.basis import Legendre
 from kinematics.effects import Backlash, ErrorMotion, LocationError
-from kinematics.errors import UserError
+from kinematics.error_model.model import no_errors, write_model
 from kinematics.forward import tool_point
-from kinematics.model import no_errors, write_model
 from kinematics.touch_off import Datum, read_datum, touch_off
+from kinematics.user_error import UserError
 from postproc import execution as execution_module
-from postproc.conditions import Conditions
-from postproc.datum import deviations, poses
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.datum import deviations, poses
+from postproc.control.setup import make_setup
+from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.setup import make_setup
-from postproc.verify import read_motions
+from postproc.motion.motions import merged
 
 ROOT = Path(__file__).parents[1]
 BOX = (ROOT / "examples" / "box.nc").read_text()

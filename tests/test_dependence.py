@@ -8,9 +8,9 @@ from dependent_data import joint, logged, remembering
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.diagnosis.dependence import explaining_variables
-from calibration.diagnosis.permuted_blocks import blocks_in_time, permuted
-from calibration.diagnosis.smooth import AMPLITUDES, Kernels, log_evidence, smooth_part
+from calibration.diagnosis.residual.dependence import explaining_variables
+from calibration.diagnosis.residual.permuted_blocks import blocks_in_time, permuted
+from calibration.diagnosis.residual.smooth import AMPLITUDES, Kernels, log_evidence, smooth_part
 
 
 @given(st.lists(st.integers(1, 9), min_size=2, max_size=12), st.integers(0, 99))

@@ -13,10 +13,10 @@ import pytest
 from measured import THREE, measured, positions
 
 import machines
-from calibration.measurement_file import write_measurement
+from calibration.measurement.file import write_measurement
 from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.model import encode_model, no_errors
+from kinematics.error_model.model import encode_model, no_errors
 
 CFRAME = machines.load("cframe")
 FIGURES = {"rms_um", "max_um", "chi2_reduced", "heldout_rms_um"}

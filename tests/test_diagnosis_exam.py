@@ -8,8 +8,8 @@ from virtual_machine import machine_causes as machine
 from virtual_machine.scoring import Score, score
 
 import machines
-from calibration.equations import covariance
-from calibration.measurement_file import read_measurement
+from calibration.measurement.file import read_measurement
+from calibration.observation.equations import covariance
 
 
 @pytest.mark.parametrize("name", draws.MACHINES)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from diagnosed import LEGENDRE, data_with, fitted
 
-from calibration.diagnosis.frame import GENEROUS, LIKELY, Frame
-from calibration.diagnosis.library import at_zero
-from calibration.diagnosis.scans import waves
-from calibration.fit import fit
-from calibration.heldout import cells
-from calibration.models import priors, rigid_model
-from calibration.normal import residuals
+from calibration.diagnosis.search.candidates import at_zero
+from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, Frame
+from calibration.diagnosis.search.proposed_shapes import waves
+from calibration.fit.cross_validation import cells
+from calibration.fit.fit import fit
+from calibration.observation.full_model import priors, rigid_model
+from calibration.observation.normal_equations import residuals
 from kinematics.effects import (
     AirScale,
     Backlash,

@@ -9,18 +9,18 @@ from diagnosed import CFRAME, data_with, selector
 from measured import THREE, measured, positions
 
 import machines
-from calibration.diagnosis import remainder
-from calibration.diagnosis.by_chance import DRAWS, Chance
-from calibration.diagnosis.dependence import Unexplained, of_variables
-from calibration.diagnosis.fitted_variables import fitted_variables
-from calibration.diagnosis.frame import Frame
-from calibration.diagnosis.library import Candidate
-from calibration.diagnosis.scans import waves
-from calibration.diagnosis.selection import judge
-from calibration.fit import fit
-from calibration.models import BasisChoice, rigid_model
+from calibration.diagnosis.residual import unexplained as remainder
+from calibration.diagnosis.residual.chance_level import DRAWS, Chance
+from calibration.diagnosis.residual.dependence import Unexplained, of_variables
+from calibration.diagnosis.residual.fitted_variables import fitted_variables
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.proposed_shapes import waves
+from calibration.diagnosis.search.selection import judge
+from calibration.fit.fit import fit
+from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Backlash, Cyclic, Unnamed
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
 
 N = 240
 RANGES = (CFRAME.axes[CFRAME.index("X")].travel, (0.0, 15.0 * N))

@@ -13,12 +13,12 @@ from measured import THREE, TRACKER, measured, pose_of, positions
 from rich.console import Console
 
 import machines
-from calibration import equations
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.frame import Frame
-from calibration.diagnosis.words import in_full, quantity_name, with_uncertainty
-from calibration.fit import fit
-from calibration.measurement import Measurement, Target, with_moves
+from calibration.diagnosis.report_text import in_full, quantity_name, with_uncertainty
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.fit.fit import fit
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.observation import equations
 from calibration.pages.cause_figures import cause_figure
 from calibration.pages.cause_views import VIEWS, views
 from calibration.pages.diagnosis import diagnosis_page
@@ -33,8 +33,8 @@ from kinematics.effects import (
     TrackerDrift,
     Unnamed,
 )
-from kinematics.model import no_errors
-from postproc.diagnosis_summary import show, summary
+from kinematics.error_model.model import no_errors
+from postproc.commands.show.diagnosis import show, summary
 
 CFRAME = machines.load("cframe")
 TARGETS = {name: Target(place) for name, place in (("t1", (0.0, 0.0, -120.0)), ("t2", (90.0, 40.0, -180.0)))}

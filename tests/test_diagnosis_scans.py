@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from diagnosed import CFRAME, data_with, fitted, framed
 
-from calibration.diagnosis import scans
-from calibration.diagnosis.frame import Frame
-from calibration.diagnosis.library import at_zero, library
-from calibration.diagnosis.saw_teeth import refined, saw_uncertainty
-from calibration.diagnosis.selection import judge
+from calibration.diagnosis.search import proposed_shapes as scans
+from calibration.diagnosis.search.candidates import at_zero, library
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.sawtooth import refined, saw_uncertainty
+from calibration.diagnosis.search.selection import judge
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation
 

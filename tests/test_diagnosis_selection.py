@@ -8,10 +8,10 @@ from diagnosed import data_with, framed, selector
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.diagnosis import selection
-from calibration.diagnosis.library import Candidate
-from calibration.diagnosis.scans import finer, joined
-from calibration.diagnosis.selection import Judged, chosen_of, judge, passing, predicts, siblings
+from calibration.diagnosis.search import selection
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.proposed_shapes import finer, joined
+from calibration.diagnosis.search.selection import Judged, chosen_of, judge, passing, predicts, siblings
 from kinematics.basis import Fourier
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, ThermalDrift
 

@@ -3,7 +3,7 @@
 import pytest
 
 from postproc.dialects import find_dialect
-from postproc.evidence import spoken
+from postproc.text.dialect_evidence import spoken
 
 HEAD = "G21 G90 G17 G54\nG0 X1000. Y1000. Z-500.\n"
 FOUND = {

@@ -12,13 +12,13 @@ from programs import WHOLE, RandomProgram, correct, load, model_of, random_model
 from test_pipeline import ACCEPTED, machine_for, real_programs, run
 
 from kinematics.effects import Backlash
-from kinematics.errors import UserError
-from kinematics.model import no_errors
-from postproc.moves import Kind
-from postproc.pieces import like
-from postproc.reversals import Directions
-from postproc.source import ENCODING
-from postproc.verify import verify
+from kinematics.error_model.model import no_errors
+from kinematics.user_error import UserError
+from postproc.correct.verify import verify
+from postproc.motion.moves import Kind
+from postproc.motion.reversals import Directions
+from postproc.motion.segments import like
+from postproc.text.source import ENCODING
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 WIDTHS = {"X": 20.0, "Y": 40.0, "Z": -12.0}

@@ -10,13 +10,13 @@ from test_direction import play
 from test_klartext_job import HEIDENHAIN, program
 
 from kinematics.effects import Backlash
-from postproc.motions import merged
-from postproc.moves import Kind
-from postproc.pieces import like
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import Source, open_source
-from postproc.verify import read_motions, verify
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.motion.moves import Kind
+from postproc.motion.segments import like
+from postproc.text.source import Source, open_source
 
 DMU50 = load("dmu50")
 WIDTHS = {"X": 20.0, "Y": 40.0, "Z": 12.0}

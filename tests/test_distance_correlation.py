@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from calibration.diagnosis.distance_correlation import ROWS, dependences, distance_correlation
+from calibration.diagnosis.residual.distance_correlation import ROWS, dependences, distance_correlation
 
 
 def test_distance_correlation_by_its_definition():

@@ -22,11 +22,11 @@ from kinematics.effects.geometric import Racking, Wobble
 from kinematics.effects.instrument import Outliers
 from kinematics.effects.thermal import GrowthWithTime, ThermalDrift
 from kinematics.effects.unnamed import Unnamed
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, decode_model, encode_model, no_errors
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 ROOT = Path(__file__).parents[1]
 COLUMNS = {field.name for field in fields(State) if field.init}

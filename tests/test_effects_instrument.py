@@ -16,11 +16,11 @@ from kinematics.effects import (
     TargetOffset,
     TrackerDrift,
 )
-from kinematics.errors import UserError
+from kinematics.error_model.model import no_errors
 from kinematics.forward import tool_point
-from kinematics.model import no_errors
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 POINTS = np.random.default_rng(5).uniform(-3000.0, 3000.0, (40, 3))
 SECOND_ORDER = 4e-6

@@ -9,9 +9,9 @@ from effect_examples import DMU50, deviation_of, full_state
 from numpy.polynomial.legendre import legval
 
 from kinematics.effects import Unnamed
-from kinematics.errors import UserError
-from kinematics.model import no_errors
-from postproc.conditions import make_conditions
+from kinematics.error_model.model import no_errors
+from kinematics.user_error import UserError
+from postproc.compensation.conditions import make_conditions
 
 RANGES = ((-200.0, 200.0), (0.0, 9000.0), (1.0, 5.0))
 EFFECT = Unnamed("Y", ("X", "time", "temperature column"), RANGES, ((1, 0, 0), (2, 1, 3)), (4.0, -3.0))

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import load, random_model, setup_of
 
-from kinematics.errors import UserError
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.pipeline import Job, Pipeline
-from postproc.source import open_source
+from postproc.text.source import open_source
 
 GANTRY = load("gantry")
 MODEL = random_model(GANTRY, 3)

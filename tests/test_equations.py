@@ -7,12 +7,12 @@ import pytest
 from measured import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration import equations
-from calibration.instruments import Interferometer, LaserTracker, Part
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.registration import Registration, rigid
-from calibration.sanity.alternatives import by_axes
-from kinematics.model import Observation
+from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.measurement.registration import Registration, rigid
+from calibration.observation import equations
+from calibration.plausibility.recording_mistakes import by_axes
+from kinematics.error_model.model import Observation
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix
 

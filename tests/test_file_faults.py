@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from programs import load, shifted
 
-from kinematics.model import write_model
+from kinematics.error_model.model import write_model
 
 PROGRAM = "G21 G90 G54\nG0 X100. Y100. Z100.\nG1 X200. F500\nY300.\nM30\n"
 GANTRY = ("--machine", "gantry", "--calibration", "cal.json", "--set-up-zero")
@@ -141,7 +141,7 @@ MOMENTS = {
     "is safe on the disk": "os.fsync = die",
     "has its permissions": "import pathlib; pathlib.Path.chmod = die",
     "takes its place": "import pathlib; pathlib.Path.replace = die",
-    "shows its summary": "import postproc.terminal; postproc.terminal.show_report = die",
+    "shows its summary": "import postproc.commands.show.terminal; postproc.commands.show.terminal.show_report = die",
 }
 
 
@@ -242,7 +242,7 @@ def test_standard_output_by_its_name_is_not_replaced():
 
 def test_an_input_that_changes_while_it_is_read():
     change = """
-import pathlib, postproc.pipeline as p
+import pathlib, postproc.correct.pipeline as p
 def run(self, *rest, old=p.Pipeline.run):
     path = pathlib.Path("in.nc"); path.write_text(path.read_text() + "G0 X1.")
     return old(self, *rest)
@@ -254,7 +254,7 @@ p.Pipeline.run = run
 
 def test_an_input_that_vanishes_while_it_is_read():
     change = """
-import pathlib, postproc.pipeline as p
+import pathlib, postproc.correct.pipeline as p
 def run(self, *rest, old=p.Pipeline.run):
     pathlib.Path("in.nc").unlink()
     return old(self, *rest)

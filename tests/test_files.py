@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from kinematics.errors import UserError
 from kinematics.files import fingerprint, read_input, whole_file, write_whole
+from kinematics.user_error import UserError
 
 NOBODY = 65534
 

@@ -8,27 +8,27 @@ import pytest
 from measured import COLLINEAR, EXACT, MONTAVON, ONE, THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration import equations
-from calibration.calibrate import calibrate
-from calibration.datum import gauge, null_space, to_datum
-from calibration.fit import fit
-from calibration.heldout import blocks_of, held_out
-from calibration.instruments import Interferometer, Part
-from calibration.locations import split_locations, transformed
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.models import BasisChoice, moving_axes, parse_basis, priors, rigid_model
-from calibration.registration import Registration
-from calibration.resolution import choose
-from calibration.visibility import visibility
+from calibration.fit.basis_selection import choose
+from calibration.fit.calibrate import calibrate
+from calibration.fit.cross_validation import blocks_of, held_out
+from calibration.fit.datum import gauge, null_space, to_datum
+from calibration.fit.fit import fit
+from calibration.fit.identifiability import visibility
+from calibration.fit.location_errors import split_locations, transformed
+from calibration.measurement.instruments import Interferometer, Part
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.measurement.registration import Registration
+from calibration.observation import equations
+from calibration.observation.full_model import BasisChoice, moving_axes, parse_basis, priors, rigid_model
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, ErrorMotion, GrowthWithSensor, LocationError, ThermalDrift
+from kinematics.error_model.model import no_errors
 from kinematics.error_transform import place_transform
-from kinematics.errors import UserError
 from kinematics.forward import tool_point
-from kinematics.model import no_errors
 from kinematics.state import State
 from kinematics.transforms import Pose, rotation_vector_matrix
+from kinematics.user_error import UserError
 
 HATS = {"X": BasisChoice("b-spline", 21), "Y": BasisChoice("b-spline", 16), "Z": BasisChoice("b-spline", 9)}
 """Nodes every 100, 100 and 50 mm: 276 parameters, as Montavon et al."""

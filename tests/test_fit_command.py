@@ -11,8 +11,8 @@ import pytest
 from measured import THREE, measured, positions, truth
 
 import machines
-from calibration.measurement_file import write_measurement
-from kinematics.model import read_model
+from calibration.measurement.file import write_measurement
+from kinematics.error_model.model import read_model
 
 MACHINE = machines.load("cframe")
 

@@ -8,18 +8,18 @@ import pytest
 from measured import MONTAVON, ONE, THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration import equations
-from calibration.calibrate import calibrate
-from calibration.fit import fit
-from calibration.heldout import blocks_of, held_out
-from calibration.instruments import Interferometer, LaserTracker, Part
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.models import BasisChoice, rigid_model
-from calibration.outliers import duplicates
+from calibration.fit.calibrate import calibrate
+from calibration.fit.cross_validation import blocks_of, held_out
+from calibration.fit.fit import fit
+from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.observation import equations
+from calibration.observation.full_model import BasisChoice, rigid_model
+from calibration.observation.outliers import duplicates
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithSensor
-from kinematics.errors import UserError
-from kinematics.model import decode_model, encode_model, no_errors
+from kinematics.error_model.model import decode_model, encode_model, no_errors
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 COARSE = {axis: BasisChoice("b-spline", 5) for axis in "XYZ"}
 

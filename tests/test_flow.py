@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import correct, load, random_model, read, shifted
 
-from kinematics.errors import UserError
-from postproc.verify import verify
+from kinematics.user_error import UserError
+from postproc.correct.verify import verify
 
 HEAD = "G21 G90 G54 G0 X0. Y0. Z0.\n"
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import correct, load, read, shifted
 
-from postproc.moves import Kind
+from postproc.motion.moves import Kind
 
 HEAD = "G21 G90 G54 G17 G98 G94 F500\n#1=1 #2=2.5 #<depth>=4\nG0 X0. Y0. Z50.\n"
 SHIFT = [-0.003, 0.0042, -0.0055]

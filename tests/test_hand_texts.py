@@ -13,9 +13,9 @@ from programs import load, model_of, setup_of, source_of
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
+from postproc.text.source import ENCODING
 
 SHIFT_UM = {"X": 100.0, "Y": -200.0, "Z": 300.0}
 HEADS = {

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from test_forward_thesis import thesis_forward
 
 import machines
-from postproc.block_values import straight
-from postproc.flow import Flow
-from postproc.heidenhain import HeidenhainInterpreter
-from postproc.heidenhain_blocks import _read_plain, join_lines, parse_block, read_block
-from postproc.heidenhain_statements import labels
-from postproc.moves import Kind, Known
-from postproc.notes import Notes
-from postproc.program import Refusal
-from postproc.setup import make_setup
+from postproc.control.setup import make_setup
+from postproc.heidenhain.blocks import _read_plain, join_lines, parse_block, read_block
+from postproc.heidenhain.interpreter import HeidenhainInterpreter
+from postproc.heidenhain.statements import labels
+from postproc.motion.moves import Kind, Known
+from postproc.text.block import Refusal
+from postproc.text.block_values import straight
+from postproc.text.flow import Flow
+from postproc.text.notes import Notes
 
 FREECAD = Path(__file__).parents[2] / "shared" / "reference" / "freecad" / "samples" / "box_heidenhain.h"
 

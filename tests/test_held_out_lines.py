@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.calibrate import calibrate
-from calibration.heldout import lines
-from calibration.instruments import LaserTracker
-from calibration.measurement import Target
-from calibration.plan import Choices
-from calibration.simulate import observe, tracker_pose
-from calibration.strategies import plan
-from calibration.truth import random_truth
-from calibration.volumetric import aligned, deviation_on
+from calibration.evaluation.volumetric import aligned, deviation_on
+from calibration.fit.calibrate import calibrate
+from calibration.fit.cross_validation import lines
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Target
+from calibration.measurement.plan import Choices
+from calibration.planning.strategies import plan
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_truth
 
 GANTRY = machines.load("gantry")
 TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)

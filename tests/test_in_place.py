@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from kinematics.errors import UserError
-from postproc.commands import in_place
+from kinematics.user_error import UserError
+from postproc.commands.programs import in_place
 
 TEXT = "G21 G90 G17 G54\nG0 X1.0 Y2.0 Z3.0\nG1 X20.0 F500\nM30\n"
 JOB = ("--machine", "dmu50", "--set-up-zero", "--no-travel-check")

@@ -9,9 +9,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import machines
-from kinematics.errors import UserError
 from kinematics.forward import forward
 from kinematics.inverse import damped_newton, inverse, linear_positions
+from kinematics.user_error import UserError
 
 FIVE_AXIS = ["dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table"]
 TWO_PI = 2 * math.pi

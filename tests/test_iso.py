@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from programs import load, read, setup_of
 
 import machines
-from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.machine import Control
-from postproc.iso import IsoInterpreter
-from postproc.iso_blocks import read_block
-from postproc.iso_codes import HARMLESS_G, REFUSED_G, REFUSED_M
-from postproc.moves import Kind, Known
-from postproc.notes import Notes
-from postproc.program import Refusal
-from postproc.verify import CHUNK
+from kinematics.user_error import UserError
+from postproc.correct.verify import CHUNK
+from postproc.iso.blocks import read_block
+from postproc.iso.codes import HARMLESS_G, REFUSED_G, REFUSED_M
+from postproc.iso.interpreter import IsoInterpreter
+from postproc.motion.moves import Kind, Known
+from postproc.text.block import Refusal
+from postproc.text.notes import Notes
 
 RAPID, LINE, ARC, MACHINE = Kind.RAPID, Kind.LINE, Kind.ARC, Kind.MACHINE
 ROOT = math.sqrt(0.5)
@@ -570,7 +570,7 @@ def test_integers_in_an_inch_program_have_no_known_increment():
 
 
 def test_a_program_without_end(monkeypatch):
-    monkeypatch.setattr("postproc.flow.LONGEST", 1000)
+    monkeypatch.setattr("postproc.text.flow.LONGEST", 1000)
     assert "the program does not come to an end within 1000 blocks" in refusal("N5 G0 X1\nGOTO5\n")
 
 

@@ -10,17 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
-from calibration.equations import expected
-from calibration.instruments import Interferometer
-from calibration.iso230 import BACKWARD, FORWARD, AxisTest, evaluate
-from calibration.measurement import Measurement, with_moves
-from calibration.measurement_file import read_measurement
-from calibration.registration import Registration
+from calibration.measurement.file import read_measurement
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement, with_moves
+from calibration.measurement.registration import Registration
+from calibration.observation.equations import expected
+from calibration.single_axis.iso230 import BACKWARD, FORWARD, AxisTest, evaluate
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.errors import UserError
-from kinematics.model import ErrorModel, Observation, Provenance, no_errors, reference
+from kinematics.error_model.model import ErrorModel, Observation, Provenance, no_errors, reference
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 
@@ -137,7 +137,7 @@ def test_by_hand():
 
 def test_equal_readings_are_not_known_exactly():
     """Also a reversal of none, and a range of none, is a difference of two means that have their noise."""
-    from postproc.commands.iso230 import _cell
+    from postproc.commands.calibrations.iso230 import _cell
 
     for backward in (1.0, 3.0, -2.0):
         (test,) = evaluate(measured({p: ([1.0] * 4, [backward] * 4) for p in (0.0, 100.0, 200.0)}, u=0.5, u_per_m=0.0))

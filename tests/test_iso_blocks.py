@@ -9,10 +9,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from postproc.expressions import Constant, Operation, Variable
-from postproc.iso_blocks import _read_plain, parse_block, read_block
-from postproc.program import Block, Refusal
-from postproc.statements import Assign, Begin, Call, End, Jump, Return, When
+from postproc.iso.blocks import _read_plain, parse_block, read_block
+from postproc.text.block import Block, Refusal
+from postproc.text.expressions import Constant, Operation, Variable
+from postproc.text.statements import Assign, Begin, Call, End, Jump, Return, When
 
 FREECAD = Path(__file__).parent / "data" / "freecad"
 
@@ -112,7 +112,7 @@ def mutable_lines(folder: Path) -> list[str]:
 
 
 def test_joining_the_blocks_of_a_program_gives_its_bytes(nc_data):
-    from postproc.source import ENCODING, open_source
+    from postproc.text.source import ENCODING, open_source
 
     for path in sorted((nc_data / "iso").rglob("*.*")) + sorted(FREECAD.glob("*.nc")):
         source = open_source(str(path))

@@ -9,8 +9,8 @@ import pytest
 from programs import correct, load, random_model, read, shifted
 
 import machines
-from kinematics.errors import UserError
-from postproc.compensate import missed
+from kinematics.user_error import UserError
+from postproc.compensation.correction import missed
 
 HEAD = "G21 G90 G17 G54 G94\nG0 X1000. Y1000. Z-500.\nG1 X1100. F500\n"
 MACHINES = Path(machines.__file__).parent

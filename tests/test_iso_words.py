@@ -8,7 +8,7 @@ import pytest
 from clients.rs274 import RefusedError
 from programs import load, read
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 HEAD = "G21 G90 G17 G94 G54 G98 F500\nG0 X1 Y2 Z3\n"
 TAIL = "\nG80 G90 G1 Y9.5\nM2\n"

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from programs import correct, load, random_model, read, setup_of, shifted, source_of
 from three_dialects import WRITERS, loops, paths
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.text.source import ENCODING
 
 GANTRY = load("gantry")
 

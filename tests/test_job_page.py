@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import load, random_model, shifted
 
-from kinematics.model import write_model
-from postproc import trace
+from kinematics.error_model.model import write_model
+from postproc.correct import trace
 
 BOX = Path(__file__).parents[1] / "examples" / "box.nc"
 DEMO = ("--machine", "dmu50", "--work-offset", "G54=-30,-20,150", "--tool-length", "T1=80")

@@ -9,15 +9,15 @@ import pytest
 from measured import ONE, THREE, measured, positions, truth
 
 import machines
-from calibration.calibrate import calibrate
-from calibration.instruments import LaserTracker
-from calibration.joining import joined
-from calibration.measurement import Measurement, Target
-from calibration.measurement_file import read_measurement, write_measurement
-from calibration.readers import read_any
+from calibration.fit.calibrate import calibrate
+from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.joining import joined
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.readers import read_any
 from kinematics.effects import GrowthWithTime
-from kinematics.errors import UserError
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
+from kinematics.user_error import UserError
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 TRACKED = "# machine: gantry\n# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 2\n# target.t: 0 0 -50\n"

@@ -8,9 +8,9 @@ from programs import WHOLE, correct, load, model_of, random_model, read
 
 from kinematics.correction import correct_position
 from kinematics.effects import QuantisedCompensation
-from kinematics.errors import UserError
 from kinematics.forward import tool_point
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 sizes = st.floats(0.5, 40.0)

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from programs import WHOLE, load, random_model, setup_of, shifted, source_of
 
-from kinematics.errors import UserError
+from kinematics.error_model.model import no_errors
 from kinematics.machine import Machine
-from kinematics.model import no_errors
-from postproc.compensate import missed
+from kinematics.user_error import UserError
+from postproc.compensation.correction import missed
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.text.source import ENCODING
 
 KLARTEXT = find_dialect("heidenhain", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from programs import load, random_model
 from test_klartext_flow import correct, read
 
-from kinematics.errors import UserError
-from postproc.heidenhain_blocks import parse_block, read_block
-from postproc.program import Edit, edited
+from kinematics.user_error import UserError
+from postproc.heidenhain.blocks import parse_block, read_block
+from postproc.text.block import Edit, edited
 
 NAMES = ["Q1", "QL3", "Q200"]
 numbers = st.integers(-3000, 3000).map(lambda n: n / 10)

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
-from kinematics.model import read_model
+from kinematics.error_model.model import read_model
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import Source, open_source
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.text.source import Source, open_source
 
 DMU50 = machines.load("dmu50")
 MODEL = read_model(machines.default_calibration(DMU50), DMU50)

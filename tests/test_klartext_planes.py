@@ -11,16 +11,16 @@ from programs import WHOLE, load, random_model, setup_of, source_of
 from test_forward_thesis import thesis_forward
 from test_heidenhain import Run
 
-from kinematics.errors import UserError
 from kinematics.forward import forward
-from postproc.compensate import missed
+from kinematics.user_error import UserError
+from postproc.compensation.correction import missed
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
-from postproc.heidenhain_planes import by_axes, euler, spatial
-from postproc.motions import merged
-from postproc.moves import Kind, Known
-from postproc.pipeline import Job, Pipeline
-from postproc.program import Refusal
-from postproc.verify import read_motions
+from postproc.heidenhain.tilted_planes import by_axes, euler, spatial
+from postproc.motion.motions import merged
+from postproc.motion.moves import Kind, Known
+from postproc.text.block import Refusal
 
 KLARTEXT = find_dialect("heidenhain", "", "")
 HEAD = "0 BEGIN PGM T MM\n1 TOOL CALL 1 Z S1000\n2 L X+10 Y+20 Z+50 B+0 C+0 R0 FMAX M3\n"
@@ -219,7 +219,7 @@ def test_corrected_in_a_tilted_plane(name):
 
 
 def test_presets_that_turn_the_coordinates(tmp_path):
-    from postproc.setup import make_setup
+    from postproc.control.setup import make_setup
     from postproc.tool_tables import read_tool_table
 
     path = tmp_path / "PRESET.PR"
@@ -234,7 +234,7 @@ def test_presets_that_turn_the_coordinates(tmp_path):
 
 
 def test_lines_of_a_datum_table(tmp_path):
-    from postproc.setup import make_setup
+    from postproc.control.setup import make_setup
     from postproc.tool_tables import read_tool_table
 
     path = tmp_path / "ZERO.D"

@@ -11,11 +11,11 @@ from programs import load, model_of, random_model, shifted
 from test_klartext_flow import HEAD, OFFSET, SHIFT, TAIL, correct, read
 
 from kinematics.effects import Backlash
-from kinematics.errors import UserError
-from postproc.compensate import missed
-from postproc.moves import Kind
-from postproc.pieces import arc_turned
-from postproc.verify import verify
+from kinematics.user_error import UserError
+from postproc.compensation.correction import missed
+from postproc.correct.verify import verify
+from postproc.motion.moves import Kind
+from postproc.motion.segments import arc_turned
 
 GANTRY = load("gantry")
 MODEL = random_model(GANTRY, 11)

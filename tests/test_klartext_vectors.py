@@ -13,9 +13,9 @@ from programs import WHOLE, load, random_model, setup_of, source_of
 from test_heidenhain import Run
 from test_klartext_planes import HEAD, TOOLS, tips
 
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.pipeline import Job, Pipeline
-from postproc.program import Refusal
+from postproc.text.block import Refusal
 
 TCP = "L B+0 C+0 FMAX\nM128\n"
 components = st.integers(-40, 40).map(lambda i: i / 100)

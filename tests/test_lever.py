@@ -6,8 +6,8 @@ from diagnosed import data_with, framed
 from scipy import stats
 
 from calibration import cores
-from calibration.diagnosis.lever import Lever
-from calibration.diagnosis.whiteness import pearson_beyond
+from calibration.diagnosis.residual.whiteness import pearson_beyond
+from calibration.diagnosis.search.sensitivity import Lever
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation
 

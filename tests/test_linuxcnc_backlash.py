@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 from test_direction import play
 
 from kinematics.effects import Backlash
-from postproc.moves import Kind
-from postproc.pieces import like
+from postproc.motion.moves import Kind
+from postproc.motion.segments import like
 
 pytestmark = pytest.mark.slow
 

@@ -21,9 +21,9 @@ import machines
 from kinematics.basis import Polynomial
 from kinematics.deviation import Deviation, exact_deviation
 from kinematics.effects import COMPONENTS, Effect, ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.forward import forward, tool_point
 from kinematics.machine import Machine, make_axis
-from kinematics.model import ErrorModel, no_errors
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, turn
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import machines
-from kinematics.errors import UserError
 from kinematics.forward import forward
 from kinematics.machine import Control, Machine
+from kinematics.user_error import UserError
 
 INF = math.inf
 # chain, then travels in chain order

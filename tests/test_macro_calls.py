@@ -8,12 +8,12 @@ from programs import correct, load, model_of, random_model, read, shifted, sourc
 
 from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.errors import UserError
-from postproc.check import check
+from kinematics.user_error import UserError
+from postproc.control.setup import make_setup
+from postproc.correct.check import check
+from postproc.correct.unroll import unrolled
 from postproc.dialects import find_dialect
-from postproc.notes import Notes
-from postproc.setup import make_setup
-from postproc.unroll import unrolled
+from postproc.text.notes import Notes
 
 HEAD = "G21 G90 G54 G0 X0. Y0. Z0.\n"
 SHIFT = {"X": 3.0, "Y": -4.2, "Z": 5.5}
@@ -231,7 +231,7 @@ def test_refused(block):
 
 @pytest.mark.parametrize("block", ["N5 X1.\nX2.\nM99 P5", "G66 P7\nN5 X1.\nX2.\nGOTO 5\nM30\nO7\nZ1.\nM99"])
 def test_what_never_ends_is_refused(monkeypatch, block):
-    monkeypatch.setattr("postproc.flow.LONGEST", 1000)
+    monkeypatch.setattr("postproc.text.flow.LONGEST", 1000)
     with pytest.raises(UserError, match="does not come to an end within 1000 blocks"):
         read(HEAD + block + "\n", load("gantry"))
 

@@ -8,8 +8,8 @@ import pytest
 from programs import load, model_of
 
 from kinematics.effects import LocationError
-from kinematics.model import write_model
-from postproc.mark import Mark, mark_in
+from kinematics.error_model.model import write_model
+from postproc.correct.mark import Mark, mark_in
 
 PROGRAM = "G21 G17 G90\nT1 M6\nG43 H1\nG54 G0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nM30\n"
 GIVEN = {"--work-offset": "G54=10,20,300", "--tool-length": "T1=80", "--datum": "G54=probed"}

@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
-from calibration.instruments import Interferometer, LaserTracker, Part
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.measurement_file import read_measurement, write_measurement
-from kinematics.errors import UserError
+from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.measurement.measurement import Measurement, Target, with_moves
 from kinematics.forward import tool_point
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 

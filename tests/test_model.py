@@ -28,12 +28,12 @@ from kinematics.effects import (
     ThermalDrift,
     Wobble,
 )
+from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors, read_model, write_model
 from kinematics.error_transform import first_order_deviation, place_transform
-from kinematics.errors import UserError
 from kinematics.forward import tool_point
-from kinematics.model import ErrorModel, decode_model, encode_model, no_errors, read_model, write_model
 from kinematics.state import State
 from kinematics.transforms import BLOCK, Array
+from kinematics.user_error import UserError
 from machines.calibrations.dmu50_demonstration import demonstration
 
 DMU50 = machines.load("dmu50")

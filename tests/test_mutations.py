@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import load
 
-from kinematics.errors import UserError
-from kinematics.model import no_errors
-from postproc import flow
+from kinematics.error_model.model import no_errors
+from kinematics.user_error import UserError
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import ENCODING, HEAD_SIZE, Source
+from postproc.text import flow
+from postproc.text.source import ENCODING, HEAD_SIZE, Source
 
 LARGEST = 6_000
 """Bytes of a program: many short ones say more than one long one."""

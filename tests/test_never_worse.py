@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from programs import load, model_of, read, setup_of, source_of
 
 from kinematics.effects import Cyclic, LocationError, QuantisedCompensation
-from kinematics.errors import UserError
-from kinematics.model import write_model
+from kinematics.error_model.model import write_model
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import verify
 from postproc.dialects import find_dialect
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.verify import verify
-from postproc.writer import Writer
+from postproc.text.source import ENCODING
+from postproc.write.writer import Writer
 
 GANTRY = load("gantry")
 ROUNDING_UM = math.sqrt(3.0) / 2 * 0.1

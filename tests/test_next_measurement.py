@@ -8,19 +8,19 @@ import pytest
 from measured import THREE, TRACKER, measured, positions
 
 import machines
-from calibration.diagnosis.base import base_of
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.frame import Frame
-from calibration.diagnosis.outlook import Outlook
-from calibration.diagnosis.planned import MOST_ROWS
-from calibration.diagnosis.plans import plans
-from calibration.diagnosis.selection import SEEN
-from calibration.fit import fit
-from calibration.instruments import Interferometer, Part
-from calibration.measurement import Target
-from calibration.models import BasisChoice, with_effects
-from calibration.normal import residuals
-from calibration.simulate import observe, tracker_pose
+from calibration.diagnosis.next.follow_up import MOST_ROWS
+from calibration.diagnosis.next.predicted_information import Outlook
+from calibration.diagnosis.next.proposals import plans
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.selection import SEEN
+from calibration.diagnosis.search.start_model import base_of
+from calibration.fit.fit import fit
+from calibration.measurement.instruments import Interferometer, Part
+from calibration.measurement.measurement import Target
+from calibration.observation.full_model import BasisChoice, with_effects
+from calibration.observation.normal_equations import residuals
+from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.effects import (
     AirScale,
     AngleHarmonic,
@@ -32,7 +32,7 @@ from kinematics.effects import (
     ThermalDrift,
     TrackerDrift,
 )
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
 BENCH = machines.parse(

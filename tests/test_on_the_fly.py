@@ -21,31 +21,31 @@ from on_the_fly_data import (
 )
 
 import machines
-from calibration import equations
-from calibration.calibrate import calibrate
-from calibration.fit import fit
-from calibration.instruments import LaserTracker
-from calibration.measurement import Target
-from calibration.models import BasisChoice, moving_axes, with_effects
-from calibration.on_the_fly.blind import common_odd_mode
+from calibration.evaluation.volumetric import aligned, deviation_on
+from calibration.fit.calibrate import calibrate
+from calibration.fit.fit import fit
+from calibration.fit.identifiability import visibility
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Target
+from calibration.observation import equations
+from calibration.observation.full_model import BasisChoice, moving_axes, with_effects
+from calibration.on_the_fly.along_path import across_path, on_path
 from calibration.on_the_fly.cells import cell_numbers, correlation, reduced
+from calibration.on_the_fly.coarse_alignment import in_order, rough
+from calibration.on_the_fly.constant_feed import steadiness
 from calibration.on_the_fly.drive import Manner, driven
 from calibration.on_the_fly.footing import with_footing
 from calibration.on_the_fly.nominal_path import target_path
-from calibration.on_the_fly.on_path import across_path, on_path
+from calibration.on_the_fly.planning.blind_mode import common_odd_mode
 from calibration.on_the_fly.reversals import reversals
-from calibration.on_the_fly.rough import in_order, rough
-from calibration.on_the_fly.speed import steadiness
 from calibration.on_the_fly.virtual import Vibration, write_readings
-from calibration.truth import model_of, random_truth
-from calibration.visibility import visibility
-from calibration.volumetric import aligned, deviation_on
+from calibration.simulation.true_model import model_of, random_truth
 from kinematics.basis import Legendre
 from kinematics.effects import Backlash, Reversal
-from kinematics.errors import UserError
+from kinematics.error_model.model import no_errors, read_model
 from kinematics.forward import tool_point
-from kinematics.model import no_errors, read_model
 from kinematics.transforms import Pose, rotation_vector_matrix
+from kinematics.user_error import UserError
 
 NOTHING = no_errors(FIXED)
 EXACT = LaserTracker(u_range_um=1e-3, u_angle_um=1e-3)

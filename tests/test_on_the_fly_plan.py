@@ -11,29 +11,29 @@ import pytest
 from on_the_fly_data import FIXED, FIXED_TOML, ONE, diagonals, followed, path_of, polyline, program
 
 import machines
-from calibration.calibrate import calibrate
-from calibration.equations import start
-from calibration.instruments import LaserTracker
-from calibration.measurement import Target, with_moves
-from calibration.models import BasisChoice, with_effects
-from calibration.on_the_fly import planned as planner
+from calibration.evaluation.volumetric import aligned, deviation_on
+from calibration.fit.calibrate import calibrate
+from calibration.fit.problem import Problem
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Target, with_moves
+from calibration.observation.equations import start
+from calibration.observation.full_model import BasisChoice, with_effects
+from calibration.on_the_fly.along_path import on_path
 from calibration.on_the_fly.drive import Manner, driven, duration
-from calibration.on_the_fly.gain import PRIOR, Volume
-from calibration.on_the_fly.judged import judged
-from calibration.on_the_fly.on_path import on_path
-from calibration.on_the_fly.planned import planned
-from calibration.problem import Problem
-from calibration.simulate import observe, tracker_pose
-from calibration.strategies import plan
-from calibration.truth import random_truth
-from calibration.volumetric import aligned, deviation_on
+from calibration.on_the_fly.planning import path_search as planner
+from calibration.on_the_fly.planning.noise_gain import PRIOR, Volume
+from calibration.on_the_fly.planning.path_search import planned
+from calibration.on_the_fly.planning.predicted_fit import judged
+from calibration.planning.strategies import plan
+from calibration.simulation.simulate import observe, tracker_pose
+from calibration.simulation.true_model import random_truth
 from kinematics.error_transform import place_transform
-from kinematics.errors import UserError
 from kinematics.state import State
+from kinematics.user_error import UserError
+from postproc.control.setup import make_setup
 from postproc.dialects import find_dialect
 from postproc.program_path import program_path
-from postproc.setup import make_setup
-from postproc.source import open_source
+from postproc.text.source import open_source
 
 TOOL = ONE["t"].position
 

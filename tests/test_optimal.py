@@ -9,21 +9,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import machines
-from calibration.effect_text import read_effects
-from calibration.instruments import Interferometer, LaserTracker
-from calibration.measurement import Target
+from calibration.measurement.instruments import Interferometer, LaserTracker
+from calibration.measurement.measurement import Target
+from calibration.measurement.plan import Choices, Timing
+from calibration.observation.reach import Reach
 from calibration.optimal.candidates import Obstacle, places_around
 from calibration.optimal.exchange import Selection, exchanged, filled
 from calibration.optimal.optimise import VISIBLE, Wish, optimised
-from calibration.plan import Choices, Timing
-from calibration.reach import Reach
+from calibration.simulation.effect_text import read_effects
 from calibration.study.cases import read_cases
 from calibration.study.definition import study_of
 from calibration.study.run import Draws, run
 from calibration.study.spread import Here
 from calibration.study.store import Store
-from kinematics.errors import UserError
 from kinematics.forward import tool_point
+from kinematics.user_error import UserError
 
 GANTRY = machines.load("gantry")
 TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)

@@ -24,18 +24,18 @@ from programs import (
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
-from kinematics.errors import UserError
-from postproc.circles import sweep
-from postproc.compensate import missed
-from postproc.control_state import ControlState
+from kinematics.user_error import UserError
+from postproc.compensation.correction import missed
+from postproc.control.setup import make_setup
+from postproc.control.state import ControlState
+from postproc.correct.mark import mark_in
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import verify
 from postproc.dialects import find_dialect
-from postproc.mark import mark_in
-from postproc.moves import Kind
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import make_setup
-from postproc.source import ENCODING, chunks, open_source
+from postproc.motion.circles import sweep
+from postproc.motion.moves import Kind
+from postproc.text.source import ENCODING, chunks, open_source
 from postproc.tool_tables import ToolTable
-from postproc.verify import verify
 
 FREECAD = Path(__file__).parent / "data" / "freecad"
 ROUNDING_UM = 0.1

@@ -11,8 +11,8 @@ from programs import load, model_of
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError
-from kinematics.model import ErrorModel, decode_model, write_model
-from postproc.writer import Writer
+from kinematics.error_model.model import ErrorModel, decode_model, write_model
+from postproc.write.writer import Writer
 
 NOW = datetime.datetime.now(datetime.UTC)
 PROGRAM = "G21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nY300.0\nM30\n"
@@ -160,8 +160,8 @@ def test_by_default_twice_the_largest_error_over_the_travel(ncomp):
 
 
 def test_the_limit_knows_play_and_tools():
-    from postproc.compensate import COLD
-    from postproc.plausibility import largest_error_um
+    from postproc.compensation.correction import COLD
+    from postproc.correct.plausibility import largest_error_um
 
     gantry = load("gantry")
     play = model_of(gantry, Backlash(axis="X", width=15.0), Backlash(axis="Y", width=20.0))

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.prediction import predictions, read_points
+from calibration.fit.prediction import predictions, read_points
 from kinematics.basis import BSpline, Legendre
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError, RangeOffset, ThermalDrift
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel, Provenance, read_model, reference, write_model
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Provenance, read_model, reference, write_model
 from kinematics.transforms import BLOCK
+from kinematics.user_error import UserError
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 

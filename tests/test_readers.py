@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
-from calibration.instruments import Interferometer, LaserTracker, Part
-from calibration.readers import FORMATS, read_any
-from calibration.readers.delimited import map_names, read_map
-from calibration.readers.etalon import Convention, read_etalon
+from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.measurement.readers import FORMATS, read_any
+from calibration.measurement.readers.delimited import map_names, read_map
+from calibration.measurement.readers.etalon import Convention, read_etalon
 from kinematics.effects import ErrorMotion, LocationError
-from kinematics.errors import UserError
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 LASER = {"u_um": "0.3", "u_um_per_m": "0.5", "target.r": "0 0 -60"}

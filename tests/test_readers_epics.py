@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.calibrate import calibrate
-from calibration.instruments import Interferometer
-from calibration.readers import read_any
+from calibration.fit.calibrate import calibrate
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.readers import read_any
 from kinematics.effects import Cyclic
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 SINGLE = machines.load(str(Path(__file__).parents[1] / "examples" / "single_axis.toml"))
 DMU50 = machines.load("dmu50")

@@ -8,12 +8,12 @@ import pytest
 from measured import ONE, THREE, TRACKER, measured, positions, truth
 
 import machines
-from calibration.diagnosis.repeats import repeats
-from calibration.instruments import Interferometer, LaserTracker
-from calibration.measurement import with_moves
-from calibration.simulate import observe
+from calibration.diagnosis.repeatability import repeats
+from calibration.measurement.instruments import Interferometer, LaserTracker
+from calibration.measurement.measurement import with_moves
+from calibration.simulation.simulate import observe
 from kinematics.effects import Backlash
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
 GANTRY = machines.load("gantry")

@@ -9,7 +9,7 @@ from pathlib import Path
 from programs import load, shifted
 from typer.testing import CliRunner
 
-from kinematics.model import encode_model
+from kinematics.error_model.model import encode_model
 from postproc.cli import app
 
 DRILLING = """\

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.rigid_motions import error_design, outward
+from calibration.single_axis.rigid_motions import error_design, outward
 
 AXES = [(name, axis.name) for name in machines.names() for axis in machines.load(name).axes]
 STEP = 1e-5

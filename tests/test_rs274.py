@@ -23,14 +23,14 @@ from programs import (
 from test_pipeline import exact_rows, without_mark
 
 from kinematics.effects import Backlash
-from kinematics.errors import UserError
 from kinematics.machine import Machine
-from postproc.circles import sweep
-from postproc.compensate import correct as correction_of
-from postproc.motions import Motions
-from postproc.moves import Kind, Known
-from postproc.numbers import decimals_for
-from postproc.source import ENCODING
+from kinematics.user_error import UserError
+from postproc.compensation.correction import correct as correction_of
+from postproc.motion.circles import sweep
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind, Known
+from postproc.text.number_style import decimals_for
+from postproc.text.source import ENCODING
 
 pytestmark = pytest.mark.usefixtures("linuxcnc")
 

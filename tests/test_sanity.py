@@ -9,13 +9,13 @@ import pytest
 from measured import MONTAVON, ONE, THREE, measured, positions, truth
 
 import machines
-from calibration.instruments import Interferometer
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.readers import read_any
-from calibration.sanity.sanity import Finding, sanity
-from calibration.simulate import Faults, observe, spoil
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement, Target, with_moves
+from calibration.measurement.readers import read_any
+from calibration.plausibility.checks import Finding, sanity
+from calibration.simulation.simulate import Faults, observe, spoil
 from kinematics.effects import Backlash, FollowingError
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
 from kinematics.state import State
 
 MACHINES = {name: machines.load(name) for name in machines.names()} | {"montavon": MONTAVON}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import machines
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 ISO = "G21 G90 G17 G54\nT1 M6\nG43 H1 G0 X1.0 Y2.0 Z3.0\nG1 X20.0 F500\nM30\n"
 SIEMENS = "G54 T1 D1 M6\nG0 X1 Y2 Z3\nG1 X20 F500\nM30\n"

@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from programs import WHOLE, load, random_model, setup_of, shifted, source_of
 from programs import read as read_iso
 
-from kinematics.errors import UserError
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.moves import Kind, Known
-from postproc.pipeline import Job, Pipeline
-from postproc.program import Refusal
-from postproc.siemens_blocks import _read_plain, parse_block, read_block
-from postproc.source import ENCODING
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.motion.moves import Kind, Known
+from postproc.siemens.blocks import _read_plain, parse_block, read_block
+from postproc.text.block import Refusal
+from postproc.text.source import ENCODING
 
 SIEMENS = find_dialect("siemens", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

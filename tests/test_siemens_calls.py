@@ -5,9 +5,9 @@ import pytest
 from programs import load, random_model, shifted
 from siemens_programs import correct, corrected, ends, read
 
-from kinematics.errors import UserError
-from postproc.check import check
-from postproc.setup import make_setup
+from kinematics.user_error import UserError
+from postproc.control.setup import make_setup
+from postproc.correct.check import check
 from postproc.tool_tables import read_tool_table
 
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
@@ -131,9 +131,9 @@ def test_archives_of_tools_and_offsets(tmp_path):
     text = 'G54 T="MILL 12" M6 D2\nG0 X0 Y0 Z0\nD1 Z0\n'
     from programs import source_of
 
+    from postproc.correct.verify import read_motions
     from postproc.dialects import find_dialect
-    from postproc.motions import merged
-    from postproc.verify import read_motions
+    from postproc.motion.motions import merged
 
     machine = load("gantry")
     motions = merged(

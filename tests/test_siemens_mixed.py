@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from programs import load, random_model
 from siemens_programs import correct, read
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 BLOCKS = """\
 G0 X0 Y0 Z50

@@ -12,12 +12,12 @@ from programs import load, model_of, random_model, setup_of, shifted, source_of
 from siemens_programs import SIEMENS, correct, corrected, ends, judged, places, read
 
 from kinematics.effects import Backlash
-from kinematics.errors import UserError
 from kinematics.forward import forward
-from postproc.check import check
-from postproc.moves import Kind
-from postproc.notes import Notes
-from postproc.siemens_blocks import read_block
+from kinematics.user_error import UserError
+from postproc.correct.check import check
+from postproc.motion.moves import Kind
+from postproc.siemens.blocks import read_block
+from postproc.text.notes import Notes
 
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
 HEAD = "G0 X0 Y0 Z0\nG1 F500\n"

@@ -8,9 +8,9 @@ import pytest
 from programs import load
 
 from kinematics.effects import LocationError
-from kinematics.model import no_errors, write_model
+from kinematics.error_model.model import no_errors, write_model
 from kinematics.state import State
-from postproc.significance import Significance, uncertainties_um
+from postproc.compensation.significance import Significance, uncertainties_um
 
 PROGRAM = "G21 G17 G90\nG0 X100 Y100 Z100\nG1 X200 F500\nG1 Y300\nM30\n"
 

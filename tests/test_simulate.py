@@ -13,15 +13,23 @@ from effect_examples import BACKWARD, DMU50, EXAMPLES, full_state
 from test_cli import ncomp  # noqa: F401  a fixture
 
 import machines
-from calibration.effect_text import KINDS, read_effects
-from calibration.instruments import Interferometer, LaserTracker, Part
-from calibration.measurement import Target
-from calibration.measurement_file import read_measurement
-from calibration.plan import Choices
-from calibration.reach import Reach, in_reach
-from calibration.simulate import Faults, at_stations, observe, read_out, spoil, tracker_pose, with_temperatures
-from calibration.strategies import plan
-from calibration.truth import (
+from calibration.measurement.file import read_measurement
+from calibration.measurement.instruments import Interferometer, LaserTracker, Part
+from calibration.measurement.measurement import Target
+from calibration.measurement.plan import Choices
+from calibration.observation.reach import Reach, in_reach
+from calibration.planning.strategies import plan
+from calibration.simulation.effect_text import KINDS, read_effects
+from calibration.simulation.simulate import (
+    Faults,
+    at_stations,
+    observe,
+    read_out,
+    spoil,
+    tracker_pose,
+    with_temperatures,
+)
+from calibration.simulation.true_model import (
     DEFAULT,
     ROTARY,
     TABLE_1,
@@ -33,10 +41,10 @@ from calibration.truth import (
 )
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, GrowthWithTime, LocationError, RangeOffset, ThermalDrift
-from kinematics.errors import UserError
+from kinematics.error_model.model import decode_model, encode_model, no_errors
 from kinematics.forward import tool_point
-from kinematics.model import decode_model, encode_model, no_errors
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 GANTRY = machines.load("gantry")
 TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
@@ -306,7 +314,7 @@ def test_one_seed_one_measurement_whatever_is_worked_through_together(monkeypatc
 
     first = once()
     assert np.array_equal(first, once())
-    monkeypatch.setattr("calibration.simulate.AT_A_TIME", 100)
+    monkeypatch.setattr("calibration.simulation.simulate.AT_A_TIME", 100)
     assert once() == pytest.approx(first, abs=1e-12)
 
 
@@ -320,7 +328,7 @@ def test_effects_with_memory_are_not_cut(monkeypatch):
         return observe(GANTRY, model_of(GANTRY, effects), state, TRACKER, rng_of(5), poses).observed
 
     first = once()
-    monkeypatch.setattr("calibration.simulate.AT_A_TIME", 32)
+    monkeypatch.setattr("calibration.simulation.simulate.AT_A_TIME", 32)
     assert once() == pytest.approx(first, abs=1e-12)
 
 

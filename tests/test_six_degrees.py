@@ -10,14 +10,14 @@ import pytest
 from typer.testing import CliRunner
 
 import machines
-from calibration.equations import expected, start
-from calibration.iso230 import evaluate
-from calibration.measurement_file import read_measurement, write_measurement
-from calibration.readers import read_any
-from kinematics.errors import UserError
-from kinematics.model import Observation, read_model
+from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.readers import read_any
+from calibration.observation.equations import expected, start
+from calibration.single_axis.iso230 import evaluate
+from kinematics.error_model.model import Observation, read_model
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.cli import app
 
 CFRAME = machines.load("cframe")

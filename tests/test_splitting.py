@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from programs import FIVE_AXES, THREE_AXES, TOOLS, centred, load, model_of, random_model, setup_of, shifted, source_of
 
 from kinematics.basis import BSpline, Polynomial
-from kinematics.classes import parse_classes
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError
-from postproc.compensate import missed
+from kinematics.error_model.classes import parse_classes
+from postproc.compensation.correction import missed
+from postproc.correct.mark import mark_in
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.mark import mark_in
-from postproc.motions import merged
-from postproc.moves import Kind
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.motion.moves import Kind
+from postproc.text.source import ENCODING
 
 TOLERANCE_UM = 1.0
 SAMPLES = 73

@@ -13,17 +13,17 @@ from three_points_data import TARGETS, locations, model, random_effects, rows, s
 from typer.testing import CliRunner
 
 import machines
-from calibration.equations import covariance
-from calibration.measurement import Measurement
-from calibration.measurement_file import read_measurement, write_measurement
-from calibration.plan import Plan
-from calibration.plan_file import read_plan
-from calibration.readers import read_any
-from calibration.simulate import tracker_pose
-from calibration.truth import random_truth
-from kinematics.errors import UserError
+from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.plan import Plan
+from calibration.measurement.plan_file import read_plan
+from calibration.measurement.readers import read_any
+from calibration.observation.equations import covariance
+from calibration.simulation.simulate import tracker_pose
+from calibration.simulation.true_model import random_truth
 from kinematics.machine import Machine
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.cli import app
 
 BZT = machines.load("bzt_pfu")

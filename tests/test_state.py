@@ -7,8 +7,8 @@ import pytest
 from effect_examples import DMU50, full_state
 
 from kinematics.basis import Polynomial
-from kinematics.errors import UserError
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 
 @pytest.mark.parametrize("rows", [slice(2, 5), slice(0, 0), np.array([4, 1])], ids=["slice", "none", "index"])

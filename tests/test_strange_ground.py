@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 from virtual_machine import strange
 
-from kinematics.errors import UserError
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.cli import app
 
 CLAIMED_TOO_MUCH = 2.0

@@ -14,13 +14,13 @@ from programs import FIVE_AXES, THREE_AXES, correct
 from test_cli import ncomp  # noqa: F401  a fixture
 
 import machines
-from calibration import patterns
-from calibration.measurement import Target
-from calibration.plan import Choices, Plan, Timing
-from calibration.plan_file import read_plan, write_plan
-from calibration.strategies import STRATEGIES, evaluation_grid, plan
-from kinematics.errors import UserError
-from postproc.measuring_program import Manner, Visits, measuring_program
+from calibration.measurement.measurement import Target
+from calibration.measurement.plan import Choices, Plan, Timing
+from calibration.measurement.plan_file import read_plan, write_plan
+from calibration.planning import patterns
+from calibration.planning.strategies import STRATEGIES, evaluation_grid, plan
+from kinematics.user_error import UserError
+from postproc.generate import Manner, Visits, measuring_program
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 ENDLESS = {"C": (0.0, 360.0)}

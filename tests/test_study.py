@@ -14,29 +14,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import machines
-from calibration.basis_search import Choice
-from calibration.calibrate import calibrate
-from calibration.fit import fit
-from calibration.heldout import held_out
-from calibration.measurement import Measurement
-from calibration.models import parse_basis, with_effects
-from calibration.simulate import observe
+from calibration.design.equations import Sample
+from calibration.design.random_machines import Truths
+from calibration.evaluation.volumetric import deviation_on, volumetric_error_um
+from calibration.fit.basis_search import Choice
+from calibration.fit.calibrate import calibrate
+from calibration.fit.cross_validation import held_out
+from calibration.fit.fit import fit
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import parse_basis, with_effects
+from calibration.simulation.simulate import observe
+from calibration.simulation.true_model import TABLE_1
 from calibration.study.cases import Case, read_cases
 from calibration.study.chunks import SIZE, Chunk, Prepared
 from calibration.study.definition import study_of
-from calibration.study.equations import Sample
 from calibration.study.exact import compared
 from calibration.study.run import Draws, Result, run
 from calibration.study.spread import Here, Processes
 from calibration.study.stopping import enough, estimates
 from calibration.study.store import Store
-from calibration.study.truths import Truths
-from calibration.truth import TABLE_1
-from calibration.volumetric import deviation_on, volumetric_error_um
-from kinematics.errors import UserError
+from kinematics.error_model.model import write_model
 from kinematics.forward import tool_point
-from kinematics.model import write_model
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "studies"
 PAPER = {"basis": "legendre:6", "weighting": "cartesian-diagonal", "prior": "none"}
@@ -113,7 +113,7 @@ def test_linear_equations_agree_with_exact_kinematics(content):
 
 
 def test_a_draw_is_what_the_fit_of_its_measurement_is():
-    """The same noise through `calibration.fit`, which shares neither factorisation nor elimination with a study."""
+    """The same noise through `calibration.fit.fit`, which shares neither factorisation nor elimination with a study."""
     ready = Prepared.of(case_of(C_FRAME))
     drawn = ready.sample(Chunk(0, 2))
     (parts, scale), _ = next(iter(ready.choices(drawn).items()))
@@ -130,7 +130,7 @@ def test_a_draw_is_what_the_fit_of_its_measurement_is():
 
 
 def test_evidence_prefers_as_the_fits_own_does():
-    """Differences of log evidence between two choices: those of `calibration.fit`."""
+    """Differences of log evidence between two choices: those of `calibration.fit.fit`."""
     ready = Prepared.of(case_of({**C_FRAME, "fit": {}}))
     drawn = ready.sample(Chunk(0, 1))
     evidences = []

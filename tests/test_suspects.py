@@ -10,12 +10,12 @@ import pytest
 from measured import THREE, measured, pose_of, positions, truth
 
 import machines
-from calibration import equations
-from calibration.fit import fit
-from calibration.measurement_file import write_measurement
-from calibration.models import BasisChoice, distinct_positions, rigid_model
-from calibration.resolution import choose
-from calibration.suspects import suspects
+from calibration.fit.basis_selection import choose
+from calibration.fit.fit import fit
+from calibration.fit.residual_tests import suspects
+from calibration.measurement.file import write_measurement
+from calibration.observation import equations
+from calibration.observation.full_model import BasisChoice, distinct_positions, rigid_model
 from kinematics.effects import Backlash, ThermalDrift
 
 MACHINE = machines.load("cframe")
@@ -112,7 +112,7 @@ def test_no_axis_gets_more_parameters_than_it_has_positions():
 def test_rotary_axes_are_written_in_harmonics_where_nothing_is_said():
     machine, rng = machines.load("dmu50"), np.random.default_rng(4)
     measurement = measured(machine, positions(machine, 250, rng), THREE, truth(machine, rng, 10.0), rng)
-    from calibration.calibrate import calibrate
+    from calibration.fit.calibrate import calibrate
 
     found = calibrate(measurement, hold_out=False)
     assert {axis: basis.kind for axis, basis in found.choice.bases.items() if axis in "BC"} == {

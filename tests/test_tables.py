@@ -13,17 +13,17 @@ from kinematics.basis import Polynomial
 from kinematics.correction import correct_position
 from kinematics.effects import UM, Backlash, ControlTable, ErrorMotion
 from kinematics.effects.base import COMPONENTS, own_component
-from kinematics.errors import UserError
+from kinematics.error_model.model import no_errors
 from kinematics.forward import forward, tool_point
-from kinematics.model import no_errors
 from kinematics.state import State
-from postproc.table_readers import READERS, read_tables
-from postproc.table_readers.source import Source
+from kinematics.user_error import UserError
 from postproc.tables.export import export, sign_of
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import FORMATS, find_format
 from postproc.tables.probe import SIZE, probe
-from postproc.tables.remaining import in_the_volume
+from postproc.tables.readers import READERS, read_tables
+from postproc.tables.readers.source import Source
+from postproc.tables.remaining_error import in_the_volume
 
 every_case = pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
 

@@ -19,7 +19,7 @@ from virtual_machine.controls import control
 
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.model import no_errors, read_model, write_model
+from kinematics.error_model.model import no_errors, read_model, write_model
 from kinematics.state import State
 from postproc.tables.formats import FORMATS
 

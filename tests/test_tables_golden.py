@@ -10,13 +10,13 @@ from programs import load, model_of
 from table_cases import motions
 
 import machines
-from kinematics.errors import UserError
 from kinematics.state import State
-from postproc.table_readers import read_tables
-from postproc.table_readers.source import Source
+from kinematics.user_error import UserError
 from postproc.tables.export import export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format
+from postproc.tables.readers import read_tables
+from postproc.tables.readers.source import Source
 
 MACHINE = machines.parse(
     """

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 from postproc.tables.limits import Limits
 from postproc.tables.nodes import choose_nodes, fitted, left_over
 

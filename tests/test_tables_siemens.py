@@ -9,15 +9,15 @@ from table_cases import motions
 
 from kinematics.basis import Legendre
 from kinematics.effects import CrossAxis, ErrorMotion
-from kinematics.errors import UserError
-from kinematics.model import write_model
+from kinematics.error_model.model import write_model
 from kinematics.state import State
-from postproc.table_readers import read_tables
-from postproc.table_readers.source import Source
+from kinematics.user_error import UserError
 from postproc.tables.export import export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format
 from postproc.tables.limits import Limits, check_terms
+from postproc.tables.readers import read_tables
+from postproc.tables.readers.source import Source
 from postproc.tables.terms import Curve, Term
 
 CFRAME = load("cframe")

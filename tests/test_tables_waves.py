@@ -6,7 +6,7 @@ from programs import load, model_of
 from table_cases import motions
 
 from kinematics.effects import Cyclic, QuantisedCompensation
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 from postproc.tables.export import export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format

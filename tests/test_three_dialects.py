@@ -12,13 +12,13 @@ from three_dialects import LEVEL, WRITERS, Arc, Go, Hole, Loop, Shift, Turned, p
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.moves import Kind
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.verify import read_motions
+from postproc.motion.motions import merged
+from postproc.motion.moves import Kind
+from postproc.text.source import ENCODING
 
 TOOLS = ["T1=80"]
 OFFSETS = {"gantry": "100,200,-300", "trunnion_bc": "5,-3,20", "head_table": "5,-3,60"}

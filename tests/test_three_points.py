@@ -16,19 +16,19 @@ from three_points_data import SERIES, TARGETS, locations, measured, model, rando
 from typer.testing import CliRunner
 
 import machines
-from calibration.instruments import LaserTracker, Part
-from calibration.measurement import Measurement, Target
-from calibration.measurement_file import write_measurement
-from calibration.reference_lines import reference_line, straightness
-from calibration.three_points import Choice, ThreePoints, identify
-from calibration.three_points_figures import kind_of, ranges, squarenesses, straightnesses
-from calibration.truth import TABLE_1, random_truth
+from calibration.measurement.file import write_measurement
+from calibration.measurement.instruments import LaserTracker, Part
+from calibration.measurement.measurement import Measurement, Target
+from calibration.simulation.true_model import TABLE_1, random_truth
+from calibration.single_axis.reference_lines import reference_line, straightness
+from calibration.single_axis.three_points import Choice, ThreePoints, identify
+from calibration.single_axis.three_points_figures import kind_of, ranges, squarenesses, straightnesses
 from kinematics.deviation import exact_deviation
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel, decode_model, encode_model, read_model
 from kinematics.forward import forward
-from kinematics.model import ErrorModel, decode_model, encode_model, read_model
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.cli import app
 
 DMU50 = machines.load("dmu50")
@@ -194,7 +194,7 @@ def test_a_curve_that_misses_its_points_is_named_and_widened(monkeypatch):
     assert factor == pytest.approx((missed.chi2 / missed.freedom) ** 0.5)
     assert factor > 1.5
     assert all(one.widening == 1.0 for one in others)
-    monkeypatch.setattr("calibration.error_curves.MISFIT", 0.0)
+    monkeypatch.setattr("calibration.single_axis.error_curves.MISFIT", 0.0)
     sharp = identify(seen, Choice(degrees={"XX": 3}))
     index = next(i for i, e in enumerate(found.model.effects) if e.name == "E_XX")
     two = [np.array(one.model.effects[index].uncertainties) for one in (found, sharp)]
@@ -205,7 +205,7 @@ def test_a_curve_that_misses_its_points_is_named_and_widened(monkeypatch):
 def test_a_wobble_is_widened_together_with_the_curve_that_holds_it_down(monkeypatch):
     seen = measured(DMU50, model(DMU50, random_effects(3, axes="B")), AROUND, rng=np.random.default_rng(3))
     sharp = identify(seen)
-    monkeypatch.setattr("calibration.error_curves.MISFIT", 1.1)  # every curve with chi2/dof above one
+    monkeypatch.setattr("calibration.single_axis.error_curves.MISFIT", 1.1)  # every curve with chi2/dof above one
     wide = identify(seen)
     factors = [one.widening for one in wide.axes["B"].misfits]
     assert len(set(factors)) > 2

@@ -15,9 +15,9 @@ import pytest
 from three_points_data import SERIES, TARGETS, measured, model, random_effects, station
 
 import machines
-from calibration.measurement import Measurement, Target
-from calibration.measurement_file import write_measurement
-from kinematics.model import ErrorModel
+from calibration.measurement.file import write_measurement
+from calibration.measurement.measurement import Measurement, Target
+from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 DMU50 = machines.load("dmu50")

@@ -5,8 +5,8 @@ import re
 import pytest
 from programs import load
 
-from kinematics.errors import UserError
-from postproc.setup import Origin, make_setup
+from kinematics.user_error import UserError
+from postproc.control.setup import Origin, make_setup
 from postproc.tool_tables import read_tool_table, read_tool_tables
 
 # Layout of a TNC 410's own table (names cut at 16 characters, decimal comma), as kept in the public repository

@@ -7,7 +7,7 @@ import pytest
 from programs import load, random_model
 from typer.testing import CliRunner
 
-from kinematics.model import write_model
+from kinematics.error_model.model import write_model
 from postproc.cli import app
 
 PROGRAMS = {

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from calibration.instruments import LaserTracker
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.tracker_tests import PARAMETERS, fit_tests, read_tests
 from calibration.study.cases import read_cases
 from calibration.study.definition import study_of
-from calibration.tracker_tests import PARAMETERS, fit_tests, read_tests
-from kinematics.errors import UserError
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.cli import app
 
 TRUE = LaserTracker(0.4, 0.3, 6.0, 2.5)

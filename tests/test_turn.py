@@ -19,8 +19,8 @@ from virtual_machine.chain import load as chain_of
 import machines
 from kinematics.basis import BSpline, Fourier, Harmonics, Legendre
 from kinematics.effects import CrossAxis, ErrorMotion
+from kinematics.error_model.model import ErrorModel, no_errors, read_model, write_model
 from kinematics.machine import Axis, Machine
-from kinematics.model import ErrorModel, no_errors, read_model, write_model
 from kinematics.state import State
 from kinematics.turn import beyond, columns_of, gap_of, measured_arc
 

@@ -10,8 +10,8 @@ from programs import WHOLE, correct, load, model_of, random_model, read, setup_o
 from test_chunks import written
 from test_direction import ARC_RADIUS_UM, BAND, HEAD, ROUNDING, TOO_SMALL, Path, largest_error, played
 
-from kinematics.errors import UserError
-from postproc.moves import Kind
+from kinematics.user_error import UserError
+from postproc.motion.moves import Kind
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 TURNED = {

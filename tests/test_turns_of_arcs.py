@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from programs import correct, load, model_of, random_model, read, shifted
 from test_direction import LETTERS, played
 
-from postproc.pieces import like
-from postproc.verify import verify
+from postproc.correct.verify import verify
+from postproc.motion.segments import like
 
 GANTRY = load("gantry")
 HEAD = "G21 G90 {plane} G94\nG0 X1000 Y1000 Z500\nX1010 Y1010 Z490\n"

@@ -9,14 +9,14 @@ from virtual_machine import draws, observe
 
 import machines
 from calibration.diagnosis.diagnose import diagnose
-from calibration.diagnosis.unnamed import OWN, evidence, surviving, terms_of
-from calibration.measurement_file import read_measurement
-from calibration.volumetric import volumetric_error_um
+from calibration.diagnosis.residual.unnamed import OWN, evidence, surviving, terms_of
+from calibration.evaluation.volumetric import volumetric_error_um
+from calibration.measurement.file import read_measurement
 from kinematics.deviation import exact_deviation
 from kinematics.effects import Unnamed
 from kinematics.forward import tool_point
 from postproc.cli import app
-from postproc.diagnosis_summary import summary
+from postproc.commands.show.diagnosis import summary
 
 
 def read(text, name, folder):

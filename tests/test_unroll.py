@@ -10,15 +10,15 @@ from test_generated_programs import HEAD, OUTSIDE, lines
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.unroll import unrolled
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.moves import Kind
-from postproc.notes import Notes
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.unroll import unrolled
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.motion.moves import Kind
+from postproc.text.notes import Notes
+from postproc.text.source import ENCODING
 
 GANTRY = load("gantry")
 BENT = model_of(GANTRY, ErrorMotion("Y", "X", Polynomial((0.0, 5000.0), 2), (0.0, -400.0, 400.0)))

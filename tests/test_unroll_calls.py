@@ -6,12 +6,12 @@ import pytest
 from hand_programs import positions
 from programs import load, random_model, setup_of, source_of
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.unroll import unrolled
 from postproc.dialects import find_dialect
-from postproc.notes import Notes
-from postproc.pipeline import Job, Pipeline
-from postproc.source import ENCODING
-from postproc.unroll import unrolled
+from postproc.text.notes import Notes
+from postproc.text.source import ENCODING
 
 DRILLED = """\
 G17 G90 G71 G94

@@ -10,14 +10,14 @@ import pytest
 from virtual_machine import draws
 
 import machines
-from calibration.calibrate import calibrate
-from calibration.instruments import Interferometer, LaserTracker
-from calibration.measurement_file import read_measurement, write_measurement
-from calibration.simulate import observe, tracker_pose
+from calibration.fit.calibrate import calibrate
+from calibration.measurement.file import read_measurement, write_measurement
+from calibration.measurement.instruments import Interferometer, LaserTracker
+from calibration.simulation.simulate import observe, tracker_pose
 from kinematics.effects import FollowingError, LateReadBack
-from kinematics.errors import UserError
-from kinematics.model import no_errors
+from kinematics.error_model.model import no_errors
 from kinematics.state import State
+from kinematics.user_error import UserError
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 HEAD = "# machine: {}\n# instrument: laser-tracker\n# u_range_um: 1\n# u_angle_um: 1\n"

@@ -18,10 +18,10 @@ from virtual_machine.observe import Laser, Setup
 from virtual_machine.session import Session
 
 import machines
-from calibration.equations import covariance, expected
-from calibration.measurement import Measurement
-from calibration.measurement_file import read_measurement
-from calibration.registration import Registration
+from calibration.measurement.file import read_measurement
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
+from calibration.observation.equations import covariance, expected
 from kinematics.basis import Fourier
 from kinematics.deviation import exact_deviation
 from kinematics.effects import (
@@ -44,8 +44,8 @@ from kinematics.effects import (
     ThermalDrift,
     TrackerDrift,
 )
+from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.forward import tool_point
-from kinematics.model import ErrorModel, no_errors
 from kinematics.state import State
 from kinematics.transforms import Pose
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import machines
-from calibration.strategies import evaluation_grid
-from calibration.truth import random_truth
-from calibration.volumetric import aligned, deviation_on, volumetric_error_um
+from calibration.evaluation.volumetric import aligned, deviation_on, volumetric_error_um
+from calibration.planning.strategies import evaluation_grid
+from calibration.simulation.true_model import random_truth
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.transforms import rotation_vector_matrix, turn

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import linalg, stats
 
-from calibration.diagnosis.whiteness import Columns, _along, _cells, _centred, combined, whiteness
+from calibration.diagnosis.residual.whiteness import Columns, _along, _cells, _centred, combined, whiteness
 
 ROWS, SIDES = 250, 3
 

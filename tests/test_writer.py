@@ -11,9 +11,9 @@ from programs import WHOLE, correct, load, model_of, random_model, read, shifted
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import ErrorMotion
-from kinematics.errors import UserError
 from kinematics.machine import Control
-from postproc.verify import verify
+from kinematics.user_error import UserError
+from postproc.correct.verify import verify
 
 GANTRY = load("gantry")
 SHIFTED = shifted(GANTRY, X=-10.0, Y=20.0, Z=-30.0)

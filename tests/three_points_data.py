@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.equations import expected
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.registration import Registration
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.registration import Registration
+from calibration.observation.equations import expected
 from kinematics.basis import Harmonics, Legendre
 from kinematics.effects import Effect, ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel, Observation, Provenance, reference
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Observation, Provenance, reference
 from kinematics.state import State
 from kinematics.transforms import Array, Pose, rotation_vector_matrix
 

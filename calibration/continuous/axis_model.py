@@ -2,7 +2,7 @@
 
 The error motion is the mean of both directions where both are known. Its nodes are the fewest rows of the estimate
 between which straight lines stay close, and a pair on both sides of each jump. Its mean is zero, as after
-every fit (`calibration.datum`): a laser's zero is no property of the axis. The reversal is a backlash, and where the
+every fit (`calibration.fit.datum`): a laser's zero is no property of the axis. The reversal is a backlash, and where the
 reversal changes along the axis a table of its differences beside it.
 
 A laser measures along one line. Joined to a calibration of the same machine, the error motion is the reading minus the
@@ -22,20 +22,20 @@ import numpy as np
 from calibration.continuous.estimate import Estimate, TableRows, estimate
 from calibration.continuous.reading import Data
 from calibration.continuous.records import QuasiStatic
-from calibration.datum import mean_line
-from calibration.equations import expected, transform
-from calibration.instruments import Interferometer
-from calibration.measurement import Measurement, Target
-from calibration.registration import Registration
+from calibration.fit.datum import mean_line
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.registration import Registration
+from calibration.observation.equations import expected, transform
 from kinematics.basis import BSpline
-from kinematics.covariance import propagated
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, QuantisedCompensation, Reversal
 from kinematics.effects.base import own_component, own_motion
-from kinematics.errors import UserError
+from kinematics.error_model.covariance import propagated
+from kinematics.error_model.model import ErrorModel, Provenance, reference
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Provenance, reference
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 NODE_UM, NODE_U = 0.05, 0.5
 """Straight lines between the nodes stay so close to the estimate: um, and as a share of its median uncertainty."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.continuous.course import Course
+from calibration.continuous.error_curve import Course
 from calibration.continuous.records import QuasiStatic
 from kinematics.transforms import Array
 

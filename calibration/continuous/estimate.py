@@ -10,15 +10,15 @@ import numpy as np
 
 from calibration.continuous.clock import clocked
 from calibration.continuous.comparators import Comparison, compared
-from calibration.continuous.course import Course, course_of
+from calibration.continuous.error_curve import Course, course_of
 from calibration.continuous.features import Found, features, pitch_of, without_jumps, without_waves
 from calibration.continuous.fusion import Fused, fused
 from calibration.continuous.noise import Noise, noise_of_course
 from calibration.continuous.records import WAYS, QuasiStatic, Record
 from calibration.continuous.segment import constant_velocity
 from calibration.continuous.shape import Extra, Shape, shape_of
-from kinematics.errors import UserError
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 Direction = Literal["auto", "forward", "backward", "mean"]
 DIRECTIONS: tuple[Direction, ...] = ("auto", "forward", "backward", "mean")

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import detrend, welch
 
-from calibration.continuous.course import Course
+from calibration.continuous.error_curve import Course
 from kinematics.transforms import Array
 
 PARTS = 8

@@ -12,14 +12,14 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from calibration.continuous.records import WAYS, QuasiStatic, Record
-from calibration.places import DIRECTIONS
-from calibration.readers import iso230_table, renishaw
-from calibration.readers.text import given_entries, old_text
-from calibration.table import Table, parse_table, refuse_empty
-from kinematics.errors import UserError
+from calibration.measurement.readers import iso230_table, renishaw
+from calibration.measurement.readers.text import given_entries, old_text
+from calibration.measurement.states import DIRECTIONS
+from calibration.measurement.text_table import Table, parse_table, refuse_empty
 from kinematics.files import read_input
 from kinematics.machine import Machine, make_axis
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 RUN_COLUMNS = ("time_s", "displacement_mm", "run", "direction")
 RUN_KEYS = ("machine", "instrument", "axis", "start_mm", "end_mm", "feed_mm_min")

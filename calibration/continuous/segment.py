@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.continuous.records import Record
-from kinematics.errors import UserError
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 FAST = 0.9
 """Share of the 95 % quantile of speeds above which the axis is taken to be on its plateau."""

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_matrix, diags
 
-from calibration.continuous.course import Course
+from calibration.continuous.error_curve import Course
 from calibration.continuous.noise import Noise
 from kinematics.transforms import Array
 

@@ -16,17 +16,17 @@ import numpy as np
 from scipy.signal import lfilter
 
 from calibration.continuous.records import WAYS, Record
-from calibration.instruments import Interferometer
-from calibration.measurement import Measurement
-from calibration.simulate import observe, read_out
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement
+from calibration.simulation.simulate import observe, read_out
 from kinematics.basis import BSpline
 from kinematics.effects import Effect, ErrorMotion
 from kinematics.effects.base import own_component
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 FINE_S = 2.5e-4
 """Step of the motion, at most; the sampling's, over FINER, where that is shorter."""

@@ -10,27 +10,27 @@ from typing import Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from calibration.acceptance import no_gain, nominal_residuals, refuse_few, seen_by, significant_share
-from calibration.diagnosis import remainder
-from calibration.diagnosis.base import Base, base_of
-from calibration.diagnosis.dependence import Unexplained
-from calibration.diagnosis.distance_correlation import Dependence
-from calibration.diagnosis.frame import Frame
-from calibration.diagnosis.gains import Volume, by_direction, closure, volume
-from calibration.diagnosis.library import Candidate, Untested, changes, library
-from calibration.diagnosis.next_measurement import Move, moves
-from calibration.diagnosis.repeats import Repeats, repeats
-from calibration.diagnosis.selection import Accepted, Judged, Selector, Stage, judge
-from calibration.diagnosis.unnamed import add_unnamed
+from calibration.diagnosis.improvement import Volume, by_direction, closure, volume
+from calibration.diagnosis.next.ranking import Move, moves
+from calibration.diagnosis.repeatability import Repeats, repeats
+from calibration.diagnosis.residual import unexplained as remainder
+from calibration.diagnosis.residual.dependence import Unexplained
+from calibration.diagnosis.residual.distance_correlation import Dependence
+from calibration.diagnosis.residual.unnamed import add_unnamed
+from calibration.diagnosis.residual.whiteness import Test, combined
+from calibration.diagnosis.search.candidates import Candidate, Untested, changes, library
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.selection import Accepted, Judged, Selector, Stage, judge
+from calibration.diagnosis.search.start_model import Base, base_of
+from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
-from calibration.diagnosis.whiteness import Test, combined
-from calibration.diagnosis.written import new_calibration
-from calibration.heldout import summed_up
-from calibration.measurement import Measurement
-from calibration.outliers import Variance
-from calibration.sanity.sanity import Finding, usable
-from calibration.visibility import Visibility, visibility
-from kinematics.model import ErrorModel
+from calibration.fit.acceptance import no_gain, nominal_residuals, refuse_few, seen_by, significant_share
+from calibration.fit.cross_validation import summed_up
+from calibration.fit.identifiability import Visibility, visibility
+from calibration.measurement.measurement import Measurement
+from calibration.observation.outliers import Variance
+from calibration.plausibility.checks import Finding, usable
+from kinematics.error_model.model import ErrorModel
 
 GATE = 0.2
 """Chance that pure noise is looked into any further."""

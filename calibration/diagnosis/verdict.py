@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calibration.diagnosis.frame import Frame
-from calibration.diagnosis.library import HIGHER_FREQUENCY, contract_kind, where
-from calibration.diagnosis.saw_teeth import saw_uncertainty
-from calibration.diagnosis.selection import SEEN, WORTH, Accepted, Judged, Sibling, Stage
-from calibration.diagnosis.spectra import aliases
-from calibration.fit import Fit
+from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_kind, where
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.sawtooth import saw_uncertainty
+from calibration.diagnosis.search.selection import SEEN, WORTH, Accepted, Judged, Sibling, Stage
+from calibration.diagnosis.search.spectra import aliases
+from calibration.fit.fit import Fit
 from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation, Unnamed
 
 Verdict = Literal["strong", "tied", "weak"]
@@ -240,7 +240,7 @@ def _notes(frame: Frame, effect: Effect) -> Iterator[str]:
 
 
 def _covariances(fit: Fit, rows: np.ndarray) -> np.ndarray:
-    from calibration.equations import covariance
+    from calibration.observation.equations import covariance
 
     return np.asarray(covariance(fit.measurement.rows(rows)))
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.on_the_fly.nominal_path import TargetPath
-from kinematics.errors import UserError
 from kinematics.transforms import Array, Pose, by_turn, rotation_vector_matrix, turn
+from kinematics.user_error import UserError
 
 SOME = 20_000
 """Points of a station that its pose is found by."""

@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration import equations
-from calibration.fit import fit
-from calibration.measurement import Measurement
-from calibration.models import BasisChoice, moving_axes, with_effects
-from calibration.on_the_fly.on_path import OnTheFly
-from kinematics.model import Observation
+from calibration.fit.fit import fit
+from calibration.measurement.measurement import Measurement
+from calibration.observation import equations
+from calibration.observation.full_model import BasisChoice, moving_axes, with_effects
+from calibration.on_the_fly.along_path import OnTheFly
+from kinematics.error_model.model import Observation
 from kinematics.transforms import blocks
 
 NODES, HARMONICS = 12, 4

@@ -8,13 +8,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.sight import seen_points, seen_slopes
-from kinematics.errors import UserError
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.observed_points import seen_points, seen_slopes
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 PIECE_DEG = 0.25
 """Rotary axes turn by no more between two points that the way of a target is measured by."""

@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from calibration.instruments import LaserTracker
-from calibration.measurement import Target
-from calibration.measurement_file import read_instrument, uncertainty_keys
-from calibration.places import (
+from calibration.measurement.file import read_instrument, uncertainty_keys
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Target
+from calibration.measurement.states import (
     allow_columns,
     check_machine,
     note_unknown_keys,
@@ -20,10 +20,10 @@ from calibration.places import (
     read_targets,
     read_temperatures,
 )
-from calibration.table import Table
-from kinematics.errors import UserError
+from calibration.measurement.text_table import Table
 from kinematics.machine import Machine
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 COLUMNS = ("time_s", "x", "y", "z", "target", "station", "run", "temp_<name>")
 ONLY = "1"

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import get_args
 
-from calibration.measurement import Measurement
-from calibration.models import moving_axes
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes
 from kinematics.basis import BSpline, Interval, Legendre
 from kinematics.effects import Backlash, Component, Effect, Reversal
 from kinematics.effects.base import own_component
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 MODES = ("none", "constant", "curves")
 NODES = 5

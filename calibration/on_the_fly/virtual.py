@@ -10,13 +10,13 @@ from typing import BinaryIO, Literal
 
 import numpy as np
 
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target, with_moves
-from calibration.measurement_file import CHUNK, header_lines
+from calibration.measurement.file import CHUNK, header_lines
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.on_the_fly.drive import Driven, Manner, driven
 from calibration.on_the_fly.nominal_path import NominalPath
-from calibration.simulate import observe, with_temperatures
-from kinematics.model import ErrorModel
+from calibration.simulation.simulate import observe, with_temperatures
+from kinematics.error_model.model import ErrorModel
 from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array, Pose
 
@@ -57,7 +57,7 @@ def readings_of(
 ) -> Measurement:
     """The readings, with the positions at which the axes really were, which no file of them has.
 
-    Exact kinematics and the tracker's full covariance (`calibration.simulate`); temperatures run straight over the
+    Exact kinematics and the tracker's full covariance (`calibration.simulation.simulate`); temperatures run straight over the
     whole session, K from 20 degC.
     """
     rides = [driven(session.path, manner) for manner in session.manners]

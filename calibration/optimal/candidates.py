@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.instruments import LaserTracker
-from calibration.measurement import Measurement, Target
-from calibration.plan import Choices
-from calibration.reach import Reach, in_reach
-from calibration.sight import seen_points
-from calibration.strategies import limits, rounded, stand
-from kinematics.errors import UserError
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.observed_points import seen_points
+from calibration.measurement.plan import Choices
+from calibration.observation.reach import Reach, in_reach
+from calibration.planning.strategies import limits, rounded, stand
 from kinematics.machine import Machine, Vector
 from kinematics.state import State
 from kinematics.transforms import Array, Pose
+from kinematics.user_error import UserError
 
 BEYOND = 1.25
 """Positions are laid in so much more than the travel and brought back to its ends: faces and edges tell most."""

@@ -12,25 +12,25 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calibration.instruments import Instrument, LaserTracker
-from calibration.models import moving_axes, parse_basis
+from calibration.design.basis_draws import with_besides
+from calibration.design.equations import Columns
+from calibration.design.layout import laid_out
+from calibration.design.volume import Volume
+from calibration.measurement.instruments import Instrument, LaserTracker
+from calibration.measurement.plan import Choices, Plan
+from calibration.observation.full_model import moving_axes, parse_basis
+from calibration.observation.reach import Reach
 from calibration.optimal.candidates import Obstacle, places_around, positions, seen, with_targets
 from calibration.optimal.exchange import Selection, exchanged, filled
-from calibration.optimal.tour import plan_of
-from calibration.plan import Choices, Plan
-from calibration.reach import Reach
-from calibration.simulate import tracker_pose
-from calibration.study.bases import with_besides
-from calibration.study.equations import Columns
-from calibration.study.setups import laid_out
-from calibration.study.volume import Volume
+from calibration.optimal.measuring_order import plan_of
+from calibration.simulation.simulate import tracker_pose
 from kinematics.basis import Legendre
 from kinematics.effects import Effect, ErrorMotion
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, Vector
-from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 BASIS = "legendre:12"
 """Of linear axes; its k-th parameter is expected to have the typical size over 1 + k: errors are smooth."""

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.frame import Frame
-from calibration.normal import whitened, whiteners
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.observation.normal_equations import whitened, whiteners
 from calibration.pages import clock
 from kinematics.effects import (
     COMPONENTS,

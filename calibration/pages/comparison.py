@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from calibration.comparison import Comparison, Motion
+from calibration.evaluation.comparison import Comparison, Motion
 from calibration.pages import Section, Table, figure, page
 from calibration.pages.fit import COLOURS
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import inspect
 from collections.abc import Iterator, Sequence
 
-from calibration.diagnosis import words
+from calibration.diagnosis import report_text as words
 from calibration.diagnosis.diagnose import LEFT, Diagnosis
-from calibration.diagnosis.next_measurement import Move
+from calibration.diagnosis.next.ranking import Move
+from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.verdict import Named
-from calibration.diagnosis.whiteness import Test, combined
 from calibration.pages import Section, Table, page
 from calibration.pages.cause_figures import cause_figure
 from calibration.pages.cause_views import views

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibration.calibrate import Calibration
-from calibration.datum import error_motions
-from calibration.equations import covariance
-from calibration.fit import Fit
-from calibration.normal import whitened, whiteners
+from calibration.fit.calibrate import Calibration
+from calibration.fit.datum import error_motions
+from calibration.fit.fit import Fit
+from calibration.observation.equations import covariance
+from calibration.observation.normal_equations import whitened, whiteners
 from calibration.pages import Section, Table, figure, page
 from kinematics.basis import Basis
 from kinematics.effects import Effect, ErrorMotion, LocationError

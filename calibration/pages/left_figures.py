@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.diagnosis.diagnose import Diagnosis
-from calibration.diagnosis.gains import in_micro
-from calibration.diagnosis.remainder import in_lengths, variables
-from calibration.diagnosis.words import title
-from calibration.fit import Fit
-from calibration.models import moving_axes
-from calibration.normal import whitened, whiteners
+from calibration.diagnosis.improvement import in_micro
+from calibration.diagnosis.report_text import title
+from calibration.diagnosis.residual.unexplained import in_lengths, variables
+from calibration.fit.fit import Fit
+from calibration.observation.full_model import moving_axes
+from calibration.observation.normal_equations import whitened, whiteners
 from calibration.pages import clock, figure
 from kinematics.state import REFERENCE
 from kinematics.transforms import Array

@@ -12,24 +12,24 @@ from pathlib import Path
 import numpy as np
 
 import machines
-from calibration.effect_text import read_effects
-from calibration.instruments import Instrument
-from calibration.measurement import SPINDLE_NOSE, Target
+from calibration.design.layout import Setup, laid_out
+from calibration.design.random_machines import Truths
+from calibration.design.volume import Volume
+from calibration.measurement.instruments import Instrument
+from calibration.measurement.measurement import SPINDLE_NOSE, Target
+from calibration.measurement.plan import Choices, Plan, Timing
+from calibration.measurement.plan_file import read_plan
+from calibration.observation.reach import Reach
 from calibration.optimal.candidates import obstacle_of
 from calibration.optimal.optimise import Wish, optimised
-from calibration.plan import Choices, Plan, Timing
-from calibration.plan_file import read_plan
-from calibration.reach import Reach
-from calibration.strategies import plan as plan_of
+from calibration.planning.strategies import plan as plan_of
+from calibration.simulation.effect_text import read_effects
+from calibration.simulation.true_model import DEFAULT, HalfWidths, checked_half_widths, read_half_widths
 from calibration.study.definition import CaseEntry, ErrorsEntry, FitEntry, StudyEntry, instrument_of
-from calibration.study.setups import Setup, laid_out
-from calibration.study.truths import Truths
-from calibration.study.volume import Volume
-from calibration.truth import DEFAULT, HalfWidths, checked_half_widths, read_half_widths
 from kinematics.effects import Effect
-from kinematics.errors import UserError
 from kinematics.machine import Machine, Vector
 from kinematics.state import REFERENCE
+from kinematics.user_error import UserError
 
 OPTIMISED = "optimised"
 """The strategy that lays positions where they tell most."""

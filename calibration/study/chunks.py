@@ -7,17 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Search
-from calibration.models import moving_axes, stated_bases
-from calibration.study.bases import chosen, with_besides
+from calibration.design.basis_draws import chosen, with_besides
+from calibration.design.equations import Columns, Part, Sample, sample
+from calibration.design.held_out_lines import Unseen
+from calibration.design.layout import Setup
+from calibration.design.solver import Fits
+from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Search
+from calibration.observation.full_model import moving_axes, stated_bases
 from calibration.study.cases import Case
-from calibration.study.equations import Columns, Part, Sample, sample
-from calibration.study.setups import Setup
-from calibration.study.solver import Fits
-from calibration.study.unseen import Unseen
 from kinematics.effects.geometric import TYPICAL
-from kinematics.errors import UserError
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 
 SIZE = 50
 """Draws of a chunk; the last of a case may have fewer."""

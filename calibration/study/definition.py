@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from calibration.instruments import Instrument
-from calibration.study.setups import Weighting
-from calibration.tracker_tests import fit_tests, read_tests
-from kinematics.errors import UserError
+from calibration.design.layout import Weighting
+from calibration.measurement.instruments import Instrument
+from calibration.measurement.tracker_tests import fit_tests, read_tests
 from kinematics.files import read_input
+from kinematics.user_error import UserError
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Triple = tuple[float, float, float]
@@ -167,7 +167,7 @@ def _with_rows(content: dict[str, Any]) -> dict[str, Any]:
 
 def instrument_of(entry: InstrumentEntry, where: str, folder: Path) -> Instrument:
     """The instrument, its tests relative to `folder`; UserError for uncertainties that it does not have, or none."""
-    from calibration.measurement_file import KINDS, check_uncertainties, uncertainty_keys
+    from calibration.measurement.file import KINDS, check_uncertainties, uncertainty_keys
 
     known = uncertainty_keys(KINDS[entry.kind])
     keys = [key for key in entry.__struct_fields__ if key.startswith("u_")]

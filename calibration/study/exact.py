@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.normal import residuals, whitened
-from calibration.simulate import observe
+from calibration.design.equations import Part
+from calibration.design.volume import Volume
+from calibration.evaluation.volumetric import volumetric_error_um
+from calibration.observation.normal_equations import residuals, whitened
+from calibration.simulation.simulate import observe
 from calibration.study.chunks import Chunk, Prepared
-from calibration.study.equations import Part
-from calibration.study.volume import Volume
-from calibration.volumetric import volumetric_error_um
 from kinematics.deviation import exact_deviation
+from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
-from kinematics.model import ErrorModel
 from kinematics.transforms import Array
 
 STEPS = 20

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from calibration.study.cases import Case, code
 from calibration.study.chunks import Chunk, Outcome, work
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 
 RETRIES = 10
 """Times that a chunk is begun anew after its worker was lost."""

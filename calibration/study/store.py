@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from calibration.study.chunks import Chunk, Outcome
-from kinematics.errors import UserError
 from kinematics.files import write_whole
+from kinematics.user_error import UserError
 
 
 @dataclass(frozen=True)

@@ -24,10 +24,10 @@ from kinematics.effects.base import (
     Remedy,
     own_motion,
 )
-from kinematics.errors import UserError
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array, by_turn
+from kinematics.user_error import UserError
 
 Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)

@@ -16,9 +16,9 @@ import numpy as np
 import machines
 from kinematics.basis import Basis, BSpline, Fourier, Legendre, Polynomial
 from kinematics.effects import Component, Effect, ErrorMotion, LocationError
+from kinematics.error_model.model import ErrorModel, Provenance, encode_model, reference
 from kinematics.files import write_whole
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel, Provenance, encode_model, reference
 from kinematics.transforms import Array
 
 # Thesis Fig. 3.11, right-hand array: compensated X, Y, Z for nominal X = 0, 50, ... 500 and Y = Z = 0, mm.

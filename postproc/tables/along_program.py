@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from kinematics.model import ErrorModel
-from postproc.compensate import COLD
-from postproc.judge import Judge
-from postproc.motions import Motions
-from postproc.reversals import INNER
-from postproc.tables.remaining import Places
+from kinematics.error_model.model import ErrorModel
+from postproc.compensation.correction import COLD
+from postproc.compensation.predicted_error import Judge
+from postproc.motion.motions import Motions
+from postproc.motion.reversals import INNER
+from postproc.tables.remaining_error import Places
 
 
 def places_of(motions: Motions, model: ErrorModel, tolerance_um: float = 1.0) -> Places:

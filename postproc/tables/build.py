@@ -14,9 +14,9 @@ from itertools import combinations
 
 import numpy as np
 
-from kinematics.errors import UserError
 from kinematics.machine import TURN, Axis
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.tables.limits import Limits, check_terms
 from postproc.tables.nodes import choose_nodes, fitted
 from postproc.tables.target import Target, closes, evenly, spread_out

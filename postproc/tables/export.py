@@ -10,17 +10,17 @@ import numpy as np
 
 from kinematics.correction import correct_position
 from kinematics.effects import Effect
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.tables.build import build
 from postproc.tables.format import Content, Format, Settings, Sign
 from postproc.tables.motion_tables import build_motions, effects_of_motions
-from postproc.tables.not_carried import Left, not_carried, short_waves
-from postproc.tables.remaining import Move, Places, in_the_volume, stages, summary
-from postproc.tables.rest import effects_of, joined
+from postproc.tables.not_representable import Left, not_carried, short_waves
+from postproc.tables.remaining_error import Move, Places, in_the_volume, stages, summary
+from postproc.tables.table_model import effects_of, joined
 from postproc.tables.target import Target, standing, too_fine
 from postproc.tables.terms import added
 

@@ -8,9 +8,9 @@ from typing import Any, Literal
 
 import msgspec
 
-from kinematics.errors import UserError
 from kinematics.machine import Axis, Machine
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.tables.build import Carries
 from postproc.tables.limits import Limits
 from postproc.tables.motion_tables import MotionTable

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinematics.errors import UserError
 from kinematics.machine import Axis, Machine
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.tables.terms import Curve, Term
 
 

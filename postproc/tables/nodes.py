@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kinematics.errors import UserError
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.tables.limits import Limits
 
 ENOUGH = 0.25

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kinematics.effects import UM, Backlash, GrowthWithSensor, GrowthWithTime, LocationError, ThermalDrift
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
-from kinematics.model import ErrorModel
 from postproc.tables.format import Content
 
 

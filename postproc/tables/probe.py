@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from kinematics.effects.base import own_component
-from kinematics.errors import UserError
 from kinematics.machine import Axis, Machine
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.tables.format import Content, Format, Settings
 from postproc.tables.limits import Limits
 from postproc.tables.motion_tables import MotionTable

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from postproc.tables.export import Exported
-from postproc.tables.not_carried import Left
+from postproc.tables.not_representable import Left
 from postproc.tables.parameters import parameter_rows
 
 STAGES = {

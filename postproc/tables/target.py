@@ -13,11 +13,11 @@ from kinematics.basis import BSpline, Fourier, Harmonics
 from kinematics.correction import correct_position
 from kinematics.effects import Cyclic, Effect, ErrorMotion, QuantisedCompensation, Wobble
 from kinematics.effects.base import own_motion
-from kinematics.errors import UserError
+from kinematics.error_model.model import ErrorModel
 from kinematics.machine import TURN, Axis, Machine
-from kinematics.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
+from kinematics.user_error import UserError
 from postproc.tables.terms import turn_of
 
 PER_WAVE, MOST_PLACES = 8, 1601

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from kinematics.errors import UserError
 from kinematics.files import read_input
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable, checked, joined
 from postproc.tool_tables import fanuc, heidenhain, json_form, linuxcnc, siemens
-from postproc.tool_tables.table import ToolTable, checked, joined
 
 FORMS = (json_form, heidenhain, siemens, fanuc, linuxcnc)
 """Asked in this order."""

@@ -17,8 +17,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kinematics.errors import UserError
-from postproc.tool_tables.table import ToolTable
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable
 
 FORM = "FANUC's offsets: G10 L10 P1 R120.5, or H1 120.5"
 _INCH = 25.4

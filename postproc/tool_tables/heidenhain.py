@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from kinematics.errors import UserError
-from postproc.tool_tables.table import ToolTable
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable
 
 FORM = "HEIDENHAIN's TOOL.T, PRESET.PR or datum table *.D"
 _BEGIN = re.compile(r"\s*BEGIN\b.*\.(T|PR|D)\s+(MM|INCH)\b", re.I)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 
-from kinematics.errors import UserError
-from postproc.tool_tables.table import ToolTable, is_number
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable, is_number
 
 FORM = 'JSON: {"1": 120.5, ...}'
 

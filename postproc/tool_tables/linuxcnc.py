@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from kinematics.errors import UserError
-from postproc.tool_tables.table import ToolTable
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable
 
 FORM = "LinuxCNC's tool.tbl: T1 P1 D10 Z120.5"
 _ENTRY = re.compile(r"\s*T(?P<number>\d+)\b(?P<rest>[^;]*)", re.I)

@@ -8,13 +8,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from kinematics.errors import UserError
-from postproc.expressions import NotKnown, whole
-from postproc.program import Block, Refusal
-from postproc.siemens_blocks import read_block
-from postproc.siemens_variables import SiemensVariables
-from postproc.statements import Assign
-from postproc.tool_tables.table import ToolTable
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable
+from postproc.siemens.blocks import read_block
+from postproc.siemens.variables import SiemensVariables
+from postproc.text.block import Block, Refusal
+from postproc.text.expressions import NotKnown, whole
+from postproc.text.statements import Assign
 
 FORM = "Siemens' archive: $TC_DP3[1,1]=120.5, $P_UIFR[1]=CTRANS(X,10)"
 _DATA = re.compile(r"^[^;\n]*\$(?:TC_|P_UIFR)", re.I | re.M)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import click
 import typer.main
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.mutate import Change, files_changes, mutated
 from tests.fuzz.mutated_programs import TESTS, limit_process, limited
@@ -70,7 +70,7 @@ def _calibrations() -> Iterable[File]:
     from effect_examples import EXAMPLES
     from programs import load, model_of, random_model
 
-    from kinematics.model import encode_model
+    from kinematics.error_model.model import encode_model
 
     machine = load("gantry")
     yield File("calibration", "cal.json", encode_model(random_model(machine, 3)).decode())
@@ -148,7 +148,7 @@ def _recorded() -> dict[str, str]:
 
     from calibration.continuous.record_file import write_records
     from calibration.continuous.virtual import Targets
-    from calibration.measurement_file import write_measurement
+    from calibration.measurement.file import write_measurement
 
     measured = virtual_case(0, targets=Targets(150.0, both=False)).measured
     run, targets = io.BytesIO(), io.BytesIO()
@@ -207,20 +207,20 @@ def _read_calibration(path: Path, _: list[str]) -> None:
 
 def _read_data(path: Path, more: list[str]) -> None:
     import machines
-    from calibration.readers import read_any
+    from calibration.measurement.readers import read_any
 
     read_any(path, machines.load(more[1]))
 
 
 def _read_map(path: Path, _: list[str]) -> None:
-    from calibration.readers.delimited import read_map
+    from calibration.measurement.readers.delimited import read_map
 
     read_map(str(path))
 
 
 def _read_plan(path: Path, _: list[str]) -> None:
     import machines
-    from calibration.plan_file import read_plan
+    from calibration.measurement.plan_file import read_plan
 
     read_plan(path, machines.load("gantry"))
 
@@ -230,7 +230,7 @@ def _read_points(path: Path, _: list[str]) -> None:
 
 
 def _read_log(path: Path, _: list[str]) -> None:
-    from postproc.conditions import make_conditions
+    from postproc.compensation.conditions import make_conditions
 
     make_conditions((), None, path)
 
@@ -243,7 +243,7 @@ def _read_study(path: Path, _: list[str]) -> None:
 
 def _read_etalon(path: Path, _: list[str]) -> None:
     import machines
-    from calibration.readers.etalon import Convention, read_etalon
+    from calibration.measurement.readers.etalon import Convention, read_etalon
 
     read_etalon(path, machines.load("dmu50"), Convention("error", "mm", "rad"))
 

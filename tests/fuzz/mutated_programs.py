@@ -23,16 +23,16 @@ import numpy as np
 
 from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.errors import UserError
-from kinematics.model import ErrorModel, no_errors
-from postproc import flow
+from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.user_error import UserError
+from postproc.control.setup import Setup
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.verify import read_motions
 from postproc.dialects import Dialect, find_dialect
-from postproc.motions import merged
-from postproc.pieces import like
-from postproc.pipeline import Job, Pipeline
-from postproc.setup import Setup
-from postproc.source import ENCODING, HEAD_SIZE, Source, _check
-from postproc.verify import read_motions
+from postproc.motion.motions import merged
+from postproc.motion.segments import like
+from postproc.text import flow
+from postproc.text.source import ENCODING, HEAD_SIZE, Source, _check
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.mutate import mutated
 

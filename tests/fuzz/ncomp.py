@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from typer.testing import CliRunner
 
-from kinematics.errors import UserError
+from kinematics.user_error import UserError
 from postproc.cli import app
 from tests.fuzz.case import Case
 

@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 import machines
+from postproc.control.setup import make_setup
 from postproc.dialects import find_dialect
 from postproc.execution import execution
-from postproc.motions import Motions
-from postproc.moves import Kind, Known
-from postproc.notes import Notes
-from postproc.setup import make_setup
-from postproc.source import HEAD_SIZE, Source
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind, Known
+from postproc.text.notes import Notes
+from postproc.text.source import HEAD_SIZE, Source
 from tests.fuzz.case import Case
 from tests.fuzz.groups import UNCORRECTED, code_of, split_lines
 from tests.fuzz.path import Array, Move

@@ -19,16 +19,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinematics.errors import UserError
-from kinematics.model import ErrorModel, decode_model, no_errors
+from kinematics.error_model.model import ErrorModel, decode_model, no_errors
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.correct.report import Report
+from postproc.correct.unroll import unrolled
+from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
-from postproc.motions import merged
-from postproc.notes import Notes
-from postproc.pipeline import Job, Pipeline
-from postproc.report import Report
-from postproc.source import ENCODING, HEAD_SIZE, Source
-from postproc.unroll import unrolled
-from postproc.verify import read_motions, verify
+from postproc.motion.motions import merged
+from postproc.text.notes import Notes
+from postproc.text.source import ENCODING, HEAD_SIZE, Source
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.ncomp import reason_of
 from tests.fuzz.reckoner import Reckoner, about
@@ -613,7 +613,7 @@ def _model(name: str, effects: str) -> ErrorModel:
     """The calibration as its file would be read."""
     from programs import model_of
 
-    from kinematics.model import encode_model
+    from kinematics.error_model.model import encode_model
 
     content = json.loads(encode_model(model_of(_machine(name))))
     content["effects"] = json.loads(effects)

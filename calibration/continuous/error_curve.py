@@ -1,0 +1,165 @@
+"""From displacement against time to error against position, up to a straight line; blocks of samples of even length.
+
+Inside the segment the command is a straight line in time, x = x0 + v t. Where it lies along the axis is known from
+rest: the axis stood at `start`, or `end`, with the error that the quasi-static curve has there (Miller et al. 2017,
+4.4). x0 and v are those of least squares after that curve is taken away, so that positions are right to its own
+uncertainty. What is left, displacement minus x, is the error of the axis up to a straight line, which this run can't
+show.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.continuous.clock import raster
+from calibration.continuous.records import QuasiStatic, Record
+from calibration.continuous.segment import Segment, noise_of
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+BLOCKS = 16_384
+"""At most so many blocks of samples; nothing finer than the travel over a quarter of that is looked for."""
+SPIKE = 8.0
+"""Robust standard deviations from the median of neighbours, beyond which a sample is a fault of the beam."""
+NEIGHBOURS = 7
+STILL = 0.01
+"""Share of the feed below which the axis rests."""
+REST_S = 0.1
+"""Least length of a rest."""
+AGREE_MM = 0.2
+"""By which the two rests may disagree about where the run lay."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """One traverse at constant velocity, ready to be fitted."""
+
+    record: Record
+    segment: Segment
+    x: Array
+    """Commanded positions `(n,)` of blocks, mm, ascending or descending with the motion."""
+    error: Array
+    """`(n,)`, um, up to a straight line in x."""
+    slot: np.ndarray
+    """Place `(n,)` of each block in an even raster of time; gaps are places without block."""
+    period_s: float
+    """Time between places of the raster."""
+    samples: np.ndarray
+    """Number of samples `(n,)` in each block."""
+    raw_x: Array
+    """Commanded positions of the samples used, mm, and their errors, um, up to the same line."""
+    raw_error: Array
+    feed: float
+    """Mean feed, mm/min, after the quasi-static scale is taken away."""
+    dropped: int
+    """Samples left out as faults of the beam."""
+    missing: int
+    """Samples that the raster of time expects and the record lacks."""
+    notes: tuple[str, ...]
+
+    def moved(self, offset: float, slope: float) -> Course:
+        """The course whose errors are larger by a line, um and um per mm: its positions are smaller by as much.
+
+        Displacement is position and error together.
+        """
+        line, raw = offset + slope * self.x, offset + slope * self.raw_x
+        return replace(
+            self,
+            x=self.x - line * 1e-3,
+            error=self.error + line,
+            raw_x=self.raw_x - raw * 1e-3,
+            raw_error=self.raw_error + raw,
+            feed=self.feed * (1.0 - slope * 1e-3),
+        )
+
+    @property
+    def speed(self) -> float:
+        """mm/s, positive."""
+        return self.feed / 60.0
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
+    """The course of a record in its segment; UserError where it can't be placed along the axis."""
+    curve = quasi.curve(record.direction)
+    shift, notes = _shift(record, segment, curve)
+    rows = slice(segment.first, segment.stop)
+    time, place = record.time[rows], record.displacement[rows] + shift
+    slots, period = raster(time)
+    kept = ~_spikes(time, place)
+    time, place, slots = time[kept] - time[0], place[kept], slots[kept]
+    rough = place - np.interp(place, *curve) * 1e-3
+    speed, x0 = np.polyfit(time - time.mean(), rough, 1).tolist()
+    x = x0 + speed * (time - time.mean())
+    error = (place - x) * 1e3
+    factor = math.ceil(len(x) / BLOCKS)
+    block = slots // factor
+    firsts = np.flatnonzero(np.diff(block, prepend=-1))
+    count = np.diff(np.append(firsts, len(block)))
+    return Course(
+        record,
+        segment,
+        np.add.reduceat(x, firsts) / count,
+        np.add.reduceat(error, firsts) / count,
+        block[firsts],
+        factor * period,
+        count,
+        x,
+        error,
+        abs(speed) * 60.0,
+        int(np.count_nonzero(~kept)),
+        int(slots[-1] + 1 - slots[0] - len(slots) - np.count_nonzero(~kept)),
+        tuple(notes),
+    )
+
+
+def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tuple[float, list[str]]:
+    """What is added to the displacement to make it a position, mm: from the rests at both ends, or one."""
+    found = []
+    for rest, place in zip(_rests(record, segment), (record.start, record.end), strict=True):
+        if rest is not None:
+            found.append(place + float(np.interp(place, *curve)) * 1e-3 - rest)
+    if len(found) == 2 and abs(found[0] - found[1]) > AGREE_MM:
+        raise UserError(
+            f"{record.source}: from rest to rest run {record.name} goes "
+            f"{abs(record.end - record.start) + record.direction * (found[0] - found[1]):.4f} mm, its header says "
+            f"{abs(record.end - record.start):g}: mend '# start_mm' and '# end_mm' (where the axis rests), or the unit"
+        )
+    if found:
+        return float(np.mean(found)), []
+    low, high = sorted((record.start, record.end))
+    places = record.displacement - np.interp(record.displacement, *curve) * 1e-3
+    if np.any((places < low - AGREE_MM) | (places > high + AGREE_MM)):
+        raise UserError(
+            f"{record.source}: run {record.name} rests neither before nor after its motion, and its displacement is "
+            f"not that from {low:g} to {high:g} mm: where along the axis it lay is not known"
+        )
+    return 0.0, [f"run {record.name} rests neither before nor after its motion: its displacement is taken as position"]
+
+
+def _rests(record: Record, segment: Segment) -> tuple[float | None, float | None]:
+    """Mean displacement, mm, where the axis stands before and after its motion; None where it is not seen standing."""
+    least = max(round(REST_S / segment.sample_s), 3)
+    still = STILL * segment.speed * segment.sample_s * least
+    found: list[float | None] = []
+    for way in (record.displacement, record.displacement[::-1]):
+        level = float(np.median(way[:least]))
+        left = np.abs(way - level) > max(still, 4.0 * noise_of(way[:least]) if least > 8 else still)
+        count = int(np.argmax(left)) if left.any() else len(way)
+        rests = count >= least and float(np.ptp(way[: least // 2])) < still + 8.0 * noise_of(way)
+        found.append(float(np.median(way[: max(count // 2, 1)])) if rests else None)
+    return found[0], found[1]
+
+
+def _spikes(time: Array, place: Array) -> np.ndarray:
+    """Samples `(n,)` far off the median of their neighbours."""
+    level = place - np.polyval(np.polyfit(time - time.mean(), place, 1), time - time.mean())
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(level, NEIGHBOURS // 2, mode="edge"), NEIGHBOURS)
+    off = np.abs(level - np.median(around, axis=1))
+    scale = max(noise_of(level), 1.4826 * float(np.median(off)), 1e-7)
+    return np.asarray(off > SPIKE * scale)

@@ -1,0 +1,65 @@
+"""The basis of every draw, chosen as `ncomp fit` does, for a whole chunk of draws at once.
+
+Draws that stand at the same choice are evaluated together: each choice is factorised once for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calibration.design.equations import BESIDES, Columns, Part, Sample
+from calibration.design.held_out_lines import Unseen
+from calibration.design.solver import Fits
+from calibration.fit import basis_search
+from calibration.fit.basis_search import Choice, Evidence, Search, Unexplained
+from calibration.observation.full_model import BasisChoice
+from kinematics.transforms import Array
+
+
+def chosen(
+    fits: Fits, drawn: Sample, search: Search, unseen: Unseen | None = None
+) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
+    """Numbers of the draws by the parts and the prior scale that they are fitted with."""
+    number = drawn.observed.shape[1]
+    unexplained = None if unseen is None else _unexplained(unseen, drawn)
+    best = basis_search.chosen(search, number, _evidence(fits, drawn), unexplained)
+    return {(parts_of(fits, choice), choice.prior_scale): draws for choice, draws in basis_search.grouped(best)}
+
+
+def _evidence(fits: Fits, drawn: Sample) -> Evidence:
+    right: dict[Part, Array] = {}
+
+    def of_one(choice: Choice, draws: np.ndarray) -> Array:
+        parts = parts_of(fits, choice)
+        for part in parts:
+            if part not in right:
+                right[part] = fits.right(part, drawn)
+        sums = np.concatenate([right[part][:, draws] for part in parts])
+        made = fits.factorised(parts, choice.prior_scale)
+        return np.asarray(0.5 * (np.sum(sums * made.solve(sums), axis=0) - made.log_determinant))
+
+    def evidence(choices: Sequence[Choice], draws: np.ndarray) -> Array:
+        return np.stack([of_one(choice, draws) for choice in choices])
+
+    return evidence
+
+
+def _unexplained(unseen: Unseen, drawn: Sample) -> Unexplained:
+    def left(choice: Choice, draws: np.ndarray) -> Array:
+        parts = parts_of(unseen.fits, choice)
+        return unseen.left(parts, choice.prior_scale, drawn.observed[:, draws])
+
+    return left
+
+
+def parts_of(fits: Fits, choice: Choice) -> tuple[Part, ...]:
+    """The parts of the model of a choice."""
+    return with_besides(fits.columns, choice.bases)
+
+
+def with_besides(columns: Columns, bases: Mapping[str, BasisChoice]) -> tuple[Part, ...]:
+    """The parts of a model with these bases."""
+    besides = ((BESIDES, ""),) if columns.besides else ()
+    return (*((axis, str(basis)) for axis, basis in bases.items()), *besides)

@@ -1,0 +1,122 @@
+"""The linear equations of one case: what observations and volume see of truths and of fitted parameters.
+
+All of it is first order in the errors, about the nominal machine; `calibration.study.exact` holds it against fits by
+the exact kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.design.layout import Setup
+from calibration.design.random_machines import Truths
+from calibration.design.volume import Volume
+from calibration.measurement.measurement import Measurement
+from calibration.observation import equations
+from calibration.observation.full_model import axis_effects, parse_basis, priors
+from kinematics.effects import Effect
+from kinematics.error_model.model import Design, ErrorModel, no_errors
+from kinematics.transforms import Array
+
+SEEN = 1e-10
+"""Directions of the registration with a smaller share of the largest singular value are none."""
+ROUNDING = 1e-7
+"""Share of a column below which what is left of it is nothing."""
+BESIDES = ""
+"""Stands for an axis where the effects are meant that are fitted besides the error motions."""
+Part = tuple[str, str]
+"""Axis, and the basis that its error motions are written in."""
+
+
+class Made(NamedTuple):
+    """Columns of the parameters of a part, registration taken out."""
+
+    observed: Array
+    """`(N, k)`, whitened."""
+    volume: Array
+    """`(G, k)`, um, aligned."""
+    prior: Array
+    """Typical sizes `(k,)` of the parameters."""
+
+
+class Columns:
+    """Whitened derivatives of the observations, the registration taken out, and aligned ones of the volume."""
+
+    def __init__(self, setup: Setup, volumes: Sequence[Volume], besides: Sequence[Effect]) -> None:
+        self.measurement, self.volumes, self.besides = setup.measurement, tuple(volumes), tuple(besides)
+        self._transform = setup.white @ equations.transform(setup.measurement, setup.registration)
+        own = setup.white @ equations.registration_design(setup.measurement, setup.registration)
+        flat = own.reshape(-1, own.shape[2])
+        self._units = np.linalg.norm(flat, axis=0)
+        self.registration = flat / self._units
+        """Whitened derivatives `(N, r)` by the registration, of unit length."""
+        u, values, v = np.linalg.svd(self.registration, full_matrices=False)
+        seen = values > SEEN * values[0]
+        self._registration, self._back = u[:, seen], v[seen].T / values[seen]
+
+    def of_truth(self, truths: Truths) -> tuple[Array, Array]:
+        """Of a truth's coefficients: of the observations `(N, t)`, registration and all, and of the volume `(G, t)`."""
+        design = self.observed(truths.model)
+        return design * truths.linear, self.judged(truths.model) * truths.linear
+
+    def of_part(self, part: Part) -> Made:
+        """Of one axis' error motions, or of what is fitted besides, per unit of parameters."""
+        model = self.model([part])
+        observed = self.observed(model)
+        before = np.linalg.norm(observed, axis=0)
+        observed -= self._registration @ (self._registration.T @ observed)
+        # what the registration takes away altogether leaves rounding, which is nothing seen
+        observed[:, np.linalg.norm(observed, axis=0) < ROUNDING * before] = 0.0
+        return Made(observed, self.judged(model), priors(model))
+
+    def model(self, parts: Sequence[Part]) -> ErrorModel:
+        """The model of these parts, all zero."""
+        return model_of(self.measurement, parts, self.besides)
+
+    def registered(self, parts: Sequence[Part], left: Array, step: Array) -> Array:
+        """The step of the registration for residuals `(N,)`, when the parameters take theirs."""
+        rest = left - self.observed(self.model(parts)) @ step
+        return np.asarray(self._back @ (self._registration.T @ rest) / self._units)
+
+    def judged(self, model: ErrorModel) -> Array:
+        """Derivatives `(G, p)`, um, of the aligned deviations in all volumes."""
+        return np.concatenate([volume.columns(model) for volume in self.volumes])
+
+    def observed(self, model: ErrorModel) -> Array:
+        """Whitened derivatives `(N, p)` of the observations by the parameters of a model, registration and all."""
+        design = Design(model, self.measurement.machine, self.measurement.state, with_instrument=True)
+        return np.asarray(design.of(slice(None), self._transform).reshape(self._transform[:, :, 0].size, -1))
+
+
+def model_of(measurement: Measurement, parts: Sequence[Part], besides: Sequence[Effect]) -> ErrorModel:
+    """What is fitted: the error motions of axes in their bases, and effects besides."""
+    effects: list[Effect] = []
+    for axis, basis in parts:
+        effects += besides if axis == BESIDES else axis_effects(measurement, axis, parse_basis(basis))
+    return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A chunk of draws of one case."""
+
+    coefficients: Array
+    """Of the truths `(t, draws)`."""
+    observed: Array
+    """Whitened deviations with noise `(N, draws)`, registration not yet taken out."""
+    noise: Array
+    """What of it is noise `(draws, n, d)`."""
+
+
+def sample(setup: Setup, seen: Array, coefficients: Array, rng: np.random.Generator) -> Sample:
+    """What the instrument sees of truths; `seen` `(N, t)` as of `Columns.of_truth`."""
+    n, d, _ = setup.noise.shape
+    # one draw after the other, so that the first are the same however many there are
+    normal = rng.standard_normal((coefficients.shape[1], n, d))
+    noise = (setup.noise @ normal[..., None])[..., 0]
+    return Sample(coefficients, seen @ coefficients + noise.reshape(len(noise), -1).T, noise)

@@ -1,0 +1,91 @@
+"""Data on a few diagonals: residuals of each line in a fit of all other lines, for a whole chunk of draws at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from calibration.design.equations import SEEN, Part
+from calibration.design.solver import Fits
+from calibration.fit.cross_validation import blocks_of, lines, placed
+from calibration.observation.outliers import refuse_lines
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+
+class Line(NamedTuple):
+    """One line, or another block of rows, and the fits that have not seen it."""
+
+    told: np.ndarray
+    """True `(N,)` for the scalars of the line that the others can predict."""
+    others: np.ndarray
+    """True `(N,)` for those that are fitted."""
+    registration: Array
+    """Orthonormal columns `(others, r)` of the effect of the registration on the other lines."""
+    carried: Array
+    """Effect `(told, r)` of the same registration on the line."""
+
+    def split(self, columns: Array) -> tuple[Array, Array]:
+        """Columns `(N, k)` at the others and at the line, the registration by the others taken out of both."""
+        others = columns[self.others]
+        along = self.registration.T @ others
+        return others - self.registration @ along, columns[self.told] - self.carried @ along
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """The lines of a measurement on a few diagonals, each predicted by fits of the others."""
+
+    fits: Fits
+    held: Sequence[Line]
+    _raw: dict[Part, Array] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, fits: Fits) -> Unseen | None:
+        """The blocks that `calibration.fit.cross_validation` makes; None off a few diagonals, or where none can be held out."""
+        measurement, registration = fits.columns.measurement, fits.columns.registration
+        if lines(measurement) is None:
+            return None
+        labels, _ = blocks_of(measurement)
+        held, number = [], 0
+        for label in np.unique(labels):
+            others, told = labels != label, (labels == label) & placed(measurement, labels != label)
+            if not told.any():
+                continue
+            if others.sum() * measurement.components <= registration.shape[1]:
+                return None
+            try:
+                refuse_lines(measurement.rows(np.flatnonzero(others)))
+            except UserError:  # the others are no measurement on their own
+                return None
+            held.append(_line(registration, *(np.repeat(rows, measurement.components) for rows in (told, others))))
+            number += int(told.sum())
+        return cls(fits, held) if 2 * number >= len(measurement) else None
+
+    def left(self, parts: Sequence[Part], prior_scale: float, observed: Array) -> Array:
+        """Sums of squares `(draws,)` of the whitened residuals of the lines, for observations `(N, draws)`."""
+        columns = np.concatenate([self._columns(part) for part in parts], axis=1)
+        columns *= self.fits.scale(parts, prior_scale)
+        total = np.zeros(observed.shape[1])
+        for line in self.held:
+            (design, predicting), (seen, unseen) = line.split(columns), line.split(observed)
+            factor = linalg.cho_factor(design.T @ design + np.eye(columns.shape[1]), lower=True, check_finite=False)
+            parameters = linalg.cho_solve(factor, design.T @ seen, check_finite=False)
+            total += np.sum((unseen - predicting @ parameters) ** 2, axis=0)
+        return total
+
+    def _columns(self, part: Part) -> Array:
+        """Whitened derivatives `(N, k)` by the parameters of a part, registration and all."""
+        if part not in self._raw:
+            self._raw[part] = self.fits.columns.observed(self.fits.columns.model([part]))
+        return self._raw[part]
+
+
+def _line(registration: Array, told: np.ndarray, others: np.ndarray) -> Line:
+    u, values, v = np.linalg.svd(registration[others], full_matrices=False)
+    seen = values > SEEN * values[0]
+    return Line(told, others, u[:, seen], registration[told] @ (v[seen].T / values[seen]))

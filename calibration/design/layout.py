@@ -1,0 +1,101 @@
+"""One case, laid out: where is measured and from where, all of it nominal; weights and noise of its observations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.plan import Plan
+from calibration.measurement.registration import Registration
+from calibration.observation import equations
+from calibration.observation.equations import start
+from calibration.observation.normal_equations import whiteners
+from calibration.observation.reach import Reach, in_reach
+from calibration.simulation.simulate import at_stations, observe, tracker_pose, with_temperatures
+from kinematics.error_model.model import no_errors
+from kinematics.machine import Vector
+from kinematics.transforms import Array, Pose
+from kinematics.user_error import UserError
+
+Weighting = Literal["full", "cartesian-diagonal"]
+"""By the full covariance of each observation, or by the variances of x, y and z alone (the paper, (8))."""
+NEAREST_MM = 1.0
+"""A target closer to a tracker has no direction."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What a measurement would be of a machine without errors, by an instrument without noise."""
+
+    measurement: Measurement
+    registration: Registration
+    poses: Mapping[str, Pose] | None
+    white: Array
+    """What observations are weighted by `(n, d, d)`."""
+    noise: Array
+    """Noise of unit variance times this `(n, d, d)` is that of the instrument, weighted."""
+    minutes: float
+    notes: tuple[str, ...] = ()
+
+
+def laid_out(
+    plan: Plan,
+    instrument: Instrument,
+    trackers: Sequence[Vector] = (),
+    reach: Reach | None = None,
+    weighting: Weighting = "full",
+    temperatures: Mapping[str, tuple[float, float]] | None = None,
+) -> Setup:
+    """The set-up of a plan, measured once from each place of the tracker; points out of reach are left out, and said.
+
+    UserError for an instrument that sees nothing, or stands in a target.
+    """
+    state, poses, notes = plan.state, None, list(plan.notes)
+    minutes = plan.minutes
+    if isinstance(instrument, LaserTracker):
+        if not trackers:
+            raise UserError("where does the laser tracker stand? (tracker = [x, y, z])")
+        # a levelled tracker sees the same whichever way it is turned: the angle need not be drawn
+        poses = {f"s{k}": tracker_pose(place, np.random.default_rng(0)) for k, place in enumerate(trackers, start=1)}
+        state = at_stations(state, list(poses))
+        minutes *= len(poses)
+    elif trackers:
+        raise UserError(f"a tracker has no place in a measurement by {type(instrument).__name__.lower()}")
+    if temperatures:
+        state = with_temperatures(state, temperatures)
+    repeat = len(state) // len(plan)
+    axis = np.tile(plan.axis, repeat) if isinstance(instrument, Interferometer) and plan.axis is not None else None
+    run, rows = np.tile(plan.run, repeat), np.arange(len(state))
+    if poses is not None and reach is not None:
+        nothing = np.zeros((len(state), 3))
+        seen = in_reach(Measurement(plan.machine, instrument, state, nothing, plan.targets), poses, reach)
+        rows, notes = np.flatnonzero(seen.rows), [*notes, *seen.notes]
+        if not len(rows):
+            raise UserError("the tracker sees none of the points from where it stands")
+    model = no_errors(plan.machine)
+    nominal = observe(
+        plan.machine, model, state.rows(rows), instrument, np.random.default_rng(0), poses, plan.targets,
+        axis=None if axis is None else axis[rows], run=run[rows], noise_scale=0.0,
+    )  # fmt: skip
+    nominal = replace(nominal, source=plan.strategy)
+    if poses is not None and np.linalg.norm(nominal.observed, axis=1).min() < NEAREST_MM:
+        raise UserError(f"a target comes closer than {NEAREST_MM:g} mm to the tracker, which can't stand there")
+    registration = start(nominal, np.ones(len(nominal), bool))
+    # rows out of reach cost no time
+    minutes *= len(rows) / len(state)
+    return Setup(nominal, registration, poses, *_weights(nominal, weighting), minutes, tuple(notes))
+
+
+def _weights(measurement: Measurement, weighting: Weighting) -> tuple[Array, Array]:
+    """Weights and weighted noise `(n, d, d)`."""
+    full = whiteners(measurement)
+    if weighting == "full":
+        return full, np.broadcast_to(np.eye(full.shape[1]), full.shape)
+    covariance = equations.covariance(measurement)
+    white = np.eye(full.shape[1]) / np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))[:, :, None]
+    return white, white @ np.linalg.inv(full)

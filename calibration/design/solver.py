@@ -1,0 +1,118 @@
+"""One design, many right-hand sides: the fits of a whole chunk of draws by one factorisation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from scipy import linalg
+
+from calibration.design.equations import Columns, Made, Part, Sample
+from calibration.design.random_machines import Truths
+from kinematics.transforms import Array, read_only
+
+UNSEEN = 1e-10
+"""Singular values squared below this share of the largest count as zero where no prior holds."""
+KEPT = 160
+"""Factorised designs that are kept."""
+
+
+@dataclass(frozen=True)
+class Factorised:
+    """The fit of one choice of bases: normal matrix with its priors, in units of these."""
+
+    solve: Callable[[Array], Array]
+    log_determinant: float
+
+
+@dataclass
+class Fits:
+    """Fits of one case, whatever the choice of bases: blocks are made once, however many choices share them."""
+
+    columns: Columns
+    truths: Truths
+    _made: dict[Part, Made] = field(default_factory=dict)
+    _gram: dict[tuple[Part, Part], Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.truth_seen, self.truth_volume = self.columns.of_truth(self.truths)
+        self.factorised = lru_cache(maxsize=KEPT)(self._factorised)
+
+    def right(self, part: Part, drawn: Sample) -> Array:
+        """The right-hand sides `(k, draws)` of a part, in units of its parameters."""
+        return self._of(part).observed.T @ drawn.observed
+
+    def step(self, parts: tuple[Part, ...], prior_scale: float, left: Array, parameters: Array) -> Array:
+        """The step of parameters `(p,)` for whitened residuals `(N,)`: back to the same factorisation."""
+        right = np.concatenate([self._of(part).observed.T @ left for part in parts])
+        if np.isfinite(prior_scale):
+            right = right - parameters / self.scale(parts, prior_scale) ** 2
+        return self.factorised(parts, prior_scale).solve(right[:, None])[:, 0]
+
+    def scale(self, parts: Sequence[Part], prior_scale: float) -> Array:
+        """Prior standard deviations `(p,)`: typical sizes times `prior_scale`, which effects besides don't have."""
+        scales = [
+            self._of(part).prior * (prior_scale if part[0] and np.isfinite(prior_scale) else 1.0) for part in parts
+        ]
+        return np.concatenate(scales)
+
+    def errors(self, parts: Sequence[Part], parameters: Array, coefficients: Array) -> Array:
+        """RMS error `(volumes, draws)`, um, that a fit `(p, draws)` leaves of truths `(t, draws)`."""
+        left = self.truth_volume @ coefficients
+        left -= np.concatenate([self._of(part).volume for part in parts], axis=1) @ parameters
+        return self._rms(left)
+
+    def before(self, coefficients: Array) -> Array:
+        """The same of the machine as it is."""
+        return self._rms(self.truth_volume @ coefficients)
+
+    def _rms(self, deviations: Array) -> Array:
+        ends = np.cumsum([len(volume.state) * 3 for volume in self.columns.volumes])[:-1]
+        return np.stack([rms(part) for part in np.split(deviations, ends)])
+
+    def _factorised(self, parts: tuple[Part, ...], prior_scale: float) -> Factorised:
+        matrix = np.block([[self._between(a, b) for b in parts] for a in parts])
+        if np.isinf(prior_scale):
+            return _least_squares(matrix)
+        scale = self.scale(parts, prior_scale)
+        matrix = matrix * np.outer(scale, scale) + np.eye(len(scale))
+        factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
+
+        def solve(right: Array) -> Array:
+            inner = linalg.cho_solve(factor, right * scale[:, None], check_finite=False)
+            return np.asarray(inner * scale[:, None])
+
+        return Factorised(solve, float(2 * np.sum(np.log(np.diag(factor[0])))))
+
+    def _of(self, part: Part) -> Made:
+        if part not in self._made:
+            self._made[part] = self.columns.of_part(part)
+        return self._made[part]
+
+    def _between(self, a: Part, b: Part) -> Array:
+        """The normal matrix of two parts, made in one order of the two: its bits are the same for every chunk."""
+        first, second = min(a, b), max(a, b)
+        if (first, second) not in self._gram:
+            self._gram[first, second] = read_only(self._of(first).observed.T @ self._of(second).observed)
+        matrix = self._gram[first, second]
+        return matrix if first == a else matrix.T
+
+
+def rms(deviations: Array) -> Array:
+    """RMS length `(draws,)` of deviations `(3 n, draws)`."""
+    return np.asarray(np.sqrt(np.sum(deviations**2, axis=0) / (len(deviations) / 3)))
+
+
+def _least_squares(matrix: Array) -> Factorised:
+    """Without priors: the pseudo-inverse, which leaves at zero what the data do not determine."""
+    size = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
+    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
+    seen = values > UNSEEN * values[-1]
+    root = vectors[:, seen] / size[:, None]
+
+    def solve(right: Array) -> Array:
+        return np.asarray(root @ ((root.T @ right) / values[seen][:, None]))
+
+    return Factorised(solve, float("nan"))

@@ -1,0 +1,85 @@
+"""Where a machine is judged: deviations on a grid all over the travel, after a rigid alignment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.evaluation.volumetric import rigid_columns
+from calibration.measurement.measurement import with_moves
+from calibration.planning.strategies import evaluation_grid
+from kinematics.error_model.model import Design, ErrorModel
+from kinematics.error_transform import place_transform
+from kinematics.forward import tool_point
+from kinematics.machine import Machine, Vector
+from kinematics.state import State
+from kinematics.transforms import Array
+
+GRID = 9
+"""Positions on each linear axis (contract 4.2)."""
+RIGID = 1e-9
+"""Share of the largest singular value below which a rigid motion moves no point."""
+WAVES = (0.6180339887498949, 0.7548776662466927, 0.5698402909980532)
+"""Steps, as shares of their way, of rotary axes from one position of the grid to the next: never in phase."""
+
+
+@dataclass(frozen=True)
+class Volume:
+    """Positions, the transform of errors to tool points there, and what a rigid alignment can take off."""
+
+    machine: Machine
+    state: State
+    tool: Array
+    """`(3,)` or `(n, 3)`, mm."""
+    transform: Array
+    """`(n, 3, (axes + 1) * 6)`, mm."""
+    rigid: Array
+    """Orthonormal columns `(3 n, 6 or fewer)`."""
+
+    @classmethod
+    def of(
+        cls,
+        machine: Machine,
+        tool: Vector,
+        turned: Mapping[str, tuple[float, float]] | None = None,
+        sensors: Iterable[str] = (),
+    ) -> Volume:
+        """The grid of the machine for a tool, mm; rotary axes at home, or all over the ranges `turned`, degrees.
+
+        The machine comes from where it was before, stands still, and is at 20 degC, at its `sensors` too.
+        """
+        positions = evaluation_grid(machine, GRID)
+        for step, (axis, (low, high)) in zip(WAVES, (turned or {}).items(), strict=False):
+            i = machine.index(axis)
+            positions[:, i] = (low + (np.arange(1, len(positions) + 1) * step % 1.0) * (high - low)) * machine.scale[i]
+        return cls.at(machine, standing(positions, sensors), np.array(tool))
+
+    @classmethod
+    def at(cls, machine: Machine, state: State, tool: Array) -> Volume:
+        """Any positions, with a tool `(3,)` or `(n, 3)`, mm."""
+        u, values, _ = np.linalg.svd(rigid_columns(tool_point(machine, state.positions, tool)), full_matrices=False)
+        rigid = u[:, values > RIGID * values[0]]  # points on one line leave a turn free
+        return cls(machine, state, tool, place_transform(machine, state.positions, tool)[:, :3], rigid)
+
+    def columns(self, model: ErrorModel) -> Array:
+        """Derivatives `(3 n, p)`, um per unit of its parameters, of the deviations of a model, aligned."""
+        design = Design(model, self.machine, self.state, with_instrument=False).of(slice(None), self.transform)
+        flat = design.reshape(-1, design.shape[2]) * 1e3
+        return np.asarray(flat - self.rigid @ (self.rigid.T @ flat))
+
+
+def standing(positions: Array, sensors: Iterable[str] = ()) -> State:
+    """The machine at positions `(n, axes)`, mm and rad, come to in this order, standing still, at 20 degC."""
+    n, still = len(positions), np.zeros(positions.shape)
+    return with_moves(
+        State(
+            positions,
+            velocity=still,
+            acceleration=still,
+            time=np.zeros(n),
+            temperatures={sensor: np.zeros(n) for sensor in sensors},
+            cycle=np.zeros(n),
+        )
+    )

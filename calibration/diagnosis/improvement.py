@@ -1,0 +1,97 @@
+"""What the new model brings: by direction, in the volume, and how much of the rest no rigid chain could explain."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.selection import Stage
+from calibration.evaluation.volumetric import volumetric_error_um
+from calibration.fit.fit import Fit
+from calibration.measurement.instruments import LaserTracker
+from calibration.observation.full_model import distinct_positions, moving_axes
+from kinematics.basis import BSpline
+from kinematics.deviation import exact_deviation
+from kinematics.effects import ErrorMotion
+from kinematics.error_model.model import ErrorModel
+from kinematics.forward import tool_point
+from kinematics.transforms import Array
+
+FINEST = 48
+"""Parameters of an error motion of the finest rigid chain."""
+SHARE = 3
+"""Scalars per parameter that are needed to say what a rigid chain could explain."""
+
+
+class Volume(NamedTuple):
+    """Deviations of the tool over the measured states, RMS and largest length, um."""
+
+    machine_rms: float
+    """Of the machine, by the new model."""
+    machine_max: float
+    left_rms: float
+    """What correcting by the present model leaves, by the new one."""
+    left_max: float
+
+
+def by_direction(stage: Stage) -> dict[str, float]:
+    """RMS residual, um, in x, y and z of what a tracker stands on; of an interferometer by axis."""
+    fit = stage.fit
+    measurement, kept = fit.measurement, fit.kept
+    micro = in_micro(fit, fit.residual)[kept]
+    if measurement.axis is None:
+        return dict(zip("xyz", np.sqrt(np.mean(micro**2, axis=0)).tolist(), strict=False))
+    names = measurement.axis[kept]
+    return {name: float(np.sqrt(np.mean(micro[names == name] ** 2))) for name in np.unique(names).tolist()}
+
+
+def in_micro(fit: Fit, values: Array) -> Array:
+    """Observed values `(n, d)` of all rows in um (rotary axes: urad), of a tracker in x, y, z of what it stands on."""
+    measurement = fit.measurement
+    if isinstance(measurement.instrument, LaserTracker):
+        values = np.einsum("nji,nj->ni", fit.registration.rotations(measurement), values)
+    return np.asarray(values * measurement.per_micro)
+
+
+def volume(before: Stage, after: Stage) -> Volume:
+    """Deviations over the measured states, by the machine's part of both models, after rigid alignment."""
+    measurement = after.fit.measurement
+    machine, state = measurement.machine, measurement.state
+    q, tool = state.positions, measurement.tool
+
+    def deviation(model: ErrorModel) -> Array:
+        own = model.part(lambda effect: effect.ACTS_ON != "instrument")
+        return exact_deviation(machine, q, own.errors(machine, state), tool).position
+
+    new, old = deviation(after.fit.model), deviation(before.fit.model)
+    points = tool_point(machine, q, tool)
+    whole, left = volumetric_error_um(new, points), volumetric_error_um(new - old, points)
+    return Volume(whole.rms, whole.largest, left.rms, left.largest)
+
+
+def closure(frame: Frame) -> float | None:
+    """Share of what is left beyond the noise that the finest rigid chain can't explain; None where data are too few.
+
+    1 where nothing of it is an error motion of an axis, whatever its course; 0 where there is nothing beyond the noise.
+    """
+    measurement = frame.measurement
+    beyond = frame.squares - frame.freedom
+    if beyond <= 3.0 * np.sqrt(2.0 * frame.freedom):
+        return 0.0
+    columns = []
+    for axis, interval in moving_axes(measurement).items():
+        size = max(2, min(FINEST, distinct_positions(measurement, axis) // 2))
+        basis = BSpline(tuple(np.linspace(*interval, size).tolist()), 1)
+        motions = {e.component for e in frame.fit.model.effects if isinstance(e, ErrorMotion) and e.axis == axis}
+        columns += [frame.columns(ErrorMotion(c, axis, basis, (0.0,) * size, u=(0.0,) * size)) for c in sorted(motions)]
+    finest = np.concatenate(columns, axis=1)
+    if finest.shape[1] * SHARE > frame.scalars:
+        return None
+    projected = frame.projected(finest)
+    values, vectors = np.linalg.eigh((projected.left + projected.left.T) / 2)
+    seen = values > 1e-6 * values.max(initial=1e-300)
+    along = vectors[:, seen].T @ (finest.T @ frame.residual)
+    explained = float(np.sum(along**2 / values[seen])) - int(np.count_nonzero(seen))
+    return float(np.clip(1.0 - explained / beyond, 0.0, 1.0))

@@ -1,0 +1,1 @@
+"""Measurements that would decide between the remaining causes."""

@@ -1,0 +1,65 @@
+"""Fixed targets and a calibrated bar, set up where the tracker stands: what does not move, and what is known."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.measurement import Carrier, Measurement, Target
+from calibration.measurement.observed_points import seen_points
+from calibration.measurement.registration import Registration
+from kinematics.transforms import Array
+
+BAR_MM, BAR_U_UM = 2000.0, 1.0
+"""A bar, and its standard uncertainty."""
+NEAREST_MM = 500.0
+"""To the tracker."""
+
+
+class Length(NamedTuple):
+    """A known distance between two targets."""
+
+    one: str
+    other: str
+    u_mm: float
+    """Standard uncertainty."""
+
+
+def references(measurement: Measurement, registration: Registration) -> dict[str, Target]:
+    """Three targets about the foot of the volume, on what the tracker stands on; their places need not be known."""
+    points = _tool_points(measurement, registration)
+    low, high = points.min(axis=0), points.max(axis=0)
+    corners = [(low[0], low[1]), (high[0], low[1]), ((low[0] + high[0]) / 2, high[1])]
+    return {f"fixed {i}": _target(measurement, np.array([x, y, low[2]])) for i, (x, y) in enumerate(corners, start=1)}
+
+
+def bar(measurement: Measurement, registration: Registration) -> tuple[dict[str, Target], tuple[Length, ...]]:
+    """Ends of a bar set up twice: in line with the beam, behind the tracker, and with the tracker between its ends.
+
+    Ranges add up in the second, and are subtracted in the first, so that their offset is told from their scale.
+    """
+    tracker = registration.poses[str(measurement.groups[-1])].inverse().translation[0]
+    way = (tracker - _tool_points(measurement, registration).mean(axis=0)) * (1.0, 1.0, 0.0)
+    way = way / np.linalg.norm(way) if np.linalg.norm(way) > 1.0 else np.array([1.0, 0.0, 0.0])
+    aside = np.array([-way[1], way[0], 0.0])
+    ends = {
+        "bar in line 1": tracker + NEAREST_MM * way,
+        "bar in line 2": tracker + (NEAREST_MM + BAR_MM) * way,
+        "bar about 1": tracker - BAR_MM / 2 * aside,
+        "bar about 2": tracker + BAR_MM / 2 * aside,
+    }
+    u = BAR_U_UM * 1e-3
+    lengths = (Length("bar in line 1", "bar in line 2", u), Length("bar about 1", "bar about 2", u))
+    return {name: _target(measurement, place) for name, place in ends.items()}, lengths
+
+
+def _tool_points(measurement: Measurement, registration: Registration) -> Array:
+    return seen_points(measurement, None, registration.tool(measurement))
+
+
+def _target(measurement: Measurement, place: Array) -> Target:
+    """A target that does not move against the tracker."""
+    carrier: Carrier = "table" if measurement.stands_on == "workpiece" else "bed"
+    x, y, z = place.tolist()
+    return Target((x, y, z), carrier)

@@ -1,0 +1,161 @@
+"""A measurement that could follow the one at hand, and what it goes on from.
+
+It is one of the same machine by the same instrument, its observations those of the machine without errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from calibration.diagnosis.next.fixed_standards import Length
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, with_moves
+from calibration.measurement.observed_points import seen_points
+from calibration.measurement.registration import Registration
+from kinematics.effects import Effect, TrackerDrift
+from kinematics.state import State
+from kinematics.transforms import Array
+
+MOST_ROWS = 400
+POINT_S = 15.0
+"""Time of a row where the data do not say it; the virtual calibration paper, 3.2."""
+NEW = "next"
+"""Name of a station, a target or a run that the data do not have."""
+
+
+class Planned(NamedTuple):
+    """A measurement that could follow."""
+
+    name: str
+    does: str
+    """In the imperative."""
+    minutes: float
+    measurement: Measurement
+    registration: Registration
+    """Of the data and of this measurement."""
+    lengths: tuple[Length, ...] = ()
+    """Distances between its targets that are known."""
+    unknown: tuple[Effect, ...] = ()
+    """What else nobody knows of it, and is found along with the registration."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """The data at hand, and what of them is measured again."""
+
+    measurement: Measurement
+    registration: Registration
+    most: int = MOST_ROWS
+    """Rows that are measured again."""
+
+    @cached_property
+    def index(self) -> np.ndarray:
+        """Rows that are measured again: those of the last run at the last station, evenly at most `most`."""
+        m = self.measurement
+        last = np.ones(len(m), bool) if m.axis is not None else m.groups == m.groups[-1]
+        if m.axis is not None and m.run is not None:
+            for axis in np.unique(m.axis).tolist():
+                own = m.axis == axis
+                last[own] = m.run[own] == m.run[own][-1]
+        elif m.state.cycle is not None:
+            last &= m.state.cycle == m.state.cycle[last][-1]
+        rows = np.flatnonzero(last)
+        return rows[np.linspace(0, len(rows) - 1, min(len(rows), self.most)).astype(int)] if len(rows) else rows
+
+    @cached_property
+    def in_motion(self) -> bool:
+        """True where most rows were taken in motion."""
+        velocity = self.measurement.state.velocity
+        return velocity is not None and float(np.mean(np.any(velocity[self.index] != 0.0, axis=1))) > 0.5
+
+    @cached_property
+    def step_s(self) -> float:
+        """Time of a row."""
+        time = self.measurement.state.time
+        steps = np.diff(time) if time is not None else np.zeros(0)
+        steps = steps[steps > 0.0]
+        return float(np.median(steps)) if len(steps) else POINT_S
+
+    @property
+    def own_drift(self) -> tuple[Effect, ...]:
+        """Of an instrument that was set up anew, or on another day: what it did before says nothing of it."""
+        tracker = isinstance(self.measurement.instrument, LaserTracker)
+        return (TrackerDrift(),) if tracker and self.measurement.state.time is not None else ()
+
+    @property
+    def positions(self) -> str:
+        """What is measured again, for people."""
+        count = len(self.index)
+        return (
+            "the same path"
+            if self.in_motion
+            else (f"{count} of the" if count == self.most else f"all {count}") + " positions"
+        )
+
+    def clock(self, index: np.ndarray) -> Array:
+        """Times `(n,)`, s, of rows in a new order, from one step after the start on."""
+        time = self.measurement.state.time
+        if not self.in_motion or time is None:
+            return np.asarray(self.step_s * np.arange(1, len(index) + 1))
+        return np.asarray(np.abs(time[index] - time[index[0]]) + self.step_s)
+
+    def following(self, index: np.ndarray, pause_min: float = 0.0, **changes: Any) -> Measurement:
+        """Rows of the data once more, in this order, after their end; `changes` of the columns of the state.
+
+        The machine goes on from where it stood last, at the temperatures that it had then.
+        """
+        m = self.measurement
+        before, state = m.state, m.state.rows(index)
+        n, clock = len(index), self.clock(index)
+        columns: dict[str, Any] = {
+            "past": before,
+            "time": None if before.time is None else before.time.max() + 60.0 * pause_min + clock,
+            "temperatures": {name: np.full(n, kelvin[-1]) for name, kelvin in before.temperatures.items()},
+            "cycle": None if before.cycle is None else np.full(n, before.cycle.max() + 1.0),
+        }
+        state = replace(state, **(columns | changes))
+        if before.last_move is not None:
+            last, approach = _moves_after(before, state.positions)
+            state = replace(state, last_move=last, approach=None if before.approach is None else approach)
+        run = None if m.run is None else np.full(n, NEW)
+        return replace(m.rows(index), state=state, run=run)
+
+    def plan(
+        self,
+        name: str,
+        does: str,
+        measurement: Measurement,
+        registration: Registration | None = None,
+        pause_min: float = 0.0,
+    ) -> Planned:
+        """What the machine without errors would show of it, and how long it takes."""
+        registration = registration or self.registration
+        n = len(measurement)
+        if measurement.axis is not None:
+            zeros = dict(registration.zeros) | dict.fromkeys(np.unique(measurement.groups).tolist(), 0.0)
+            across = np.unique(measurement.groups[measurement.straightness]).tolist()
+            slopes = dict(registration.slopes) | {name: registration.slopes.get(name, 0.0) for name in across}
+            registration = replace(registration, zeros=zeros, slopes=slopes)
+            done = replace(measurement, observed=np.zeros((n, 1)))
+        else:
+            points = seen_points(measurement, None, registration.tool(measurement))
+            observed = registration.seen(measurement, points)
+            done = replace(measurement, observed=observed, state=replace(measurement.state, observed=observed))
+        time = measurement.state.time
+        seconds = n * self.step_s if time is None or not self.in_motion else float(np.ptp(time)) + self.step_s
+        return Planned(name, does, pause_min + seconds / 60.0, done, registration)
+
+
+def _moves_after(before: State, positions: Array) -> tuple[Array, Array]:
+    """Last move and approach `(n, axes)` at positions after a state; those that it ended with until an axis moves."""
+    assert before.last_move is not None
+    moved = with_moves(State(np.concatenate([before.positions[-1:], positions]))).rows(slice(1, None))
+    assert moved.last_move is not None
+    assert moved.approach is not None
+    still = moved.last_move == 0.0
+    ended = np.sign(before.last_move[-1]) if before.approach is None else before.approach[-1]
+    return np.where(still, before.last_move[-1], moved.last_move), np.where(still, ended, moved.approach)

@@ -1,0 +1,131 @@
+"""What is known of causes now, and would be with one measurement more, before any of it is measured: to first order.
+
+K has the whitened columns of the model, of the causes asked about and of the registration; K'K of the data and of a
+planned measurement add up. Of a cause's columns G then stays S = G'G - G'B (B'B + priors)^-1 B'G with any others B
+fitted along, and of its signal, of size a, the non-centrality a' S a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+from calibration.diagnosis.next.follow_up import Planned
+from calibration.diagnosis.search.linearised_fit import GENEROUS, RIDGE, Frame, derivatives, signals
+from calibration.observation import equations
+from calibration.observation.normal_equations import whiteners
+from kinematics.effects import Effect
+from kinematics.transforms import Array
+
+
+@dataclass(frozen=True)
+class Known:
+    """K'K and the priors' part, columns in the order model, causes, registration."""
+
+    matrix: Array
+    """`(w, w)`"""
+    limited: Array
+    """Diagonal `(w,)` of the priors' part."""
+    causes: tuple[slice, ...]
+    """Columns of each cause."""
+    scalars: int
+    _left: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def left(self, cause: int, beside: int | None = None, without: slice | None = None) -> Array:
+        """S `(k, k)` of a cause, with another one fitted `beside`, and the model `without` some of its columns."""
+        key = (beside, None if without is None else (without.start, without.stop))
+        first, last = self.causes[0].start, self.causes[-1].stop
+        if key not in self._left:
+            fitted = np.ones(len(self.limited), bool)
+            fitted[first:last] = False
+            if without is not None:
+                fitted[without] = False
+            if beside is not None:
+                fitted[self.causes[beside]] = True
+            factor = linalg.cho_factor(self.matrix[np.ix_(fitted, fitted)] + np.diag(self.limited[fitted]), lower=True)
+            through = linalg.solve_triangular(factor[0], self.matrix[fitted, first:last], lower=True)
+            self._left[key] = self.matrix[first:last, first:last] - through.T @ through
+        own = slice(self.causes[cause].start - first, self.causes[cause].stop - first)
+        return np.asarray(self._left[key][own, own])
+
+    def share(self, cause: int) -> float:
+        """Of a cause's signal, what model and registration leave."""
+        own = self.causes[cause]
+        whole = float(np.trace(self.matrix[own, own]))
+        return float(np.sqrt(max(np.trace(self.left(cause)), 0.0) / whole)) if whole > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """The frame of a fit, and causes that are asked about."""
+
+    frame: Frame
+    effects: Sequence[Effect]
+
+    @property
+    def now(self) -> Known:
+        """By the data at hand."""
+        frame, registered = self.frame, len(self._lengths)
+        own, by_model = frame.design[:, :registered], frame.design[:, registered:]
+        columns = signals(frame.measurement, frame.rows, self.effects, frame.transform)
+        whole = np.concatenate([by_model, columns, own], axis=1)
+        return self._known(whole.T @ whole, frame.scalars)
+
+    def after(self, now: Known, planned: Planned) -> Known:
+        """By the data at hand and a planned measurement."""
+        fit, more = self.frame.fit, planned.measurement
+        white = whiteners(more) / np.sqrt(fit.variance_factor)
+        rows = np.arange(len(more))
+        parts = derivatives(fit, more, rows, planned.registration, white)
+        known, names = fit.registration.names, planned.registration.names
+        order = [names.index(name) for name in known] + [i for i, name in enumerate(names) if name not in set(known)]
+        own = np.concatenate([parts.own, _lengths_known(planned, names)])[:, order]
+        if planned.unknown:
+            drift = signals(more, rows, planned.unknown, parts.transform)
+            own = np.concatenate([own, _padded(drift, len(planned.lengths))], axis=1)
+        length = np.linalg.norm(own, axis=0)
+        length[: len(known)] = self._lengths
+        own = own / np.where(length > 0.0, length, 1.0)
+        columns = np.concatenate([parts.by_model, signals(more, rows, self.effects, parts.transform)], axis=1)
+        whole = np.concatenate([_padded(columns, len(planned.lengths)), own], axis=1)
+        matrix = whole.T @ whole
+        matrix[: len(now.matrix), : len(now.matrix)] += now.matrix
+        return self._known(matrix, now.scalars + len(whole))
+
+    def _known(self, matrix: Array, scalars: int) -> Known:
+        registered = len(self._lengths)
+        model = self.frame.limited[registered:]
+        ends = len(model) + np.cumsum([0, *(sum(q.linear for q in e.parameter_table) for e in self.effects)])
+        causes = tuple(slice(low, high) for low, high in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
+        limited = np.full(len(matrix), RIDGE)
+        limited[: len(model)] = model
+        limited[len(model) : ends[-1]] = GENEROUS**-2
+        return Known(matrix, limited, causes, scalars)
+
+    @cached_property
+    def _lengths(self) -> Array:
+        """Lengths of the registration's columns, which the design of the frame has in units of them."""
+        some = self.frame.measurement.rows(self.frame.rows)
+        own = self.frame.white @ equations.registration_design(some, self.frame.fit.registration)
+        return np.asarray(np.linalg.norm(own.reshape(self.frame.scalars, -1), axis=0))
+
+
+def _padded(columns: Array, rows: int) -> Array:
+    """The columns with rows of zeros below."""
+    return np.pad(columns, ((0, rows), (0, 0)))
+
+
+def _lengths_known(planned: Planned, names: list[str]) -> Array:
+    """Whitened derivatives `(lengths, registration)` of the known distances."""
+    rows = np.zeros((len(planned.lengths), len(names)))
+    for row, length in zip(rows, planned.lengths, strict=True):
+        one, other = planned.registration.targets[length.one], planned.registration.targets[length.other]
+        along = (other - one) / np.linalg.norm(other - one) / length.u_mm
+        for k, letter in enumerate("xyz"):
+            row[names.index(f"target {length.one} {letter}")] = -along[k]
+            row[names.index(f"target {length.other} {letter}")] = along[k]
+    return rows

@@ -1,0 +1,170 @@
+"""Measurements that could follow the one at hand: the same positions in other ways, and what else a workshop can do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from calibration.diagnosis.next.extra_setups import from_elsewhere, with_bar, with_other_tools, with_references
+from calibration.diagnosis.next.follow_up import Data, Planned
+from calibration.fit.fit import Fit
+from calibration.measurement.instruments import Interferometer, LaserTracker
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes
+from kinematics.state import State
+from kinematics.transforms import Array
+
+OTHER_FEED = 0.5
+FEWER = 60
+"""Positions of a quick measurement."""
+FINER = 60
+"""Positions along one axis."""
+STOPS = 8
+"""Positions that are approached by moves of different lengths."""
+SHORT_MM, SHORT_RAD = 5.0, np.deg2rad(1.0)
+LONG = 0.4
+"""Of the travel that the data cover."""
+
+
+def plans(fit: Fit) -> Iterator[Planned]:
+    """All measurements that make sense after the data of a fit; none after a part's."""
+    measurement = fit.measurement
+    data = Data(measurement, fit.registration)
+    if isinstance(measurement.instrument, LaserTracker | Interferometer):
+        yield from _once_more(data)
+        if not data.in_motion:
+            yield from _otherwise_approached(data)
+            yield from _finer(data)
+    if isinstance(measurement.instrument, LaserTracker):
+        yield from from_elsewhere(data)
+        yield from with_other_tools(data)
+        yield from with_references(data)
+        yield with_bar(data)
+        if not data.in_motion and len(data.index) > 2 * FEWER:
+            yield from _of_fewer(replace(data, most=FEWER))
+
+
+def _of_fewer(data: Data) -> Iterator[Planned]:
+    """What a few of the positions tell as well."""
+    for plan in (*_once_more(data), *with_references(data)):
+        yield plan._replace(name=f"{plan.name}, fewer")
+
+
+def _once_more(data: Data) -> Iterator[Planned]:
+    """The same positions, or the same path, in another order, at another feed, from cold."""
+    index, what, state = data.index, data.positions, data.measurement.state
+    back = index[::-1]
+    turned = {} if state.velocity is None else {"velocity": -state.velocity[back]}
+    verb = "run" if data.in_motion else "measure"
+    yield data.plan("retrace", f"{verb} {what} once more backwards", data.following(back, **turned))
+    shuffled = np.random.default_rng(0).permutation(index)
+    if data.in_motion:
+        yield _at_another_feed(data)
+    else:
+        order = "in shuffled order"
+        yield data.plan("shuffled", f"measure {what} once more {order}", data.following(shuffled))
+    if state.time is not None and not data.in_motion:
+        clock = data.clock(index)
+        again = {name: _course(clock, state.time, kelvin) for name, kelvin in state.temperatures.items()}
+        cold = data.following(shuffled, time=state.time.min() + clock, temperatures=again, past=None)
+        does = f"let the machine cool down, start it as before, and measure {what} in shuffled order"
+        yield data.plan("cold start", does, cold)._replace(unknown=data.own_drift)
+
+
+def _course(clock: Array, time: Array, kelvin: Array) -> Array:
+    """What a sensor shows at times `(n,)`, s, since the start, as it did over the times of the data `(m,)`."""
+    order = np.argsort(time, kind="stable")
+    return np.asarray(np.interp(clock, time[order] - time[order[0]], kelvin[order]))
+
+
+def _at_another_feed(data: Data) -> Planned:
+    index, state = data.index, data.measurement.state
+    assert state.velocity is not None
+    changes: dict[str, Any] = {"velocity": OTHER_FEED * state.velocity[index]}
+    if state.acceleration is not None:
+        changes["acceleration"] = OTHER_FEED**2 * state.acceleration[index]
+    if state.time is not None:
+        changes["time"] = state.time.max() + data.clock(index) / OTHER_FEED
+    slower = data.following(index, **changes)
+    return data.plan("second feed", "run the same path once more at half the feed", slower)
+
+
+def _otherwise_approached(data: Data) -> Iterator[Planned]:
+    """From the other side, and by moves of different lengths."""
+    index, axes = data.index, list(moving_axes(data.measurement))
+    if data.measurement.state.approach is None or data.measurement.state.last_move is None:
+        return
+    does = f"measure {data.positions} once more, each axis coming from the other side by {SHORT_MM:g} mm"
+    yield data.plan("other side", does, _from_other_side(data, axes))
+    stops = np.repeat(index[np.linspace(0, len(index) - 1, min(STOPS, len(index))).astype(int)], 4 * len(axes))
+    yield data.plan("move lengths", _lengths_text(data), _by_lengths(data, stops, axes))
+
+
+def _from_other_side(data: Data, axes: list[str]) -> Measurement:
+    """Each position passed by a little, and come back to, by the axes that move."""
+    machine, there = data.measurement.machine, data.following(data.index)
+    before, last, approach = data.measurement.state.approach, there.state.last_move, there.state.approach
+    assert before is not None
+    assert last is not None
+    assert approach is not None
+    moving = np.isin(machine.names, axes)
+    side = np.where(before[data.index] > 0.0, -1.0, 1.0)
+    short = side * np.where(machine.rotary, SHORT_RAD, SHORT_MM)
+    state = replace(there.state, last_move=np.where(moving, short, last), approach=np.where(moving, side, approach))
+    return replace(there, state=state)
+
+
+def _by_lengths(data: Data, stops: np.ndarray, axes: list[str]) -> Measurement:
+    """Each stop reached along each axis by a short and a long move, from both sides."""
+    machine = data.measurement.machine
+    there = data.following(stops)
+    last, approach = there.state.last_move, there.state.approach
+    assert last is not None
+    assert approach is not None
+    last, approach = last.copy(), approach.copy()
+    for number, axis in enumerate(axes):
+        i = machine.index(axis)
+        short = SHORT_RAD if machine.rotary[i] else SHORT_MM
+        far = max(LONG * float(np.ptp(data.measurement.state.positions[:, i])), 2.0 * short)
+        for place, move in enumerate((short, -short, far, -far)):
+            rows = slice(4 * number + place, None, 4 * len(axes))
+            last[rows, i], approach[rows, i] = move, np.sign(move)
+    if data.measurement.axis is not None:
+        own = np.tile(np.repeat(axes, 4), len(stops) // (4 * len(axes)))
+        there = replace(there, axis=own)
+    return replace(there, state=replace(there.state, last_move=last, approach=approach))
+
+
+def _lengths_text(data: Data) -> str:
+    count = min(STOPS, len(data.index))
+    return f"reach {count} positions along each axis by moves of {SHORT_MM:g} mm and by long ones, from both sides"
+
+
+def _finer(data: Data) -> Iterator[Planned]:
+    """Positions at irregular distances along each axis that moves, the others in the middle."""
+    m = data.measurement
+    middle = np.median(m.state.positions[data.index], axis=0)
+    rng = np.random.default_rng(1)
+    for axis in moving_axes(m):
+        i = m.machine.index(axis)
+        line = np.tile(middle, (FINER, 1))
+        line[:, i] = np.sort(rng.uniform(m.state.positions[:, i].min(), m.state.positions[:, i].max(), FINER))
+        own = data.index if m.axis is None else data.index[m.axis[data.index] == axis]
+        if len(own):
+            there = _only_moving(data.following(np.full(FINER, own[-1]), positions=line), i, m.state.rows(own[-1:]))
+            does = f"measure {FINER} positions at irregular, finer spacing along {axis}"
+            yield data.plan(f"finer {axis}", does, there)
+
+
+def _only_moving(measurement: Measurement, axis: int, start: State) -> Measurement:
+    """The other axes count as come to where they stand as they came to a row of the data: one move tells nothing."""
+    own, state = np.arange(measurement.state.positions.shape[1]) == axis, measurement.state
+    columns = {
+        name: np.where(own, column, getattr(start, name))
+        for name in ("last_move", "approach")
+        if (column := getattr(state, name)) is not None
+    }
+    return replace(measurement, state=replace(state, **columns))

@@ -1,0 +1,179 @@
+"""What to measure next: moves of a measurement, ranked by what each tells per minute.
+
+A move is judged before it is made. A tie counts as separated when either of the two causes, had it its fitted size,
+would be found although the other is fitted along; a cause that the data do not show counts for little, and no more than
+is needed to find it at its typical size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from calibration.diagnosis.next.predicted_information import Known, Outlook
+from calibration.diagnosis.next.proposals import plans
+from calibration.diagnosis.search.candidates import contract_kind
+from calibration.diagnosis.search.selection import SEEN, WORTH, Judged, Stage
+from calibration.diagnosis.verdict import CLEAR, REMEDIES, Named, tied_with
+from kinematics.effects import Effect
+from kinematics.transforms import Array
+
+SURE = 0.8
+"""Power from which a move is said to separate or to show."""
+MARGIN = 2.33
+"""Standard deviations above the threshold of what is surely found (0.99); more is not counted."""
+WEIGHTS = {"tied": 1.0, "weak": 0.5, "hidden": 0.05}
+LISTED = 3
+"""Causes that a sentence lists."""
+
+
+class Move(NamedTuple):
+    """A measurement to add."""
+
+    name: str
+    minutes: float
+    gain_per_minute: float
+    """By which the squares that tell causes apart, or show them, grow, in terms of the noise's variance."""
+    says: str
+    """What to do, and what it tells, in workshop words."""
+
+
+class Signal(NamedTuple):
+    """A cause of some size, by its number in the outlook."""
+
+    cause: int
+    size: Array | None
+    """In terms of typical sizes; None for every parameter at its own."""
+    shapes: int
+    beside: int | None = None
+    """The other cause that is fitted along."""
+    without: slice | None = None
+    """Columns of the model that the cause itself has in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is not known yet: answered when all its signals would be found."""
+
+    kind: str
+    name: str
+    other: str
+    signals: tuple[Signal, ...]
+
+    def needed(self, signal: Signal, known: Known) -> tuple[int, float]:
+        """Degrees of freedom of a signal, and the gain that names its cause."""
+        own = known.causes[signal.cause]
+        freedom = own.stop - own.start + signal.shapes
+        worth = CLEAR * WORTH if self.kind == "weak" else WORTH
+        return freedom, -worth + freedom * float(np.log(known.scalars))
+
+    def told(self, known: Known) -> float:
+        """Non-centrality of the least of the signals, no more than is needed."""
+        return min(self._one(signal, known) for signal in self.signals)
+
+    def power(self, known: Known) -> float:
+        """Chance that all signals, each by itself, would be found."""
+        chances = []
+        for signal in self.signals:
+            if self.kind == "hidden" and known.share(signal.cause) < SEEN:
+                return 0.0
+            freedom, threshold = self.needed(signal, known)
+            chances.append(1.0 - float(special.chndtr(threshold, freedom, max(_noncentrality(signal, known), 1e-9))))
+        return min(chances)
+
+    def _one(self, signal: Signal, known: Known) -> float:
+        if self.kind == "hidden" and known.share(signal.cause) < SEEN:
+            return 0.0
+        _, threshold = self.needed(signal, known)
+        return min(_noncentrality(signal, known), float(threshold**0.5 + MARGIN) ** 2)
+
+
+def moves(stage: Stage, causes: Sequence[Named], judged: Sequence[Judged]) -> Iterator[Move]:
+    """Moves that tell something, the best first; then the ties that none of them separates.
+
+    judged: all candidates.
+    """
+    effects, questions = _questions(stage, causes, judged)
+    if not questions:
+        return
+    outlook = Outlook(stage.frame, effects)
+    now = outlook.now
+    found, answered = [], set()
+    for planned in plans(stage.fit):
+        after = outlook.after(now, planned)
+        gains = {q: WEIGHTS[q.kind] * max(q.told(after) - q.told(now), 0.0) for q in questions}
+        answers = [(q, q.power(after)) for q in questions if gains[q] > 0.0]
+        answers = [(q, power) for q, power in answers if power >= SURE]
+        if answers:
+            answered |= {q for q, _ in answers}
+            says = f"{planned.does} ({planned.minutes:.0f} min): {_said(answers)}"
+            found.append(Move(planned.name, planned.minutes, sum(gains.values()) / planned.minutes, says))
+    yield from sorted(found, key=lambda move: -move.gain_per_minute)
+    for question in questions:
+        if question.kind == "tied" and question not in answered:
+            remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
+            says = f"no move tried separates {question.name} from {question.other}; it may need {remedy}"
+            yield Move("remedy", 0.0, 0.0, says)
+
+
+def _questions(stage: Stage, causes: Sequence[Named], judged: Sequence[Judged]) -> tuple[list[Effect], list[Question]]:
+    """Causes in question, and what is asked of them: ties, weak causes, and causes that the data do not show."""
+    effects: list[Effect] = []
+    found: list[Question] = []
+
+    def number(effect: Effect) -> int:
+        effects.append(effect)
+        return len(effects) - 1
+
+    verdicts = {cause.effect.name: cause.verdict for cause in causes}
+    for accepted, place in zip(stage.accepted, stage.numbers, strict=True):
+        effect = stage.fit.model.effects[place]
+        verdict, own, part = verdicts.get(effect.name), accepted.candidate, stage.fit.model.slices[place]
+        if verdict in ("tied", "weak"):
+            i = number(own.effect)
+        if verdict == "weak":
+            found.append(Question("weak", effect.name, "", (Signal(i, accepted.size, own.shapes, without=part),)))
+        for sibling in tied_with(accepted) if verdict == "tied" else []:
+            other = sibling.judged.candidate
+            j = number(other.effect)
+            one = Signal(i, accepted.size, own.shapes, j, part)
+            two = Signal(j, sibling.judged.score.size, other.shapes, i, part)
+            found.append(Question("tied", effect.name, other.effect.name, (one, two)))
+    for each in _hidden(judged):
+        own = each.candidate
+        found.append(Question("hidden", own.effect.name, "", (Signal(number(own.effect), None, own.shapes),)))
+    return effects, found
+
+
+def _hidden(judged: Sequence[Judged]) -> list[Judged]:
+    """Of each cause that the data do not show the variant that they show best."""
+    best: dict[str, Judged] = {}
+    for each in judged:
+        name = each.candidate.effect.name
+        if name not in best or each.projected.visible > best[name].projected.visible:
+            best[name] = each
+    return [each for each in best.values() if each.projected.visible < SEEN]
+
+
+def _noncentrality(signal: Signal, known: Known) -> float:
+    left = known.left(signal.cause, signal.beside, signal.without)
+    return float(np.trace(left)) if signal.size is None else float(signal.size @ left @ signal.size)
+
+
+def _said(answers: Sequence[tuple[Question, float]]) -> str:
+    """What a move tells, for people."""
+    parts = [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
+    parts += [f"makes {q.name} sure (power {_chance(power)})" for q, power in answers if q.kind == "weak"]
+    hidden = [q.name for q, _ in answers if q.kind == "hidden"]
+    if hidden:
+        more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""
+        parts.append(f"shows {', '.join(hidden[:LISTED])}{more}")
+    return "; ".join(parts)
+
+
+def _chance(power: float) -> str:
+    return "above 0.99" if power > 0.99 else f"{power:.2f}"

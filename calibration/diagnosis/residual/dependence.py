@@ -1,0 +1,161 @@
+"""The set of variables a smooth function of which explains residuals that are left, also when they act only jointly.
+
+Chances are those among residuals permuted in blocks. Rows are in the order of acquisition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.cores import each
+from calibration.diagnosis.residual.permuted_blocks import blocks_in_time, permuted
+from calibration.diagnosis.residual.smooth import Kernels, log_evidence, smooth_part
+from kinematics.transforms import Array
+
+PERMUTATIONS = 199
+LEVEL = 0.01
+"""Chance that any set of variables is found to explain pure noise."""
+EVIDENCE = 5.0
+"""Log odds by which a set must gain from each of its variables."""
+LENGTHS = (0.08, 0.13, 0.2, 0.3, 0.45, 0.7, 1.1)
+"""Of a smooth function, in parts of a variable's range."""
+FIRST_LENGTHS = (0.2, 0.45)
+"""With which all singles, pairs and triples are tried."""
+MOST = 4
+"""Variables of a set."""
+TUNED = 4
+"""Changes of a set, the likeliest ones, for which lengths are looked for."""
+CENTRES = 80
+"""Rows that a smooth function stands on."""
+
+
+class Unexplained(NamedTuple):
+    """A smooth function that explains residuals."""
+
+    variables: tuple[str, ...]
+    lengths: tuple[float, ...]
+    """Of each variable, in parts of its range: how far apart the function still knows of itself."""
+    p_value: float
+    """Chance that any set of up to three variables explains permuted residuals as well."""
+    rms: float
+    """Of the function, per scalar, in units of the residuals."""
+    shape: Array
+    """The function at the rows `(n, d)`."""
+
+
+def explaining_variables(
+    white: Array, variables: Mapping[str, Array], rng: np.random.Generator, blocks: np.ndarray | None = None
+) -> Unexplained | None:
+    """The smallest set of variables `(n,)` a smooth function of which explains residuals `(n, d)`; None for noise.
+
+    All singles, pairs and triples are tried, and have to explain more than they explain of the residuals permuted; then
+    variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. blocks: labels `(n,)` of rows to be
+    permuted as one; by `blocks_in_time` when None.
+    """
+    names = [name for name, values in variables.items() if np.ptp(values) > 0.0]
+    residual = white - white.mean(axis=0)
+    if not names or len(white) < 4 * MOST or not np.any(residual):
+        return None
+    kernels = Kernels([variables[name] for name in names], _centres(len(white), rng))
+    sets = [each for size in (1, 2, 3) for each in combinations(range(len(names)), size)]
+    starts = [dict.fromkeys(each, length) for each in sets for length in FIRST_LENGTHS]
+    labels = blocks_in_time(white) if blocks is None else blocks
+    evidence, p_value = _against_permuted(kernels, starts, residual, labels, rng)
+    if p_value > LEVEL:
+        return None
+    lengths = _best_set(kernels, [starts[i] for i in _best_of_each_size(starts, evidence)], residual, len(names))
+    if not lengths:
+        return None
+    chosen = sorted(lengths)
+    return _shaped(kernels, residual, [names[i] for i in chosen], {i: lengths[i] for i in chosen}, p_value)
+
+
+def of_variables(
+    white: Array, variables: Mapping[str, Array], lengths: Mapping[str, float], p_value: float, rng: np.random.Generator
+) -> Unexplained:
+    """The smooth function of variables `(n,)` that are known to matter, with their lengths, in residuals `(n, d)`."""
+    names = [name for name in variables if name in lengths]
+    kernels = Kernels([variables[name] for name in names], _centres(len(white), rng))
+    return _shaped(kernels, white - white.mean(axis=0), names, {i: lengths[n] for i, n in enumerate(names)}, p_value)
+
+
+def _centres(n: int, rng: np.random.Generator) -> np.ndarray:
+    return np.sort(rng.choice(n, min(CENTRES, n), replace=False))
+
+
+def _shaped(
+    kernels: Kernels, residual: Array, names: Sequence[str], lengths: dict[int, float], p_value: float
+) -> Unexplained:
+    shape = smooth_part(kernels.modes(lengths), residual)
+    rms = float(np.sqrt(np.mean(shape**2)))
+    return Unexplained(tuple(names), tuple(lengths.values()), p_value, rms, shape)
+
+
+def _against_permuted(
+    kernels: Kernels, starts: Sequence[dict[int, float]], residual: Array, labels: np.ndarray, rng: np.random.Generator
+) -> tuple[Array, float]:
+    """Evidence of each start, and the chance that the best start of permuted residuals has as much."""
+    orders = permuted(labels, PERMUTATIONS, rng)
+    tables = np.stack([residual, *(residual[order] for order in orders)], axis=1)
+    evidence = np.array(each(lambda start: log_evidence(kernels.modes(start), tables), starts))
+    best = evidence.max(axis=0)
+    return evidence[:, 0], float(np.mean(best >= best[0]))
+
+
+def _best_of_each_size(starts: Sequence[dict[int, float]], evidence: Array) -> list[int]:
+    sizes = np.array([len(start) for start in starts])
+    return [int(np.argmax(np.where(sizes == size, evidence, -np.inf))) for size in np.unique(sizes)]
+
+
+def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Array, count: int) -> dict[int, float]:
+    """Variables and their lengths, from the best of the starts on, until no change is worth it."""
+
+    def rate(lengths: dict[int, float]) -> tuple[float, dict[int, float]]:
+        return _tuned(kernels, lengths, residual)
+
+    def worth(lengths: dict[int, float]) -> float:
+        return _evidence(kernels, lengths, residual) - EVIDENCE * len(lengths)
+
+    evidence, best = max(each(rate, starts), key=lambda rated: rated[0])
+    while True:
+        others = [i for i in range(count) if i not in best]
+        changed = [best | {i: 0.45} for i in others] if len(best) < MOST else []
+        changed += [{j: best[j] for j in best if j != i} | {other: best[i]} for i in best for other in others]
+        likeliest = np.argsort(each(worth, changed))[::-1][:TUNED].tolist()
+        rated = each(rate, [changed[i] for i in likeliest])
+        better = [(found - EVIDENCE * (len(lengths) - len(best)), lengths) for found, lengths in rated]
+        gain, lengths = max(better, key=lambda rated: rated[0], default=(-np.inf, best))
+        if gain <= evidence + 1e-6:
+            break
+        evidence, best = rate(lengths)
+    while best:
+        fewer = each(rate, [{j: best[j] for j in best if j != i} for i in best])
+        found, lengths = max(fewer, key=lambda rated: rated[0])
+        if found < evidence - EVIDENCE:
+            break
+        evidence, best = found, lengths
+    return best
+
+
+def _tuned(kernels: Kernels, lengths: dict[int, float], residual: Array) -> tuple[float, dict[int, float]]:
+    """Evidence of a function of these variables with the most likely lengths, found one after the other; and these."""
+    best, found = dict(lengths), _evidence(kernels, lengths, residual)
+    for _ in range(2):
+        before = found
+        for variable in lengths:
+            for length in LENGTHS:
+                tried = best | {variable: length}
+                if tried != best and (value := _evidence(kernels, tried, residual)) > found:
+                    best, found = tried, value
+        if found - before < 0.1:
+            break
+    return found, best
+
+
+def _evidence(kernels: Kernels, lengths: dict[int, float], residual: Array) -> float:
+    """Log odds of a function of these variables against noise; 0 for one of none."""
+    return float(log_evidence(kernels.modes(lengths), residual[:, None])[0]) if lengths else 0.0

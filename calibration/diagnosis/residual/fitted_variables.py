@@ -1,0 +1,98 @@
+"""Which variables what is left depends on, once more: by smooth functions of them as errors of the tool in a direction.
+
+Residuals of a tracker are along its beam and across, and the beam turns over the volume: there an error of the tool
+that depends on X looks as if it depended on Y as well. Here the function acts in a direction of the tool, is seen
+through the beam as everything else, and keeps only what model and registration leave of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from calibration.cores import each
+from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, MOST, Unexplained
+from calibration.diagnosis.residual.unnamed import COMPONENTS, Direction, may_depend_on, odds_of
+from calibration.diagnosis.search.linearised_fit import Frame
+from kinematics.state import TEMPERATURE, TIME
+
+ROWS = 400
+"""At most so many rows, evenly spread, decide."""
+KEPT = 1.0
+"""Log odds that a variable needs to stay."""
+FIRST_LENGTH = 0.45
+"""Of a variable that comes in, in parts of its range."""
+CHANGES = 4
+"""Variables that are exchanged, added or dropped at most."""
+Lengths = dict[str, float]
+"""By variable."""
+
+
+def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> Lengths:
+    """The variables of what is left, and their lengths, from those `found` along the beam; names: all there are.
+
+    One that comes needs `EVIDENCE`, as there, one found along the beam `KEPT`. Those found stay where one of them can't
+    be fitted.
+    """
+    best = first = dict(zip(found.variables, found.lengths, strict=True))
+    others = [name for name in names if may_depend_on(frame, name)]
+    if frame.measurement.components < len(COMPONENTS) or not best.keys() <= set(others):
+        return best
+    some = frame.thinned(ROWS)
+
+    def odds(lengths: Lengths, component: Direction) -> float:
+        tried = found._replace(variables=tuple(lengths), lengths=tuple(lengths.values()))
+        return odds_of(some, component, tried) - sum(KEPT if name in first else EVIDENCE for name in lengths)
+
+    component = COMPONENTS[int(np.argmax(each(partial(odds, best), COMPONENTS)))]
+    worth_of = partial(odds, component=component)
+    if _twice_time(best):
+        best = _best(list(_changed(best, others)), worth_of)
+    worth, best = _tuned(worth_of, best)
+    for _ in range(CHANGES):
+        changed = list(_changed(best, others))
+        if not changed:
+            break
+        more, tried = _tuned(worth_of, _best(changed, worth_of))
+        if more <= worth:
+            break
+        worth, best = more, tried
+    return best
+
+
+def _best(tried: Sequence[Lengths], worth: Callable[[Lengths], float]) -> Lengths:
+    return tried[int(np.argmax(each(worth, tried)))]
+
+
+def _changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
+    """With one variable more, one less, or another for one; of time and the temperatures at most one."""
+    return (changed for changed in _all_changed(lengths, names) if not _twice_time(changed))
+
+
+def _twice_time(lengths: Lengths) -> bool:
+    """True where time and a temperature, itself a function of it, are both there."""
+    return sum(name == TIME or name.startswith(TEMPERATURE) for name in lengths) > 1
+
+
+def _all_changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
+    missing = [name for name in names if name not in lengths]
+    for name in lengths:
+        fewer = {each: length for each, length in lengths.items() if each != name}
+        if fewer:
+            yield fewer
+        yield from (fewer | {other: FIRST_LENGTH} for other in missing)
+    if len(lengths) < MOST:
+        yield from (lengths | {other: FIRST_LENGTH} for other in missing)
+
+
+def _tuned(worth: Callable[[Lengths], float], lengths: Lengths) -> tuple[float, Lengths]:
+    """The most likely lengths, one after the other, and what they are worth."""
+    best, found = lengths, worth(lengths)
+    for name in lengths:
+        tried = [{**best, name: length} for length in LENGTHS if length != best[name]]
+        worths = each(worth, tried)
+        if max(worths) > found:
+            found, best = max(worths), tried[int(np.argmax(worths))]
+    return found, best

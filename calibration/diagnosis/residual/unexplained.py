@@ -1,0 +1,159 @@
+"""What no cause of the library explains: which variables it depends on, and which causes were only blamed for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calibration.diagnosis.residual.chance_level import SEARCHES, SMOOTH, Chance
+from calibration.diagnosis.residual.dependence import Unexplained, explaining_variables, of_variables
+from calibration.diagnosis.residual.distance_correlation import Dependence, dependences
+from calibration.diagnosis.residual.fitted_variables import fitted_variables
+from calibration.diagnosis.residual.whiteness import Columns, Test, whiteness
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.selection import Accepted, Stage
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.observed_points import carried
+from calibration.observation.full_model import moving_axes
+from kinematics.effects import Effect
+from kinematics.state import TEMPERATURE
+from kinematics.transforms import Array
+
+IMPOSTOR = 4.0
+"""A smooth cause that explains less than this multiple of the squares left, of a variable of its own, is none."""
+SEED = 1
+
+
+def tests(frame: Frame) -> list[Test]:
+    """Whether the residuals of a frame are white, with what the fit took out of them taken into account."""
+    measurement, rows = frame.measurement, frame.rows
+    state, machine = measurement.state, measurement.machine
+    moving = list(moving_axes(measurement))
+    where = {axis: state.position(machine, axis)[rows] for axis in moving}
+    side = {} if state.approach is None else {axis: state.approach[rows, machine.index(axis)] for axis in moving}
+    columns = Columns(
+        None if state.time is None else state.time[rows],
+        where,
+        side,
+        None if measurement.run is None else measurement.run[rows],
+        None if state.station is None else state.station[rows],
+        {name: kelvin[rows] for name, kelvin in state.temperatures.items()},
+    )
+    return whiteness(frame.bounded.reshape(len(rows), -1), columns, absorbed=frame.spanned)
+
+
+def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
+    """What the residuals may depend on, `(n,)` each: axes, time, temperatures, feed, directions."""
+    state, machine = measurement.state, measurement.machine
+    moving = list(moving_axes(measurement))
+    found = {axis: state.position(machine, axis)[rows] for axis in moving}
+    if state.time is not None:
+        found["time"] = state.time[rows]
+    found |= {f"temperature {name}": kelvin[rows] for name, kelvin in state.temperatures.items()}
+    if measurement.feed is not None:
+        found["feed"] = measurement.feed[rows]
+    if state.approach is not None:
+        found |= {f"direction of {axis}": state.approach[rows, machine.index(axis)] for axis in moving}
+    return {name: column for name, column in found.items() if np.ptp(column) > 0}
+
+
+def unexplained(frame: Frame) -> Unexplained | None:
+    """A smooth function that explains the residuals of a frame, and its variables; None where there is none."""
+    given, white = variables(frame.measurement, frame.rows), _of_machine(frame)
+    found = explaining_variables(white, given, np.random.default_rng(SEED))
+    if found is None:
+        return None
+    lengths = fitted_variables(frame, found, list(given))
+    if set(lengths) == set(found.variables):
+        return found
+    return of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
+
+
+def one_by_one(frame: Frame) -> list[Dependence]:
+    """How the residuals of a frame depend on each variable alone, the clearest first."""
+    return dependences(_of_machine(frame), variables(frame.measurement, frame.rows), np.random.default_rng(SEED))
+
+
+def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
+    """Accepted causes that were only blamed for what is left.
+
+    Smooth ones of its variables, that explain little more than is left: its form is not theirs. Others, and shapes that
+    were searched for, which are found as strongly where there is nothing of the kind.
+    """
+    given, chance = variables(stage.frame.measurement, stage.frame.rows), Chance(stage.frame, library)
+    return [
+        each
+        for i, each in enumerate(stage.accepted)
+        if _not_its_form(stage, i, left, given)
+        or ((each.candidate.effect.kind not in SMOOTH or each.candidate.effect.kind in SEARCHES) and chance.finds(each))
+    ]
+
+
+def _not_its_form(stage: Stage, index: int, left: Unexplained, given: Mapping[str, Array]) -> bool:
+    candidate, size = stage.accepted[index].candidate, stage.accepted[index].size
+    if candidate.effect.kind not in SMOOTH or candidate.replaces:
+        return False
+    shared = {_family(name) for name in depends_on(candidate.effect, given)} & {_family(n) for n in left.variables}
+    without = stage.without(index)
+    explains = float(size @ without.projected(without.columns(candidate.effect)).left @ size)
+    return bool(shared) and explains < IMPOSTOR * left.rms**2 * stage.frame.scalars
+
+
+def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
+    """Names of the given variables that a smooth effect is a function of; one of the instrument of all positions."""
+    found = [axis for axis in effect.axes if axis in given]
+    if "time" in effect.needs:
+        found.append("time")
+    found += [f"{TEMPERATURE}{sensor}" for sensor in effect.sensors]
+    return found or [name for name in given if " " not in name and name not in ("time", "feed")]
+
+
+def _family(variable: str) -> str:
+    """Time for temperatures as well, which follow it."""
+    return "time" if variable.startswith("temperature ") else variable
+
+
+def in_lengths(frame: Frame, left: Unexplained) -> Array:
+    """The function that is left `(n, d)`, mm and rad, of the rows of a frame, in the frame they are observed in."""
+    noise, turns = _noise(frame), _into_tool(frame)
+    if turns is None:
+        return np.asarray((noise @ left.shape[:, :, None])[:, :, 0])
+    errors = left.shape * np.linalg.norm(turns @ noise, axis=2)
+    return np.asarray((np.swapaxes(turns, 1, 2) @ errors[:, :, None])[:, :, 0])
+
+
+def shared_rms(frame: Frame, left: Unexplained) -> float:
+    """RMS, um per scalar and urad on rotary axes, of what the rows that the fit kept share with the function left.
+
+    Of a tracker the function is as uncertain across the beam as a reading is: its own RMS would be of that.
+    """
+    residual = np.linalg.solve(frame.white, frame.residual.reshape(len(frame.rows), -1, 1))[:, :, 0]
+    shared = residual * in_lengths(frame, left) * frame.measurement.per_micro[frame.rows] ** 2
+    return float(np.sqrt(max(np.mean(shared[frame.good]), 0.0)))
+
+
+def _of_machine(frame: Frame) -> Array:
+    """Residuals `(n, d)` in terms of their noise: in the tool's directions where rotary axes turn what is observed."""
+    white, turns = frame.bounded.reshape(len(frame.rows), -1), _into_tool(frame)
+    if turns is None:
+        return white
+    unwhite = turns @ _noise(frame)
+    return np.asarray((unwhite @ white[:, :, None])[:, :, 0] / np.linalg.norm(unwhite, axis=2))
+
+
+def _into_tool(frame: Frame) -> Array | None:
+    """Turns `(n, 3, 3)` of what is observed into the tool's directions; None where these stay the same."""
+    measurement = frame.measurement
+    turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
+    if not turning or not isinstance(measurement.instrument, LaserTracker):
+        return None
+    some = measurement.rows(frame.rows)
+    return np.swapaxes(frame.fit.registration.rotations(some) @ carried(some), 1, 2)
+
+
+def _noise(frame: Frame) -> Array:
+    """Roots `(n, d, d)` of the covariances of the noise, whatever weight a row has."""
+    return np.asarray(np.linalg.inv(frame.white) * np.sqrt(frame.weights)[:, None, None])

@@ -1,0 +1,446 @@
+"""A fit to first order about where it came to rest: in it candidates are judged without fitting anew.
+
+With J the whitened design of registration and model, in units of its priors, H = J'J + priors, and r the whitened
+residual, a candidate's columns G explain, jointly with everything in J, b' S^-1 b of the sum of squares, where
+b = G'r and S = G'G - G'J H^-1 J'G: what is left of G once the model and the registration have taken their part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from scipy import linalg, special
+
+from calibration.cores import each
+from calibration.fit.cross_validation import cells, placed
+from calibration.fit.fit import Fit
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
+from calibration.observation import equations
+from calibration.observation.normal_equations import whitened, whiteners
+from calibration.observation.outliers import huber_weights, robust_factor
+from kinematics.effects import Effect
+from kinematics.error_model.model import Design, no_errors
+from kinematics.state import State
+from kinematics.transforms import Array
+
+ROWS = 5000
+"""At most so many rows, evenly spread, judge candidates; all of them enter the fits."""
+ASTRAY = 300.0
+"""um: a station most of whose rows disagree by more has failed; by less, it may be the model that does."""
+LOST = 5000.0
+"""um: an outlier further out is no cause's doing, and where it was seen tells nothing."""
+RIDGE = 1e-9
+"""Of columns of the registration, in units of their length."""
+GENEROUS = 5.0
+"""Multiple of its typical size that a candidate may have without being charged for it;"""
+BEYOND = 3.0
+"""or this multiple of what it shows itself to have."""
+LIKELY = 2.0
+"""Multiple of what it shows that a parameter may be in the fit of some rows."""
+TOGETHER = 64
+"""Effects that are worked out at once."""
+
+
+class Score(NamedTuple):
+    """What a candidate would bring, by the frame it is judged in."""
+
+    gain: float
+    """By which the sum of squares falls, in terms of the noise's variance."""
+    spent: float
+    """Degrees of freedom that it takes, shapes included."""
+    delta_bic: float
+    """Below zero where it is worth its parameters."""
+    p_value: float
+    """Of so large a gain from noise, over all shapes that were tried."""
+    size: Array
+    """Its linear parameters `(k,)`, in terms of their typical sizes."""
+
+
+class Projected(NamedTuple):
+    """Columns of one candidate, in terms of typical sizes, and what the model and the registration leave of them."""
+
+    columns: Array
+    """`(N, k)`, whitened."""
+    through: Array
+    """L^-1 J'G `(q, k)`, with L L' = H."""
+    left: Array
+    """S `(k, k)`."""
+
+    @property
+    def visible(self) -> float:
+        """Share of the signal that survives."""
+        whole = float(np.sum(self.columns**2))
+        return float(np.sqrt(max(np.trace(self.left), 0.0) / whole)) if whole > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Rows of a measurement, the whitened design of what is fitted, and what the fit leaves."""
+
+    fit: Fit
+    rows: np.ndarray
+    """Rows of the measurement `(n,)` that are judged by."""
+    white: Array
+    """Whiteners `(n, d, d)`, outlying rows weighted down (Huber)."""
+    transform: Array
+    """Whitened derivatives `(n, d, width)` by the error motions and the shift of the observed point."""
+    design: Array
+    """J `(N, q)`: registration, then parameters in units of their priors."""
+    limited: Array
+    """Diagonal `(q,)` of the priors' part of H."""
+    residual: Array
+    """r `(N,)`"""
+    away: Array
+    """Distances `(q,)` of the parameters from their start, in units of their priors; 0 of the registration."""
+    good: np.ndarray
+    """True `(n,)` for rows that the fit kept."""
+    weights: Array
+    """Of the rows `(n,)`, by which those that lie far out count less."""
+
+    @classmethod
+    def of(cls, fit: Fit) -> Frame:
+        """The frame of a fit."""
+        measurement = fit.measurement
+        lost = ~fit.kept & (fit.residual_um > LOST)
+        rows = np.flatnonzero(~fit.copies & ~lost & ~np.isin(measurement.groups, _astray(fit)))
+        if len(rows) > ROWS:
+            rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
+        some = measurement.rows(rows)
+        white = whiteners(some)
+        components = some.components
+        distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
+        spent = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
+        weights = huber_weights(distances, components, robust_factor(distances, components, spent, fit.variance_factor))
+        white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
+        parts = derivatives(fit, measurement, rows, fit.registration, white)
+        length = np.linalg.norm(parts.own, axis=0)
+        own = parts.own / np.where(length > 0, length, 1.0)
+        limits = np.isfinite(fit.prior).astype(float) if fit.prior.ndim == 1 else np.ones(parts.by_model.shape[1])
+        limited = np.concatenate([np.full(own.shape[1], RIDGE), limits + RIDGE])
+        residual = whitened(white, fit.residual[rows]).reshape(-1)
+        design, away = np.concatenate([own, parts.by_model], axis=1), np.concatenate([np.zeros(own.shape[1]), fit.away])
+        blank = cls(fit, rows, white, parts.transform, design, limited, residual, away, fit.kept[rows], weights)
+        return blank._at_rest()
+
+    def without(self, effect: int) -> Frame:
+        """The frame of a model that lacks one effect of the fit's, told by its number."""
+        model, part = self.fit.model, self.fit.model.slices[effect]
+        columns = np.arange(part.start, part.stop) + self.design.shape[1] - len(model.parameters)
+        linear = [quantity.linear for quantity in model.effects[effect].parameter_table]
+        scale = (self.fit.prior if self.fit.prior.ndim == 1 else np.diag(self.fit.prior))[part]
+        values = model.parameters[part] * linear / np.where(np.isfinite(scale), scale, 1.0)
+        fewer = replace(
+            self,
+            design=np.delete(self.design, columns, axis=1),
+            limited=np.delete(self.limited, columns),
+            away=np.delete(self.away, columns),
+            residual=self.residual + self.design[:, columns] @ values,
+        )
+        return fewer._at_rest()
+
+    def along(self, effect: Effect, prior: Array) -> Frame:
+        """The frame of a model that holds one effect more, linear and at zero, with priors `(k,)`."""
+        typical = np.array([quantity.typical for quantity in effect.parameter_table])
+        finite = np.isfinite(prior)
+        in_priors = np.where(finite, prior, 1.0) / np.where(np.isfinite(typical), typical, 1.0)
+        more = replace(
+            self,
+            design=np.concatenate([self.design, self.columns(effect) * in_priors], axis=1),
+            limited=np.concatenate([self.limited, finite + RIDGE]),
+            away=np.concatenate([self.away, np.zeros(len(prior))]),
+        )
+        return more._at_rest()
+
+    def _at_rest(self) -> Frame:
+        """The frame where its own design and weights put the fit."""
+        step = linalg.cho_solve(self.factor, self.design.T @ self.residual - self.limited * self.away)
+        return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
+
+    def thinned(self, most: int) -> Frame:
+        """The frame of at most so many of its rows, evenly spread."""
+        n = len(self.rows)
+        if n <= most:
+            return self
+        kept = np.linspace(0, n - 1, most).astype(int)
+        mine = (kept[:, None] * (self.scalars // n) + np.arange(self.scalars // n)).reshape(-1)
+        fewer = replace(
+            self,
+            rows=self.rows[kept],
+            white=self.white[kept],
+            transform=self.transform[kept],
+            design=self.design[mine],
+            residual=self.residual[mine],
+            good=self.good[kept],
+            weights=self.weights[kept],
+        )
+        return fewer._at_rest()
+
+    def shuffled(self, rng: np.random.Generator) -> Frame:
+        """The frame of residuals as large, the sign of each row drawn at random."""
+        signs = np.repeat(rng.choice([-1.0, 1.0], len(self.rows)), self.scalars // len(self.rows))
+        return replace(self, residual=self.residual * signs)._at_rest()
+
+    @property
+    def measurement(self) -> Measurement:
+        """The measurement of the fit, all rows."""
+        return self.fit.measurement
+
+    @property
+    def scalars(self) -> int:
+        """N"""
+        return len(self.residual)
+
+    @cached_property
+    def squares(self) -> float:
+        """Sum of squares of the residual."""
+        return float(self.residual @ self.residual)
+
+    @property
+    def bounded(self) -> Array:
+        """The residual, no row of which stands out further than noise might: what single rows can't spoil."""
+        return np.asarray(self.residual * np.repeat(np.sqrt(self.weights), len(self.residual) // len(self.weights)))
+
+    @cached_property
+    def bounded_squares(self) -> float:
+        """Sum of squares of the bounded residual."""
+        return float(self.bounded @ self.bounded)
+
+    @cached_property
+    def factor(self) -> tuple[Array, bool]:
+        """Cholesky factor of H."""
+        return linalg.cho_factor(self.design.T @ self.design + np.diag(self.limited), lower=True)
+
+    @cached_property
+    def spanned(self) -> Array:
+        """J L'^-1 `(N, q)`, with L L' = H: what the model and the registration take is along these columns."""
+        inverse, _ = linalg.lapack.dtrtri(self.factor[0], lower=1)
+        return np.asarray(self.design @ np.tril(inverse).T)
+
+    @cached_property
+    def freedom(self) -> float:
+        """N less the degrees of freedom that the model and the registration spend."""
+        inverse = linalg.cho_solve(self.factor, np.diag(self.limited))
+        return max(self.scalars - (len(self.limited) - float(np.trace(inverse))), 1.0)
+
+    @cached_property
+    def state(self) -> State:
+        """Of its rows, which stand for themselves: effects with a memory need those between as well."""
+        return self.measurement.state.rows(self.rows)
+
+    def positions(self, axis: str) -> Array:
+        """Positions `(n,)` of an axis, mm or degrees."""
+        return self.state.position(self.measurement.machine, axis)
+
+    def columns(self, effect: Effect) -> Array:
+        """Whitened derivatives `(N, k)` by the linear parameters of an effect, in terms of their typical sizes."""
+        return signals(self.measurement, self.rows, (effect,), self.transform)
+
+    def candidate(self, effect: Effect, unit: float | Array = 1.0) -> Projected:
+        """What the model and the registration leave of an effect, its columns in terms of `unit` typical sizes.
+
+        Its signal is what changes: that of the mean time or temperature, counted from wherever, is the model's.
+        """
+        return self.projected(self._changing((effect,)) * unit)
+
+    def candidates(self, effects: Sequence[Effect]) -> list[Projected]:
+        """What the model and the registration leave of each of some effects, as of one `candidate`."""
+        some = each(lambda some: self._apart(some, self._changing(some)), _together(effects))
+        return list(chain.from_iterable(some))
+
+    def responses(self, effects: Sequence[Effect]) -> list[Projected]:
+        """What the model and the registration leave of the columns of each of some effects, as they are."""
+        return [
+            one
+            for some in _together(effects)
+            for one in self._apart(some, signals(self.measurement, self.rows, some, self.transform))
+        ]
+
+    def projected(self, columns: Array) -> Projected:
+        """What the model and the registration leave of some columns `(N, k)`."""
+        through = self.spanned.T @ columns
+        return Projected(columns, through, columns.T @ columns - through.T @ through)
+
+    def _apart(self, effects: Sequence[Effect], columns: Array) -> list[Projected]:
+        """What is left of each effect, whose columns `(N, k)` stand one after the other."""
+        through, found, end = self.spanned.T @ columns, [], 0
+        for width in _widths(effects):
+            own = slice(end, end := end + width)
+            left = columns[:, own].T @ columns[:, own] - through[:, own].T @ through[:, own]
+            found.append(Projected(columns[:, own], through[:, own], left))
+        return found
+
+    def _changing(self, effects: Sequence[Effect]) -> Array:
+        """Columns `(N, k)` of effects, without what they were at the mean time and temperatures."""
+        columns = signals(self.measurement, self.rows, effects, self.transform)
+        moving = [bool({"time", "temperatures"} & set(effect.needs)) for effect in effects]
+        some = [effect for effect, moves in zip(effects, moving, strict=True) if moves]
+        if some:
+            state = self.measurement.state
+            mean = replace(
+                state,
+                time=None if state.time is None else np.full_like(state.time, state.time[self.rows].mean()),
+                temperatures={
+                    n: np.full_like(kelvin, kelvin[self.rows].mean()) for n, kelvin in state.temperatures.items()
+                },
+            )
+            steady = signals(replace(self.measurement, state=mean), self.rows, some, self.transform)
+            columns[:, np.repeat(moving, _widths(effects))] -= steady
+        return columns
+
+    def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
+        """What a candidate would bring; `shapes` of its parameters were searched for, in `trials` tries."""
+        return self.rated(candidate.left, candidate.columns.T @ self.residual, shapes, trials)
+
+    def rated(self, left: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:
+        """The score of columns by what is left of them `(k, k)`, and by the residual along them `(k,)`."""
+        values, vectors = np.linalg.eigh((left + left.T) / 2)
+        values, along = np.maximum(values, 0.0), vectors.T @ along
+        softened = values + GENEROUS**-2
+        largest = float(np.abs(vectors @ (along / softened)).max(initial=0.0))
+        softened = values + max(GENEROUS, BEYOND * largest) ** -2
+        raw = float(np.sum(along**2 / softened))
+        spent = float(np.sum(values / softened)) + shapes
+        squares = min(self.squares - raw, self.bounded_squares)
+        variance = max(squares / max(self.freedom - spent, 1.0), 1.0)
+        gain = raw / variance
+        p_value = float(special.chdtrc(max(spent, 1.0), gain)) * trials
+        size = vectors @ (along / softened)
+        return Score(gain, spent, -gain + spent * float(np.log(self.scalars)), min(p_value, 1.0), size)
+
+    @cached_property
+    def blocks(self) -> list[HeldBlock]:
+        """Cells of space (of an interferometer sets of positions), each seen from a fit of all the others."""
+        some = self.measurement.rows(self.rows)
+        labels, _ = cells(some)
+        total = self.design.T @ self.design + np.diag(self.limited)
+        found = []
+        for label in np.unique(labels):
+            inside = labels == label
+            mine = np.repeat(inside, some.components)
+            design, residual = self.design[mine], self.residual[mine]
+            factor = linalg.cho_factor(total - design.T @ design + RIDGE * np.eye(len(total)), lower=True)
+            moved = linalg.cho_solve(factor, design.T @ residual)
+            counted = np.repeat(placed(some, ~inside)[inside], some.components)
+            found.append(HeldBlock(mine, factor, moved, residual + design @ moved, counted))
+        return found
+
+    def held_gains(self, candidate: Projected) -> Array:
+        """By which the squares of each block's counted residuals fall with the candidate in the fit of the others.
+
+        Outliers count, as far as their weight goes: a cause that the model lacks makes them.
+        """
+        columns, size = candidate.columns, self.score(candidate).size
+        # where the others say nothing of it, it is no larger than elsewhere
+        softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
+        mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
+        gains = []
+        for block in self.blocks:
+            own, design = columns[block.rows], self.design[block.rows]
+            others = mixed - design.T @ own
+            step = linalg.cho_solve(block.factor, others)
+            left = squares - own.T @ own - others.T @ step
+            slope = right - own.T @ self.residual[block.rows] + others.T @ block.moved
+            after = block.missed - (own - design @ step) @ np.linalg.solve(left + softened, slope)
+            gains.append(float(np.sum(block.missed[block.counted] ** 2) - np.sum(after[block.counted] ** 2)))
+        return np.array(gains)
+
+    @cached_property
+    def held_out(self) -> HeldResiduals:
+        """Residuals of every block under a fit of all the others, to first order."""
+        components = self.measurement.components
+        missed, counted = np.empty(self.scalars), np.zeros(self.scalars, bool)
+        for block in self.blocks:
+            missed[block.rows], counted[block.rows] = block.missed, block.counted
+        whole = missed.reshape(-1, components)[:, :, None]
+        in_mm = np.linalg.solve(self.white, whole)[:, :, 0] * self.measurement.per_micro[self.rows]
+        return HeldResiduals(in_mm, counted.reshape(-1, components)[:, 0] & self.good, len(self.blocks))
+
+
+class Derivatives(NamedTuple):
+    """Whitened derivatives at some rows of a measurement."""
+
+    transform: Array
+    """`(n, d, width)`, by the error motions and the shift of the observed point."""
+    own: Array
+    """`(n * d, registration)`"""
+    by_model: Array
+    """`(n * d, parameters)`, in units of their priors."""
+
+
+def derivatives(
+    fit: Fit, measurement: Measurement, rows: np.ndarray, registration: Registration, white: Array
+) -> Derivatives:
+    """By the registration and the model of a fit, at some rows of these data or of others; `white` `(n, d, d)`."""
+    some = measurement.rows(rows)
+    transform = white @ equations.transform(some, registration)
+    own = white @ equations.registration_design(some, registration)
+    of_model = Design(fit.model, measurement.machine, measurement.state, with_instrument=True).of(rows, transform)
+    n = len(rows) * some.components
+    by_model = of_model.reshape(n, -1)
+    finite = np.isfinite(fit.prior)
+    by_model = by_model * np.where(finite, fit.prior, 1.0) if fit.prior.ndim == 1 else by_model @ fit.prior
+    return Derivatives(transform, own.reshape(n, -1), by_model)
+
+
+def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect], transform: Array) -> Array:
+    """Derivatives `(n * d, k)` by the linear parameters of effects, one after the other, in terms of typical sizes."""
+    table = [quantity for effect in effects for quantity in effect.parameter_table]
+    linear = np.array([quantity.linear for quantity in table], bool)
+    typical = np.array([quantity.typical for quantity in table])[linear]
+    machine, state = measurement.machine, measurement.state
+    alone = msgspec.structs.replace(no_errors(machine), effects=tuple(effects))
+    made = Design(alone, machine, state, with_instrument=True).of(rows, transform)
+    columns = made.reshape(-1, made.shape[2])[:, linear]
+    return np.asarray(columns * np.where(np.isfinite(typical), typical, 1.0))
+
+
+def _together(effects: Sequence[Effect]) -> list[Sequence[Effect]]:
+    return [effects[start : start + TOGETHER] for start in range(0, len(effects), TOGETHER)]
+
+
+def _widths(effects: Sequence[Effect]) -> list[int]:
+    """How many linear parameters each effect has."""
+    return [sum(quantity.linear for quantity in effect.parameter_table) for effect in effects]
+
+
+def _astray(fit: Fit) -> list[str]:
+    """Stations that failed by more than what a model might lack."""
+    groups = fit.measurement.groups
+    return [name for name in fit.failed if np.median(fit.residual_um[groups == name]) > ASTRAY]
+
+
+class HeldBlock(NamedTuple):
+    """Rows that a fit of all the others predicts."""
+
+    rows: np.ndarray
+    """Mask `(N,)`."""
+    factor: tuple[Array, bool]
+    """Cholesky factor of H without them."""
+    moved: Array
+    """By which the fit of all the others is away from that of all `(q,)`."""
+    missed: Array
+    """Their residuals, whitened."""
+    counted: np.ndarray
+    """False where the others say nothing of the set-up or the target."""
+
+
+class HeldResiduals(NamedTuple):
+    """What fits leave of rows that they have not seen."""
+
+    residual_um: Array
+    """`(n, d)`; urad on rotary axes of an interferometer."""
+    counted: np.ndarray
+    """`(n,)`"""
+    blocks: int
+
+    @property
+    def rms_um(self) -> float:
+        """Per scalar, of the rows that count."""
+        return float(np.sqrt(np.mean(self.residual_um[self.counted] ** 2))) if self.counted.any() else float("nan")

@@ -1,0 +1,230 @@
+"""Shapes proposed from the residual: periods, steps of a table, fixed points of growth, moments when something moved.
+
+A Lomb-Scargle periodogram of the residual over the positions of an axis, generalised: each wave enters through the
+observation equations of its error motion, and of the best ones the model and the registration take their part before
+they are compared. Every proposal says in how many independent tries it was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import chain
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from calibration.cores import each
+from calibration.diagnosis.search.candidates import Candidate
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
+from calibration.diagnosis.search.sensitivity import Lever
+from calibration.diagnosis.search.spectra import finest, peaks, resolved, strengths
+from calibration.measurement.instruments import LaserTracker
+from calibration.observation.full_model import distinct_positions, moving_axes, observed_components
+from kinematics.basis import BSpline
+from kinematics.effects import (
+    Component,
+    Cyclic,
+    ErrorMotion,
+    GrowthWithSensor,
+    GrowthWithTime,
+    StationShift,
+)
+from kinematics.effects.base import own_component, unit_of
+
+WAVES = 8.0
+"""An error that repeats fewer times over the travel is a matter of the basis, not a cyclic one."""
+OVERSAMPLING = 4
+MOST_WAVES, MOST_TEETH = 10_000, 1000
+"""Frequencies that are looked at."""
+SCANNED = 2000
+"""Rows that frequencies are looked for in."""
+BEST = 12
+"""Of the frequencies, per error motion, of which the model's part is taken."""
+TEETH = 5.5
+"""Least number of steps over the travel."""
+OFFSETS = 12
+"""Positions of the steps within a pitch that are tried."""
+MOST_HARMONICS = 8
+SAME = 0.01
+"""Relative difference of two periods that are one."""
+FINE = (6, 8, 12, 16, 24, 32, 48)
+"""Sizes of finer bases."""
+BREAKS = 60
+"""Moments that are tried."""
+LEAST_ROWS = 8
+"""Before and after a moment when the instrument moved."""
+
+
+def proposals(frame: Frame, library: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Candidates with shapes proposed from the residual of a frame, besides those of the library as they are."""
+    some = frame.thinned(SCANNED)
+    yield from steps(some, frame)
+    yield from breaks(some)
+    yield from finer(some)
+    yield from fixed_points(some, library)
+    yield from waves(some)
+
+
+def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component)) -> Iterator[Candidate]:
+    """The strongest cyclic error of each axis and component, with its period refined to what the travel resolves.
+
+    With as many harmonics as pay, where it pays at all.
+    """
+    along = partial(_waves_along, frame, components=components)
+    return chain.from_iterable(each(along, moving_axes(frame.measurement)))
+
+
+def _waves_along(frame: Frame, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
+    measurement = frame.measurement
+    low, high = moving_axes(measurement)[axis]
+    x = frame.positions(axis)
+    # of a rotary axis none shorter than a degree
+    most = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
+    frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
+    if len(frequencies) < OVERSAMPLING:
+        return []
+    seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
+    levers = [Lever.of(frame, axis, component) for component in seen]
+    found = []
+    for component, lever, power in zip(seen, levers, strengths(levers, x, frequencies), strict=True):
+        tried = frequencies[peaks(power, BEST)]
+        best = finest(lever, x, tried, 0.5 / (OVERSAMPLING * (high - low)), unit_of(component)[1])
+        wave = _wave(component, axis, 1.0 / best, 1)
+        found.append(Candidate(_with_harmonics(lever, wave), 1, float(len(frequencies) * len(seen))))
+    return found
+
+
+def _with_harmonics(lever: Lever, effect: Cyclic) -> Cyclic:
+    """A cyclic error, where it pays with as many harmonics as pay; none that is one of the model already."""
+    if lever.score(lever.sizes(effect), 1).delta_bic >= 0.0:
+        return effect
+    model = lever.frame.fit.model
+    known = [e.period for e in model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
+    same = [k for k in range(2, MOST_HARMONICS + 1) for period in known if abs(effect.period / k / period - 1.0) < SAME]
+    numbers = range(1, min(same, default=MOST_HARMONICS + 1))
+    variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
+    return min(variants, key=lambda variant: lever.score(lever.sizes(variant)).delta_bic)
+
+
+def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
+    """One cyclic error, at zero, for two, the shorter of which is a harmonic of the longer; None where it is not."""
+    longer, shorter = sorted((one, other), key=lambda effect: -effect.period)
+    number = round(longer.period / shorter.period)
+    harmonics = max(len(longer.sine), number * len(shorter.sine))
+    same = abs(longer.period / shorter.period / number - 1.0) < SAME
+    if (
+        number < 2
+        or not same
+        or harmonics > MOST_HARMONICS
+        or (longer.axis, longer.component) != (shorter.axis, shorter.component)
+    ):
+        return None
+    return _wave(longer.component, longer.axis, longer.period, harmonics)
+
+
+def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
+    """The strongest saw tooth along each linear axis; where it pays, its place is closed in on in the `whole` frame.
+
+    Pitches by the power of their wave, places within them by the tooth itself.
+    """
+    linear = [axis for axis in moving_axes(frame.measurement) if axis[0] not in "ABC"]
+    return chain.from_iterable(each(partial(_steps_along, frame, whole or frame), linear))
+
+
+def _steps_along(frame: Frame, whole: Frame, axis: str) -> list[Candidate]:
+    measurement = frame.measurement
+    low, high = moving_axes(measurement)[axis]
+    x = frame.positions(axis)
+    count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
+    frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
+    if len(frequencies) < OVERSAMPLING:
+        return []
+    lever = Lever.of(frame, axis, own_component(axis))
+    (strength,) = strengths([lever], x, frequencies)
+    shares, shapes = np.arange(OFFSETS) / OFFSETS, []
+    for frequency in frequencies[peaks(strength, 2 * BEST)].tolist():
+        tried = teeth(x, 1.0 / frequency, shares / frequency)
+        power = (lever.along @ tried) ** 2 / np.maximum(lever.squares @ tried**2, 1e-300)
+        shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
+    _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T
+    best = likeliest(lever, axis, pitches, offsets)
+    pays = lever.score(lever.sizes(best), 2).delta_bic < 0.0
+    return [Candidate(refined(whole, best) if pays else best, 2, float(len(frequencies) * OFFSETS))]
+
+
+def finer(frame: Frame) -> Iterator[Candidate]:
+    """Each error motion of the model in a finer basis, in its place: the one that pays most and predicts better."""
+    motions = [effect for effect in frame.fit.model.effects if isinstance(effect, ErrorMotion)]
+    return chain.from_iterable(each(partial(_finer_than, frame), motions))
+
+
+def _finer_than(frame: Frame, motion: ErrorMotion) -> list[Candidate]:
+    most = distinct_positions(frame.measurement, motion.axis)
+    sizes = [size for size in FINE if motion.basis.size < size <= most]
+    variants = [Candidate(_finer(motion, size), 0, float(len(sizes)), motion.name) for size in sizes]
+    lever = Lever.of(frame, motion.axis, motion.component)
+    worth = [lever.score(lever.sizes(variant.effect)).delta_bic for variant in variants]
+    order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
+    gains = {}
+    for i in order:
+        gains[i] = float(frame.held_gains(frame.projected(frame.columns(variants[i].effect))).mean())
+        if gains[i] > 0.0:
+            return [variants[i]]
+    best = max(gains, key=lambda i: gains[i], default=0)
+    return variants[best : best + 1]
+
+
+def fixed_points(frame: Frame, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Growths of an axis from the point that the data say is the fixed one, instead of the axis' zero."""
+    for candidate in candidates:
+        effect = candidate.effect
+        if (
+            isinstance(effect, (GrowthWithSensor, GrowthWithTime))
+            and len(effect.parameter_table) == candidate.shapes + 1
+        ):
+            one = msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0)
+            here, there = frame.columns(effect), frame.columns(one)
+            both = frame.score(frame.projected(np.concatenate([here, (here - there) * 1e3], axis=1)))
+            if both.size[0]:
+                point = effect.fixed_point - 1e3 * float(both.size[1] / both.size[0])
+                low, high = moving_axes(frame.measurement)[effect.axis]
+                if 2 * low - high < point < 2 * high - low:
+                    moved = msgspec.structs.replace(effect, fixed_point=float(np.round(point, 1)))
+                    yield Candidate(moved, candidate.shapes + 1, candidate.trials)
+
+
+def breaks(frame: Frame) -> Iterator[Candidate]:
+    """The moment when an instrument was knocked, of each station: the change point that explains most."""
+    measurement = frame.measurement
+    state = measurement.state
+    if not isinstance(measurement.instrument, LaserTracker) or state.time is None or state.station is None:
+        return
+    station, time = state.station[frame.rows], state.time[frame.rows]
+    for name in np.unique(station).tolist():
+        moments = np.unique(time[station == name])
+        moments = moments[LEAST_ROWS:-LEAST_ROWS]
+        if len(moments) < LEAST_ROWS:
+            continue
+        some = moments[np.unique(np.linspace(0, len(moments) - 1, BREAKS).astype(int))]
+        best = max(some.tolist(), key=lambda since: _gain(frame, StationShift(station=name, since_s=since)))
+        near = moments[np.abs(moments - best) <= np.diff(some).max(initial=0.0)]
+        best = max(near.tolist(), key=lambda since: _gain(frame, StationShift(station=name, since_s=since)))
+        yield Candidate(StationShift(station=name, since_s=best), 1, float(len(moments)))
+
+
+def _gain(frame: Frame, effect: StationShift) -> float:
+    return frame.score(frame.projected(frame.columns(effect))).gain
+
+
+def _wave(component: Component, axis: str, period: float, harmonics: int) -> Cyclic:
+    zero = (0.0,) * harmonics
+    return Cyclic(component=component, axis=axis, period=period, sine=zero, cosine=zero)
+
+
+def _finer(effect: ErrorMotion, size: int) -> ErrorMotion:
+    basis = BSpline(tuple(np.linspace(*effect.basis.interval, size).tolist()), 3)
+    zero = (0.0,) * basis.size
+    return ErrorMotion(effect.component, effect.axis, basis, zero, u=zero)

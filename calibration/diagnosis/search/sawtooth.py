@@ -1,0 +1,94 @@
+"""Saw teeth that a table's steps leave: their pitch and place, found by trying, and how well data know these.
+
+A jump has no slope that a fit could follow, and lies anywhere between two positions: the odds have many tops.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.sensitivity import Lever
+from calibration.observation.full_model import moving_axes
+from kinematics.effects import QuantisedCompensation
+from kinematics.effects.base import own_component
+from kinematics.transforms import Array
+
+PITCHES, PLACES = 61, 41
+"""That are tried about a saw tooth."""
+CLOSER = 8
+"""Times that they lie closer in the next round."""
+ROUNDS = 3
+ALL = 0.999
+"""Of the odds, that have to lie where the next round looks."""
+_NEXT = tuple(slice(n // 2 - n // 2 // CLOSER, n // 2 + n // 2 // CLOSER + 1) for n in (PLACES, PITCHES))
+OVER = 3_000_000
+"""Rows times saw teeth that are worked out together."""
+
+
+def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
+    """Saw teeth `(n, k)` of height 1 at positions `(n,)`."""
+    turns = (x[:, None] - offsets) / pitches
+    turns -= np.floor(turns)
+    return np.asarray(0.5 - turns)
+
+
+def likeliest(lever: Lever, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
+    """The saw tooth along an axis, of these pitches and offsets `(k,)`, that explains most; its step at zero.
+
+    lever: of the axis in its own direction.
+    """
+    best = int(np.argmax(_gains(lever, axis, pitches, offsets)))
+    pitch = float(pitches[best])
+    return QuantisedCompensation(axis=axis, step=0.0, pitch=pitch, offset=float(offsets[best]) % pitch)
+
+
+def refined(frame: Frame, effect: QuantisedCompensation) -> QuantisedCompensation:
+    """The likeliest saw tooth about this one."""
+    lever = Lever.of(frame, effect.axis, own_component(effect.axis))
+    for k in range(ROUNDS):
+        effect = likeliest(lever, effect.axis, *_about(frame, effect, CLOSER**-k))
+    return effect
+
+
+def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float, float]:
+    """Standard uncertainties of pitch and offset: RMS distances from those of the effect, by the odds of all others.
+
+    In the frame of a fit without the effect.
+    """
+    lever = Lever.of(frame, effect.axis, own_component(effect.axis))
+    for k in range(ROUNDS):
+        pitches, offsets = _about(frame, effect, CLOSER**-k)
+        apart = pitches[1] - pitches[0], offsets[PITCHES] - offsets[0]
+        gains = _gains(lever, effect.axis, pitches, offsets)
+        variance = max((frame.bounded_squares - float(gains.max())) / frame.freedom, 1.0)
+        odds = np.exp((gains - gains.max()) / (2.0 * variance))
+        odds /= odds.sum()
+        away = pitches - effect.pitch, offsets - effect.offset
+        u_pitch, u_offset = (float(np.sqrt(odds @ distance**2)) for distance in away)
+        if odds.reshape(PLACES, PITCHES)[_NEXT].sum() < ALL:
+            break
+    # what lies between two that were tried is not known any better
+    return float(np.hypot(u_pitch, apart[0] / 12**0.5)), float(np.hypot(u_offset, apart[1] / 12**0.5))
+
+
+def _about(frame: Frame, effect: QuantisedCompensation, reach: float) -> tuple[Array, Array]:
+    """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect, turned about the jump in mid-travel.
+
+    reach: 1 for one step more or less over the travel, and half a pitch to either side.
+    """
+    low, high = moving_axes(frame.measurement)[effect.axis]
+    jumps = round(((low + high) / 2 - effect.offset) / effect.pitch)
+    alias = effect.pitch**2 / (high - low)
+    pitch = effect.pitch + reach * alias * np.linspace(-1.0, 1.0, PITCHES)
+    middle = effect.offset + jumps * effect.pitch + reach * effect.pitch * np.linspace(-0.5, 0.5, PLACES)
+    middles, pitches = (part.reshape(-1) for part in np.meshgrid(middle, pitch, indexing="ij"))
+    return pitches, middles - jumps * pitches
+
+
+def _gains(lever: Lever, axis: str, pitches: Array, offsets: Array) -> Array:
+    """By which saw teeth `(k,)` lower the sum of squares."""
+    x = lever.frame.positions(axis)
+    size = max(1, OVER // len(x))
+    parts = [slice(start, start + size) for start in range(0, len(pitches), size)]
+    return np.concatenate([lever.gains(teeth(x, pitches[part], offsets[part])) for part in parts])

@@ -1,0 +1,89 @@
+"""What an error of one axis in one direction does to what is observed, row by row.
+
+Error motions, waves and saw teeth of an axis in a direction differ by nothing but their sizes at the rows. What the
+model and the registration leave of them follows from what these leave of an error of 1 at each row, found once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from calibration.diagnosis.search.linearised_fit import RIDGE, Frame, Score
+from kinematics.effects import COMPONENTS, Component, Effect
+from kinematics.transforms import Array
+
+UNSEEN = 1e-12
+"""Squares of a signal, in terms of the noise's variance, that are none."""
+
+
+@dataclass(frozen=True)
+class Lever:
+    """An error of 1, mm or rad, at every row of a frame."""
+
+    frame: Frame
+    arm: Array
+    """Whitened derivatives `(n, d)` of what is observed."""
+
+    @classmethod
+    def of(cls, frame: Frame, axis: str, component: Component) -> Lever:
+        """Of an axis, in a direction of its error frame."""
+        column = 6 * frame.measurement.machine.index(axis) + COMPONENTS.index(component)
+        return cls(frame, frame.transform[:, :, column])
+
+    @cached_property
+    def along(self) -> Array:
+        """The residual `(n,)` along it."""
+        return np.asarray(np.sum(self.arm * self.frame.residual.reshape(self.arm.shape), axis=1))
+
+    @cached_property
+    def squares(self) -> Array:
+        """Its squares `(n,)`."""
+        return np.asarray(np.sum(self.arm**2, axis=1))
+
+    @cached_property
+    def _through(self) -> Array:
+        """Of each row, `Projected.through` `(q, n)`."""
+        n, d = self.arm.shape
+        spanned = self.frame.spanned.reshape(n, d, -1)
+        along = np.zeros((n, spanned.shape[2]))
+        for i in range(d):
+            along += self.arm[:, i, None] * spanned[:, i]
+        return along.T
+
+    def left(self, sizes: Array) -> Array:
+        """What the model and the registration leave `(k, k)` of errors of some sizes `(n, k)`; `Projected.left`."""
+        through = self._through @ sizes
+        return np.asarray((sizes * self.squares[:, None]).T @ sizes - through.T @ through)
+
+    def gains(self, sizes: Array) -> Array:
+        """By how much each of some errors `(n, k)`, alone and as large as it likes, lowers the sum of squares."""
+        through = self._through @ sizes
+        whole = self.squares @ sizes**2
+        left = whole - np.sum(through**2, axis=0)
+        return np.where(left > RIDGE * whole, (self.along @ sizes) ** 2 / np.maximum(left, 1e-300), 0.0)
+
+    def wave_gains(self, sines: Array, cosines: Array) -> Array:
+        """`gains` of waves, each as much of a sine and a cosine `(n, k)` as it likes."""
+        through_sine, through_cosine = self._through @ sines, self._through @ cosines
+        sine = self.squares @ sines**2 - np.sum(through_sine**2, axis=0)
+        cosine = self.squares @ cosines**2 - np.sum(through_cosine**2, axis=0)
+        both = self.squares @ (sines * cosines) - np.sum(through_sine * through_cosine, axis=0)
+        ridge = RIDGE * (sine + cosine) + UNSEEN
+        sine, cosine = sine + ridge, cosine + ridge
+        along_sine, along_cosine = self.along @ sines, self.along @ cosines
+        explained = cosine * along_sine**2 - 2.0 * both * along_sine * along_cosine + sine * along_cosine**2
+        return np.asarray(explained / (sine * cosine - both**2))
+
+    def sizes(self, effect: Effect) -> Array:
+        """Sizes `(n, k)` of an effect of this axis and direction alone, by its linear parameters, in typical sizes."""
+        (only,) = effect.columns(self.frame.measurement.machine, self.frame.state)
+        linear = [quantity.linear for quantity in effect.parameter_table]
+        typical = np.array([quantity.typical for quantity in effect.parameter_table])[linear]
+        return np.asarray(only.values[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
+
+    def score(self, sizes: Array, shapes: int = 0) -> Score:
+        """What an error of some sizes would bring; see `Frame.score`."""
+        return self.frame.rated(self.left(sizes), sizes.T @ self.along, shapes)

@@ -1,0 +1,82 @@
+"""Spectra of a residual over the positions of an axis, and what periods these positions can tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibration.diagnosis.search.sensitivity import Lever
+from kinematics.transforms import Array
+
+BEYOND = 16.0
+"""Waves over the travel that are looked for, per position: irregular ones resolve more than their mean distance."""
+LATTICE = 0.02
+"""Share of their distance by which positions may miss a lattice."""
+
+
+def strengths(levers: Sequence[Lever], x: Array, frequencies: Array) -> Array:
+    """Power `(c, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
+    squares = np.array([lever.squares.sum() for lever in levers])[:, None]
+    sums = spectrum(np.stack([lever.along for lever in levers]), x, frequencies)
+    return np.asarray(np.abs(sums) ** 2 / np.maximum(squares, 1e-300))
+
+
+def spectrum(values: Array, x: Array, frequencies: Array) -> np.ndarray:
+    """Sums `(c, m)` of values `(c, n)` times exp(2 pi i x f), at positions `(n,)` and evenly spaced frequencies `(m,)`.
+
+    Every frequency is one of a coarse row and a multiple of the step, every wave the product of the two: few have to
+    be worked out.
+    """
+    turns, fine = 2j * np.pi * x[:, None], int(np.ceil(np.sqrt(len(frequencies))))
+    step = (frequencies[-1] - frequencies[0]) / max(len(frequencies) - 1, 1)
+    begun = values[:, None, :] * np.exp(turns * frequencies[::fine]).T
+    sums = begun.reshape(-1, len(x)) @ np.exp(turns * step * np.arange(fine))
+    return np.asarray(sums.reshape(len(values), -1)[:, : len(frequencies)])
+
+
+def peaks(power: Array, count: int) -> np.ndarray:
+    """The highest local maxima."""
+    beside = np.concatenate([[-np.inf], power, [-np.inf]])
+    top = np.flatnonzero((power >= beside[:-2]) & (power >= beside[2:]))
+    return np.asarray(top[np.argsort(power[top])[::-1][:count]])
+
+
+def finest(lever: Lever, x: Array, tried: Array, step: float, unit: float) -> float:
+    """The frequency that explains most once the model has taken its part, between the neighbours of the best tried.
+
+    unit: amplitude of a wave, mm or rad.
+    """
+
+    def best_of(tried: Array) -> float:
+        """The one that explains most."""
+        phase = 2 * np.pi * x[:, None] * tried
+        return float(tried[int(np.argmax(lever.wave_gains(unit * np.sin(phase), unit * np.cos(phase))))])
+
+    best = best_of(tried)
+    for _ in range(4):
+        best = best_of(np.array([best - step, best, best + step]))
+        step /= 2
+    return best
+
+
+def resolved(x: Array, travel: float) -> float:
+    """Waves over the travel that positions can tell apart."""
+    pitch = lattice(x)
+    return BEYOND * len(np.unique(np.round(x, 3))) if pitch is None else 0.5 * travel / pitch
+
+
+def aliases(x: Array, period: float) -> list[float]:
+    """Other periods that positions `(n,)` on a lattice can't tell from this one."""
+    pitch = lattice(x)
+    if pitch is None:
+        return []
+    return [float(1.0 / abs(m / pitch + sign / period)) for m in (1, 2) for sign in (-1, 1)]
+
+
+def lattice(x: Array) -> float | None:
+    """Distance of the points of a lattice that all positions lie on, where there are few enough; else None."""
+    apart = np.diff(np.unique(np.round(x, 3)))
+    pitch = float(apart.min(initial=np.inf))
+    off = np.abs(apart / pitch - np.round(apart / pitch)).max(initial=0.0)
+    return pitch if np.isfinite(pitch) and off < LATTICE and np.ptp(x) / pitch < 4 * len(apart) else None

@@ -1,0 +1,167 @@
+"""The model that a diagnosis starts from: error motions of all axes, or the present calibration.
+
+- Without a calibration: six error motions of each axis, their basis by the evidence, but no finer than an undeclared
+  cause could hide in.
+- A calibration of these very data (its provenance says so): its structure, fitted anew, so that nothing counts twice.
+- A calibration of other data: its parameters with their covariance as prior knowledge, which the data may move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.search.candidates import Candidate, at_zero
+from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.fit.basis_search import AUTOMATIC_KINDS, ROTARY_KIND, Choice
+from calibration.fit.basis_selection import choose
+from calibration.fit.fit import Fit, Progress, fit
+from calibration.fit.problem import HELD
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes, priors, with_effects
+from calibration.observation.outliers import Variance
+from kinematics.effects import Backlash, Effect, ErrorMotion, LocationError, QuantisedCompensation
+from kinematics.error_model.model import ErrorModel
+from kinematics.user_error import UserError
+
+FINEST = 16
+"""Parameters of a linear axis' error motion: what is finer is named, as higher frequency or as a cyclic error."""
+COARSE = 8
+"""The same while causes are looked for: a finer basis bends itself round what is missing."""
+WIDE = 10.0
+"""Prior of an accepted effect, as a multiple of what was found: its size is the data's to say."""
+EXACT = 1e-3
+"""um and urad: a calibrated parameter without uncertainty is held so tightly."""
+Origin = Literal["automatic", "refitted", "updated"]
+
+
+@dataclass(frozen=True)
+class Base:
+    """A model, zero or as calibrated, and the prior that it is fitted with."""
+
+    model: ErrorModel
+    prior: np.ndarray
+    """Standard deviations `(p,)`, or a root `(p, p)` of their covariance."""
+    origin: Origin
+    choice: Choice | None = None
+
+    def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
+        """The base whose bases are chosen by the evidence once more, with what was found besides."""
+        return self if self.choice is None else _automatic(measurement, effects, FINEST, progress)
+
+    @property
+    def fine(self) -> bool:
+        """True where it may have bent itself round a cause, so that its residuals say nothing of one."""
+        return self.choice is not None and any(basis.size > COARSE for basis in self.choice.bases.values())
+
+    def coarser(self, measurement: Measurement, progress: Progress) -> Base:
+        """The base to look for causes from: too coarse for it to take the course of one for an error motion."""
+        return self if not self.fine else _automatic(measurement, (), COARSE, progress)
+
+    def fit(
+        self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
+    ) -> Fit:
+        """The fit of the base and of accepted candidates, each with its linear sizes in terms of the typical ones."""
+        # a calibrated motion stays what it is, and the finer one is what it lacks
+        finer = {c.replaces: c.effect for c, _ in accepted if c.replaces and self.prior.ndim == 1}
+        effects, prior = list(self.model.effects), self.prior
+        if finer:
+            parts = [prior[part] for part in self.model.slices]
+            for i, effect in enumerate(effects):
+                if effect.name in finer:
+                    effects[i] = finer[effect.name]
+                    parts[i] = np.full(len(effects[i].parameters), float(np.median(parts[i])))
+            prior = np.concatenate(parts)
+        added = [(candidate, size) for candidate, size in accepted if candidate.replaces not in finer]
+        model = msgspec.structs.replace(self.model, effects=(*effects, *(c.effect for c, _ in added)), covariance=None)
+        own = np.concatenate([_prior(candidate, size) for candidate, size in added] or [np.zeros(0)])
+        if prior.ndim == 1:
+            return fit(measurement, model, prior=np.concatenate([prior, own]), variance=variance)
+        root = np.zeros((len(prior) + len(own),) * 2)
+        root[: len(prior), : len(prior)] = prior
+        root[len(prior) :, len(prior) :] = np.diag(own)
+        return fit(measurement, model, prior=root, variance=variance)
+
+    def lacking(self, frame: Frame, candidate: Candidate, number: int) -> Frame:
+        """The frame in which an accepted candidate, the effect of that number, alone is missing.
+
+        In the place of a finer error motion stands the base's own.
+        """
+        without = frame.without(number)
+        if not (candidate.replaces and self.prior.ndim == 1):
+            return without
+        return without.along(self.model.effects[number], self.prior[self.model.slices[number]])
+
+    def numbers(self, accepted: Sequence[tuple[Candidate, np.ndarray]]) -> list[int]:
+        """Where accepted candidates stand among the effects of the fitted model."""
+        names = [effect.name for effect in self.model.effects]
+        found, last = [], len(names)
+        for candidate, _ in accepted:
+            if candidate.replaces and self.prior.ndim == 1:
+                found.append(names.index(candidate.replaces))
+            else:
+                found.append(last)
+                last += 1
+        return found
+
+
+def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: Progress) -> Base:
+    """The base for these data; UserError when a calibration says nothing of an axis that moves in them."""
+    if calibration is None:
+        return _automatic(measurement, (), FINEST, progress)
+    machine_effects = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
+    known = {effect.axis for effect in machine_effects.effects if isinstance(effect, ErrorMotion)}
+    unknown = [axis for axis in moving_axes(measurement) if axis not in known]
+    if unknown:
+        raise UserError(
+            f"the calibration has no error motions of {', '.join(unknown)}, which moves in {measurement.source}: "
+            "diagnose without --calibration, or calibrate with data in which it moves"
+        )
+    if measurement.fingerprint and measurement.fingerprint in calibration.provenance.inputs.values():
+        return _refitted(machine_effects)
+    return _updated(machine_effects)
+
+
+def _automatic(measurement: Measurement, effects: Sequence[Effect], finest: int, progress: Progress) -> Base:
+    choice = choose(
+        measurement, AUTOMATIC_KINDS, rotary_kind=ROTARY_KIND, effects=effects, finest=finest, progress=progress
+    )
+    model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)
+    # what an interferometer's fit takes for granted, a diagnosis names
+    kept = np.array([not isinstance(effect, Backlash) for effect in model.effects])
+    each = np.repeat(kept, [part.stop - part.start for part in model.slices])
+    return Base(model.part(lambda effect: not isinstance(effect, Backlash)), prior[each], "automatic", choice)
+
+
+def _refitted(calibration: ErrorModel) -> Base:
+    """Its structure, all parameters at zero; location errors are in the error motions again."""
+    kept = [effect for effect in calibration.effects if not isinstance(effect, LocationError)]
+    zero = tuple(at_zero(effect) for effect in kept)
+    model = msgspec.structs.replace(calibration, effects=zero, covariance=None)
+    return Base(model, priors(model), "refitted")
+
+
+def _updated(calibration: ErrorModel) -> Base:
+    if calibration.covariance is None:
+        u = np.array([value for effect in calibration.effects for value in effect.uncertainties])
+        return Base(calibration, np.diag(np.maximum(u, EXACT)), "updated")
+    values, vectors = np.linalg.eigh(np.array(calibration.covariance))
+    root = vectors * np.sqrt(np.maximum(values, EXACT**2))
+    return Base(calibration, root, "updated")
+
+
+def _prior(candidate: Candidate, size: np.ndarray) -> np.ndarray:
+    """Prior standard deviations `(k,)` of an accepted candidate of this size, in terms of the typical."""
+    effect, table = candidate.effect, candidate.effect.parameter_table
+    typical = np.array([quantity.typical for quantity in table])
+    if candidate.prior:
+        return np.asarray(candidate.prior * typical)
+    linear = np.array([quantity.linear for quantity in table])
+    largest = max(float(np.abs(size).max(initial=0.0)), 1.0)
+    # a jump has no slope that a fit could follow: its place is searched for
+    held = HELD if isinstance(effect, QuantisedCompensation) else 1.0
+    return np.where(linear, WIDE * largest * typical, held * typical)

@@ -1,0 +1,71 @@
+"""The new calibration: the machine's effects with what was found, in the datum; the instrument's stay behind."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from calibration.diagnosis.search.start_model import Base
+from calibration.fit.calibrate import in_datum
+from calibration.fit.fit import Fit
+from calibration.fit.location_errors import transformed
+from kinematics.effects import Effect
+from kinematics.error_model.model import ErrorModel, Provenance
+
+
+def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorModel | None) -> ErrorModel:
+    """What a diagnosis makes of a fit; `causes` are told in its provenance, `present` is what it started from."""
+    model = merged(fit.model) if base.origin == "updated" else in_datum(fit)
+    found = f"; added: {', '.join(causes)}" if causes else ""
+    before = {} if present is None else {**present.provenance.inputs, "present calibration": present.id}
+    provenance = Provenance(
+        made_by=f"ncomp {version('ncomp')}",
+        made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        source=f"diagnosis of {fit.observations} observations, chi2/dof {fit.chi2_reduced:.3g}{found}",
+        inputs={**before, fit.measurement.source: fit.measurement.fingerprint},
+        valid_days=msgspec.UNSET if present is None else present.provenance.valid_days,
+        temperatures_degC=_temperatures(fit, present) or msgspec.UNSET,
+    )
+    machine = model.part(lambda effect: effect.ACTS_ON != "instrument")
+    return msgspec.structs.replace(machine, provenance=provenance, demonstration=False)
+
+
+def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float, float]]:
+    """Temperature ranges, degC, by sensor: of the measurement and of the present calibration together."""
+    ranges = dict(fit.measurement.temperatures)
+    stated = msgspec.UNSET if present is None else present.provenance.temperatures_degC
+    for sensor, (low, high) in {} if stated is msgspec.UNSET else stated.items():
+        least, most = ranges.get(sensor, (low, high))
+        ranges[sensor] = min(least, low), max(most, high)
+    return ranges
+
+
+def merged(model: ErrorModel) -> ErrorModel:
+    """Effects that say the same of the same places as one, their parameters added: a change and what it changed."""
+    places: dict[str, int] = {}
+    effects: list[Effect] = []
+    of: list[int] = []
+    for effect in model.effects:
+        key = _what(effect)
+        if key not in places:
+            places[key] = len(effects)
+            effects.append(effect)
+        of.append(places[key])
+    kept = msgspec.structs.replace(model, effects=tuple(effects), covariance=None).slices
+    matrix = np.zeros((sum(part.stop - part.start for part in kept), len(model.parameters)))
+    for place, part in zip(of, model.slices, strict=True):
+        matrix[kept[place], part] += np.eye(part.stop - part.start)
+    return transformed(model, tuple(effects), matrix)
+
+
+def _what(effect: Effect) -> str:
+    """What an effect is, apart from its linear parameters."""
+    fields: dict[str, Any] = msgspec.to_builtins(effect)
+    changing = {quantity.name for quantity in effect.quantities() if quantity.linear}
+    told = {name: value for name, value in fields.items() if name not in changing and name not in ("u", "note")}
+    return msgspec.json.encode(told, order="sorted").decode()

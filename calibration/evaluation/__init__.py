@@ -1,0 +1,1 @@
+"""Comparison of calibrations, and volumetric error."""

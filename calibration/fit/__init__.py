@@ -1,0 +1,1 @@
+"""The fit of an error model to a measurement, and the checks of its result."""

@@ -1,0 +1,165 @@
+"""When a calibration is refused: too few data for its parameters, or predictions worse than without it.
+
+Held-out data, or the calibration's own uncertainty, show that it is worse.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from calibration.fit.cross_validation import HeldOut
+from calibration.fit.fit import Fit, fit
+from calibration.fit.identifiability import Visibility
+from calibration.fit.prediction import Seen, relative_at_most
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes
+from calibration.observation.normal_equations import whitened, whiteners
+from kinematics.deviation import exact_deviation
+from kinematics.effects import COMPONENTS
+from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.error_transform import place_transform
+from kinematics.forward import forward
+from kinematics.state import State
+from kinematics.transforms import Array, by_turn
+from kinematics.user_error import UserError
+
+SPARE = 0.2
+"""Share of the observations that must be left over to check the parameters that they determine."""
+QUIET = 0.1
+"""chi2/dof below which the stated uncertainty can't be that of the data."""
+COVERAGE = 2.0
+"""k: a correction is significant above so many standard uncertainties."""
+MOSTLY = 0.5
+"""Share of positions at which the correction must be significant."""
+ANYWHERE = 300
+"""States within the measured ranges of all axes at which a correction is compared with its uncertainty."""
+
+
+def refuse_few(found: Fit, seen: Visibility) -> None:
+    """UserError where the rows show nothing, can't determine the model's parameters, or leave nothing to check them."""
+    measurement, registered = found.measurement, len(found.registration.names)
+    if seen.parameters and not seen.rank_registered:
+        raise UserError(
+            f"{measurement.source}: the rows do not show the machine's errors: no axis moves between the instrument "
+            "and its targets, or the registration absorbs every motion; measure positions at which an axis moves"
+        )
+    # a finer basis than cubics is held by its priors where the rows don't determine it
+    cubics = 4 * len(COMPONENTS) * len(moving_axes(measurement))
+    unknown = registered + min(seen.parameters - seen.by_convention, cubics)
+    told = _information(measurement.rows(np.flatnonzero(found.kept)))
+    checked = found.observations * (1.0 - SPARE) >= registered + seen.rank_registered
+    if checked and (told >= unknown or measurement.components == 1):
+        return
+    advice = "repeat the runs, or measure more positions"
+    if measurement.components > 1:
+        positions = math.ceil(unknown / (1.0 - SPARE) / measurement.components)
+        advice = f"measure about {positions} positions or more, spread over the travel, or fit a smaller basis"
+    raise UserError(
+        f"{measurement.source}: {np.count_nonzero(found.kept)} rows ({found.observations} observations) are too few "
+        f"for {seen.parameters} parameters of the machine and {registered} of the registration: they determine "
+        f"{registered + seen.rank_registered} of {unknown}, and {100 * SPARE:g} % of the observations must remain to "
+        f"check them; {advice}"
+    )
+
+
+def _information(measurement: Measurement) -> int:
+    """Most parameters that the rows can determine: of a rigid body at each position six at most."""
+    _, position = np.unique(np.round(measurement.state.positions, 6), axis=0, return_inverse=True)
+    targets = np.unique(np.stack([position.reshape(-1), measurement.target_number], axis=1), axis=0)
+    return int(np.minimum(np.bincount(targets[:, 0]) * measurement.components, 6).sum())
+
+
+def nominal_residuals(found: Fit) -> Array:
+    """Residuals `(kept, d)`, mm and rad, of the nominal machine in the kept rows, with a registration of its own."""
+    kept = found.measurement.rows(np.flatnonzero(found.kept))
+    return fit(kept, no_errors(kept.machine), prior=np.zeros(0)).residual
+
+
+def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
+    """UserError for a fit that is no gain, as `no_gain` has it."""
+    reason = no_gain(found, before, held)
+    if reason:
+        raise UserError(f"{found.measurement.source}: {reason}")
+
+
+def no_gain(found: Fit, before: Array, held: HeldOut | None) -> str:
+    """Reason why a fit is no improvement (larger residuals, or predictions, than the nominal machine); else empty.
+
+    They must be larger both in um and in units of the instrument's uncertainty. before: as `nominal_residuals`.
+    """
+    advice = "No calibration is written: check the data and the model (ncomp diagnose), or measure more"
+    if found.chi2_reduced < QUIET:
+        advice += (
+            f"; chi2/dof is {found.chi2_reduced:.2g}: the stated uncertainty of the instrument hides what the data "
+            "show; 'ncomp fit --noise estimate' takes it from the residuals"
+        )
+    kept = found.measurement.rows(np.flatnonzero(found.kept))
+    rms_um = float(np.sqrt(np.mean((before * kept.per_micro) ** 2)))
+    if found.rms_um > rms_um and found.chi2 > float(np.sum(whitened(whiteners(kept), before) ** 2)):
+        return f"the fit leaves {found.rms_um:.3g} um RMS, more than the nominal machine ({rms_um:.3g} um). {advice}"
+    if held is not None and held.gain < 0.0 and held.rms_um > held.nominal_rms_um:
+        return (
+            f"the fit of the others predicts held-out {held.what} worse ({held.rms_um:.3g} um RMS) than the nominal "
+            f"machine does ({held.nominal_rms_um:.3g} um). {advice}"
+        )
+    return ""
+
+
+def seen_by(model: ErrorModel, measurement: Measurement) -> Seen:
+    """Predicted deviations at measured states, evenly spread, of the target that most rows on the tool have."""
+    on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
+    rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
+    tool = np.tile(_usual_target(measurement), (len(rows), 1))
+    return relative_at_most(model, measurement.machine, measurement.state.rows(rows), tool)
+
+
+def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
+    """UserError for a model whose correction would leave larger deviations than it takes away, by its uncertainty.
+
+    Anywhere within the measured ranges of all axes, where arms are longer than at the measured states. A correction d
+    with standard uncertainty u takes away d^2 - u^2 on the average, and leaves u^2; both less a shift and a turn of all
+    together, which are those of the part as it is clamped.
+    """
+    low, high = (end(measurement.state.positions, axis=0) for end in (np.min, np.max))
+    q = np.random.default_rng(0).uniform(low, high, (ANYWHERE, len(low)))
+    state = State(q)
+    tool = np.tile(_usual_target(measurement), (ANYWHERE, 1))
+    machine, less = measurement.machine, _without_clamp(forward(measurement.machine, q).apply(tool))
+    deviation = less @ exact_deviation(machine, q, model.errors(machine, state), tool).position.reshape(-1)
+    design = model.design(machine, state, place_transform(machine, q, tool)[:, :3]).reshape(3 * ANYWHERE, -1)
+    u = model.propagated((less @ design).reshape(ANYWHERE, 3, -1))
+    rms_um, u_um = (1e3 * float(np.sqrt(np.sum(each**2) / ANYWHERE)) for each in (deviation, u))
+    if 0.0 < rms_um < math.sqrt(2.0) * u_um:
+        raise UserError(
+            f"{measurement.source}: within the measured ranges of all axes the correction is {rms_um:.3g} um RMS, with "
+            f"a standard uncertainty of {u_um:.3g} um: it would leave more than it takes away "
+            f"({math.sqrt(max(rms_um**2 - u_um**2, 0.0)):.3g} um). Nothing is written: measure from more stations, "
+            "with targets farther from each other, in more rounds, or only the ranges that are used"
+        )
+
+
+def _without_clamp(points: Array) -> Array:
+    """Matrix `(3n, 3n)` that takes a shift and a turn of all together from displacements of points `(n, 3)`."""
+    arms = points - points.mean(axis=0)
+    moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), by_turn(arms)], axis=2).reshape(-1, 6)
+    return np.asarray(np.eye(len(moved)) - moved @ np.linalg.pinv(moved))
+
+
+def _usual_target(measurement: Measurement) -> tuple[float, ...]:
+    """Position, mm, of the target on the tool with the most rows; zero if there is none."""
+    targets = list(measurement.targets.values())
+    on_tool = np.array([target.known for target in targets])[measurement.target_number]
+    if not on_tool.any():
+        return (0.0, 0.0, 0.0)
+    return tuple(targets[int(np.bincount(measurement.target_number[on_tool]).argmax())].position)
+
+
+def significant_share(seen: Seen) -> float:
+    """Share of the states at which a component of the deviation exceeds COVERAGE standard uncertainties.
+
+    Relative to the mean of all: a common shift is no error of a part whose zero was touched off on the machine.
+    """
+    u = np.where(seen.u > 0.0, seen.u, np.inf)
+    return float(np.mean(np.any(np.abs(seen.deviation) > COVERAGE * u, axis=1)))

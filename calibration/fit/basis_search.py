@@ -1,0 +1,173 @@
+"""The search for the bases of error motions: the same for the fit of one measurement and for all draws of a study.
+
+All sizes of one axis after the other are tried until none is better. Draws that stand at the same choice are evaluated
+together.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.fit.fit import Progress
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import BasisChoice, distinct_positions, moving_axes
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+AUTO = "auto"
+AUTOMATIC_KINDS = ("b-spline", "cubic")
+"""Kinds of basis that `auto` tries."""
+ROTARY_KIND = "fourier"
+"""Kind of basis for rotary axes: their errors repeat with the turn, and harmonics contain a shift of the component."""
+SIZES: Mapping[str, tuple[int, ...]] = {
+    "b-spline": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
+    "cubic": (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48),
+    "legendre": (1, 2, 3, 4, 5, 6, 8, 10, 12, 16),
+    "polynomial": (1, 2, 3, 4, 5, 6, 8),
+    "fourier": (1, 2, 3, 4, 6, 8, 12, 16),
+}
+PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
+"""Sizes of the errors that are tried, as multiples of the typical sizes."""
+SMALLER = (0.1, 0.2, 0.3, 0.5)
+"""Sizes of error motions, as multiples of the typical ones, that are tried on data on a few lines."""
+PRIOR = "prior"
+START = 1
+"""Where in SIZES the search begins: coarse, since of several maxima of the evidence it ends at the first."""
+FINEST = 48
+"""Parameters of a linear axis at most."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Basis of each axis, and the size of the errors as a multiple of the typical ones."""
+
+    bases: Mapping[str, BasisChoice]
+    prior_scale: float = 1.0
+
+    def variants(self, part: str, most: Mapping[str, int]) -> list[Choice]:
+        """Choices that differ in one part: an axis, with at most so many parameters, or the prior."""
+        if part == PRIOR:
+            return [replace(self, prior_scale=scale) for scale in PRIOR_SCALES]
+        kind = self.bases[part].kind
+        sizes = [BasisChoice(kind, size) for size in SIZES[kind]]
+        few = [basis for basis in sizes if basis.over((0.0, 1.0)).size <= most[part]]
+        return [replace(self, bases={**self.bases, part: basis}) for basis in few or sizes[:1]]
+
+
+Evidence = Callable[[Sequence[Choice], np.ndarray], Array]
+"""Evidence `(choices, draws)` of choices for some of the draws, which are given by number."""
+Unexplained = Callable[[Choice, np.ndarray], Array]
+"""Squares `(draws,)` that fits of a choice leave of lines that they have not seen; infinite where none is held out."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """The bases that there are to choose from."""
+
+    kinds: Sequence[str]
+    rotary_kind: str | None
+    """Another kind for rotary axes."""
+    prior_scale: float | None
+    """None where the evidence decides."""
+    most: Mapping[str, int]
+    """Parameters of each axis at most."""
+
+    @classmethod
+    def of(
+        cls,
+        measurement: Measurement,
+        kinds: Sequence[str],
+        rotary_kind: str | None,
+        prior_scale: float | None,
+        finest: int = FINEST,
+    ) -> Search:
+        """The search for a measurement: no axis gets more parameters than there are positions of it.
+
+        No linear one gets more than `finest`. UserError for a kind that there is not.
+        """
+        unknown = [kind for kind in kinds if kind not in SIZES]
+        if unknown:
+            raise UserError(f"basis auto:{unknown[0]}: there is none of that kind ({', '.join(SIZES)})")
+        most = {axis: distinct_positions(measurement, axis) for axis in moving_axes(measurement)}
+        few = {axis: number if axis[0] in "ABC" else min(number, finest) for axis, number in most.items()}
+        return cls(kinds, rotary_kind, prior_scale, few)
+
+    @property
+    def parts(self) -> list[str]:
+        """The parts of a choice that are changed one after the other."""
+        return [*self.most, *([PRIOR] if self.prior_scale is None else [])]
+
+    def start(self, kind: str) -> Choice:
+        """The choice that the search begins at."""
+        own = {axis: self.rotary_kind if self.rotary_kind and axis[0] in "ABC" else kind for axis in self.most}
+        start = Choice({axis: BasisChoice(of, SIZES[of][0]) for axis, of in own.items()}, self.prior_scale or 1.0)
+        for axis in self.most:
+            start = start.variants(axis, self.most)[: START + 1][-1]
+        return start
+
+
+def chosen(
+    search: Search,
+    draws: int,
+    evidence: Evidence,
+    unexplained: Unexplained | None = None,
+    progress: Progress = lambda _: None,
+) -> list[Choice]:
+    """The choice of each draw: the one of greatest evidence, all axes in the same kind of basis.
+
+    If `unexplained` is given (data on a few diagonals) and the size of the errors is free, smaller sizes are tried as
+    well, and the choice is the one whose fits best predict the lines left out of them: the evidence measures the
+    probability of the data on the lines, not the errors of the model between them.
+    """
+    preferred = _preferred(search, np.arange(draws), evidence, progress)
+    if unexplained is None or search.prior_scale is not None:
+        return preferred
+    best, least = list(preferred), np.full(draws, np.inf)
+    for scale in (None, *SMALLER):
+        tried = np.array([k for k, own in enumerate(preferred) if scale is None or scale < own.prior_scale], int)
+        one = replace(search, prior_scale=scale)
+        choices = _preferred(one, tried, evidence, progress) if scale else preferred
+        for choice, some in grouped(choices):
+            left = unexplained(choice, tried[some])
+            for draw in tried[some][left < least[tried[some]]].tolist():
+                best[draw] = choice
+            least[tried[some]] = np.minimum(least[tried[some]], left)
+    return best
+
+
+def grouped(choices: Sequence[Choice]) -> list[tuple[Choice, np.ndarray]]:
+    """Numbers of the draws by their choice."""
+    members: dict[str, list[int]] = defaultdict(list)
+    for draw, choice in enumerate(choices):
+        members[repr(choice)].append(draw)
+    return [(choices[draws[0]], np.array(draws)) for draws in members.values()]
+
+
+def _preferred(search: Search, draws: np.ndarray, evidence: Evidence, progress: Progress) -> list[Choice]:
+    """The choice of each draw with the greatest evidence."""
+    found = [_climbed(search.start(kind), search, draws, evidence, progress) for kind in search.kinds]
+    values = np.empty((len(found), len(draws)))
+    for k, choices in enumerate(found):
+        for choice, some in grouped(choices):
+            values[k, some] = evidence([choice], draws[some])[0]
+    return [found[kind][draw] for draw, kind in enumerate(np.argmax(values, axis=0).tolist())]
+
+
+def _climbed(start: Choice, search: Search, draws: np.ndarray, evidence: Evidence, progress: Progress) -> list[Choice]:
+    """The choice of each draw that no change of one part makes better."""
+    best, moving = [start] * len(draws), np.arange(len(draws))
+    while len(moving):
+        before = list(best)
+        for part in search.parts:
+            for choice, some in grouped([best[k] for k in moving]):
+                progress("choosing the basis: " + ", ".join(f"{axis} {basis}" for axis, basis in choice.bases.items()))
+                variants = [choice, *(each for each in choice.variants(part, search.most) if each != choice)]
+                values = evidence(variants, draws[moving[some]])
+                for k, number in zip(moving[some].tolist(), np.argmax(values, axis=0).tolist(), strict=True):
+                    best[k] = variants[number]
+        moving = np.array([k for k in moving if before[k] != best[k]], int)
+    return best

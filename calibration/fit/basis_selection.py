@@ -1,0 +1,172 @@
+"""How finely the error motions of each axis are written: chosen by the evidence, the probability of the data.
+
+Too coarse a basis leaves a misfit that no number of points averages out; too fine a one is paid for in the determinant.
+The search is that of `calibration.fit.basis_search`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache, lru_cache
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+
+from calibration.cores import each
+from calibration.fit.basis_search import FINEST, SIZES, Choice, Search, Unexplained, chosen
+from calibration.fit.fit import DOUBT, Fit, Progress, fit
+from calibration.fit.problem import solution
+from calibration.measurement.measurement import Measurement
+from calibration.observation import equations
+from calibration.observation.full_model import (
+    BasisChoice,
+    axis_effects,
+    distinct_positions,
+    parse_basis,
+    priors,
+    with_effects,
+)
+from calibration.observation.normal_equations import Normal, residuals, whitened, whiteners
+from kinematics.effects import Effect
+from kinematics.error_model.model import Design, ErrorModel, no_errors
+from kinematics.transforms import Array, read_only
+
+FINE = 24
+"""Nodes of the first fit."""
+ROWS = 5000
+"""At most so many rows, evenly spread, decide."""
+KEPT = 250_000_000
+"""Bytes of columns that are kept, beside the blocks."""
+Part = tuple[str, str]
+"""Axis and basis, or one of the two others."""
+REGISTRATION: Part = ("", "registration")
+BESIDES: Part = ("", "besides")
+
+
+def choose(
+    measurement: Measurement,
+    kinds: Sequence[str],
+    *,
+    rotary_kind: str | None = None,
+    effects: Sequence[Effect] = (),
+    prior_scale: float | None = None,
+    finest: int = FINEST,
+    unexplained: Unexplained | None = None,
+    progress: Progress = lambda _: None,
+) -> Choice:
+    """The choice of `basis_search.chosen` for a measurement.
+
+    rotary_kind: another kind for rotary axes. effects: fitted in addition. A given prior_scale stays. A first fit
+    finds outliers, registration and, where the sheet promises too much (p < DOUBT), the size of the noise.
+    """
+    search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest)
+    fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
+    first = fit(measurement, with_effects(measurement, fine, effects, 1.0)[0], variance="estimate")
+    evidence = LinearEvidence(first, effects)
+    return chosen(search, 1, lambda choices, _: evidence.of_all(choices), unexplained, progress)[0]
+
+
+def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
+    """The choice with the bases of all axes so many sizes finer, as far as there are positions.
+
+    The evidence tolerates a misfit of the order of u, which u does not hold; where data are dense, a finer basis costs
+    less than that.
+    """
+    bases = dict(choice.bases)
+    for axis, basis in choice.bases.items():
+        most = min(distinct_positions(measurement, axis), FINEST if axis[0] not in "ABC" else np.inf)
+        sizes = [size for size in SIZES[basis.kind] if size > basis.size]
+        few = [BasisChoice(basis.kind, s) for s in sizes if BasisChoice(basis.kind, s).over((0.0, 1.0)).size <= most]
+        bases[axis] = few[:margin][-1] if few[:margin] else basis
+    return replace(choice, bases=bases)
+
+
+class LinearEvidence:
+    """Log marginal likelihood of choices, up to a constant of the data, to first order about a first fit.
+
+    The normal equations of a choice are put together from blocks, one for each pair of its parts (registration, each
+    axis in its basis, what is fitted besides): each block is made once, however many choices share it.
+    """
+
+    def __init__(self, first: Fit, effects: Sequence[Effect]) -> None:
+        rows = np.flatnonzero(first.kept)
+        some = rows[np.linspace(0, len(rows) - 1, min(len(rows), ROWS)).astype(int)]
+        self._measurement, self._registration = first.measurement.rows(some), first.registration
+        self._factor = first.variance_factor if first.p_value < DOUBT else 1.0
+        self._effects = tuple(effects)
+        # what is fitted besides stays as the first fit found it, and may move from there
+        besides = sum(len(effect.parameters) for effect in effects)
+        self._besides = first.model.parameters[len(first.prior) - besides :]
+        self._white = whiteners(self._measurement) / np.sqrt(self._factor)
+        self._transform = self._white @ equations.transform(self._measurement, self._registration)
+        at_start = msgspec.structs.replace(no_errors(self._measurement.machine), effects=self._effects)
+        left = residuals(self._measurement, at_start.with_parameters(self._besides), self._registration)
+        self._residual = whitened(self._white, left).reshape(-1)
+        widest = 6 * (FINEST + 2) * self._residual.nbytes
+        self._columns = lru_cache(maxsize=max(KEPT // widest, len(self._measurement.machine.axes) + 4))(self._made)
+        self._right = cache(self._along)
+        self._priors = cache(self._typical)
+        own = self._priors(BESIDES)
+        start = np.array([value for effect in effects for value in effect.parameters])
+        self._moved = np.where(np.isfinite(own), (self._besides - start) / own, 0.0)
+        self._blocks: dict[tuple[Part, Part], Array] = {}
+        self._known: dict[str, float] = {}
+
+    def of_all(self, choices: Sequence[Choice]) -> Array:
+        """The evidence `(choices, 1)` of choices."""
+        return np.array(each(self._of, choices))[:, None]
+
+    def _of(self, choice: Choice) -> float:
+        key = repr(choice)
+        if key not in self._known:
+            self._known[key] = self._evidence(choice)
+        return self._known[key]
+
+    def _evidence(self, choice: Choice) -> float:
+        axes: list[Part] = [(axis, str(basis)) for axis, basis in choice.bases.items()]
+        parts = [REGISTRATION, *axes, BESIDES]
+        right = np.concatenate([self._right(part) for part in parts])
+        matrix, ends = np.empty((len(right),) * 2), np.cumsum([0, *(len(self._right(part)) for part in parts)])
+        places = [slice(start, end) for start, end in pairwise(ends.tolist())]
+        for a, rows in zip(parts, places, strict=True):
+            for b, columns in zip(parts, places, strict=True):
+                matrix[rows, columns] = self._block(a, b)
+        prior = np.concatenate([*(choice.prior_scale * self._priors(part) for part in axes), self._priors(BESIDES)])
+        away = np.zeros(len(prior))
+        away[len(prior) - len(self._moved) :] = self._moved
+        solved = solution(Normal(matrix, right), self._registration, prior, away)
+        return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
+
+    def _block(self, a: Part, b: Part) -> Array:
+        """The block of two parts, made in one order of the two: whichever thread asks first, its bits are the same."""
+        first, second = min(a, b), max(a, b)
+        if (first, second) not in self._blocks:
+            self._blocks[first, second] = read_only(self._columns(first).T @ self._columns(second))
+        block = self._blocks[first, second]
+        return block if first == a else block.T
+
+    def _along(self, part: Part) -> Array:
+        """The residual `(parameters,)` along the columns of a part."""
+        return read_only(np.asarray(self._residual @ self._columns(part)))
+
+    def _typical(self, part: Part) -> Array:
+        """Priors `(parameters,)` of a part."""
+        return priors(self._model(part))
+
+    def _made(self, part: Part) -> Array:
+        """Whitened derivatives `(n * d, parameters)` by the parameters of a part."""
+        if part == REGISTRATION:
+            columns = self._white @ equations.registration_design(self._measurement, self._registration)
+        else:
+            machine, state = self._measurement.machine, self._measurement.state
+            columns = Design(self._model(part), machine, state, with_instrument=True).of(slice(None), self._transform)
+        return read_only(np.asarray(columns.reshape(len(self._residual), -1)))
+
+    def _model(self, part: Part) -> ErrorModel:
+        """The effects of a part: of an axis in its basis, or those fitted besides."""
+        axis, basis = part
+        own = self._effects if part == BESIDES else axis_effects(self._measurement, axis, parse_basis(basis))
+        model = msgspec.structs.replace(no_errors(self._measurement.machine), effects=tuple(own))
+        return model.with_parameters(self._besides) if part == BESIDES else model

@@ -1,0 +1,160 @@
+"""A calibration from start to end: basis, fit, datum, location errors, visibility, held-out residuals."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+
+import msgspec
+import numpy as np
+
+from calibration.fit.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
+from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Choice
+from calibration.fit.basis_selection import choose, finer
+from calibration.fit.cross_validation import HeldOut, held_out, lines
+from calibration.fit.datum import to_datum
+from calibration.fit.fit import Fit, fit
+from calibration.fit.identifiability import Visibility, visibility
+from calibration.fit.location_errors import split_locations, transformed
+from calibration.fit.prediction import Seen
+from calibration.fit.residual_tests import Suspect, suspects
+from calibration.measurement.measurement import Measurement
+from calibration.observation.full_model import moving_axes, stated_bases, with_effects
+from calibration.observation.outliers import Variance, duplicates
+from calibration.plausibility.checks import Finding, usable
+from kinematics.effects import Effect
+from kinematics.error_model.model import ErrorModel, Provenance
+from kinematics.transforms import Array
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Everything that a person wants to know of it."""
+
+    fit: Fit
+    model: ErrorModel
+    """In the datum, location errors apart, with covariance: what is written."""
+    choice: Choice
+    visibility: Visibility
+    before_rms_um: float
+    """Residual of the nominal machine, registered."""
+    before_max_um: float
+    suspects: tuple[Suspect, ...]
+    """What the residuals depend on."""
+    held_out: HeldOut | None
+    findings: tuple[Finding, ...]
+    """Anomalies of the data."""
+    seen: Seen
+    """Predicted deviations at the measured states relative to their mean, with uncertainties."""
+
+    @property
+    def significant_share(self) -> float:
+        """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
+        return significant_share(self.seen)
+
+
+def calibrate(
+    measurement: Measurement,
+    *,
+    basis: str = AUTO,
+    margin: int = 0,
+    effects: Sequence[Effect] = (),
+    prior_scale: float | None = None,
+    variance: Variance = "sheet",
+    hold_out: bool = True,
+    valid_days: float | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Calibration:
+    """Error motions of every axis that moves, and `effects` besides, from measured points.
+
+    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: sizes by
+    which bases that are chosen are finer than the evidence asks for. prior_scale: size of the error
+    motions as a multiple of the typical one; None leaves it to the evidence where the basis is chosen, else 1.
+    valid_days: days for which the calibration states that it holds; None states nothing.
+    """
+    findings = usable(measurement)
+    choice = _choice(measurement, basis, effects, prior_scale, progress)
+    if basis.startswith(AUTO):
+        choice = finer(choice, measurement, margin)
+    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+    found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
+    before = nominal_residuals(found)
+    progress("what the data see")
+    seen = visibility(found)
+    refuse_few(found, seen)
+    progress("held-out residuals")
+    held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
+    refuse_worse(found, before, held)
+    written = _written(found, valid_days)
+    kept = measurement.rows(np.flatnonzero(found.kept))
+    before_um = before * kept.per_micro
+    return Calibration(
+        found,
+        written,
+        choice,
+        seen,
+        float(np.sqrt(np.mean(before_um**2))),
+        float(np.linalg.norm(before_um, axis=1).max()),
+        tuple(suspects(found)),
+        held,
+        tuple(findings),
+        seen_by(written, kept),
+    )
+
+
+def _choice(
+    measurement: Measurement,
+    basis: str,
+    effects: Sequence[Effect],
+    prior_scale: float | None,
+    progress: Callable[[str], None],
+) -> Choice:
+    axes = list(moving_axes(measurement))
+    if basis == AUTO or basis.startswith(f"{AUTO}:"):
+        kinds = AUTOMATIC_KINDS if basis == AUTO else (basis.removeprefix(f"{AUTO}:"),)
+        rotary_kind = ROTARY_KIND if basis == AUTO else None
+        unexplained = None if lines(measurement) is None else partial(_unexplained, measurement, effects)
+        return choose(
+            measurement,
+            kinds,
+            rotary_kind=rotary_kind,
+            effects=effects,
+            prior_scale=prior_scale,
+            unexplained=unexplained,
+            progress=progress,
+        )
+    return Choice(stated_bases(basis, axes), prior_scale or 1.0)
+
+
+def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Choice, _: np.ndarray) -> Array:
+    """Squares `(1,)` that fits of a choice leave of lines that they have not seen, less those of the nominal machine.
+
+    In units of the instrument's variance; infinite where no line can be held out.
+    """
+    model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
+    held = held_out(measurement, model, prior, ~duplicates(measurement))
+    return np.array([np.inf if held is None else -held.gain])
+
+
+def in_datum(found: Fit) -> ErrorModel:
+    """The fitted model in the datum, with its location errors."""
+    machine = found.measurement.machine
+    moved = transformed(found.model, found.model.effects, to_datum(machine, found.model, found.prior))
+    effects, matrix = split_locations(machine, moved)
+    return transformed(moved, effects, matrix)
+
+
+def _written(found: Fit, valid_days: float | None) -> ErrorModel:
+    """The fitted model with its location errors and where it comes from."""
+    provenance = Provenance(
+        made_by=f"ncomp {version('ncomp')}",
+        made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),
+        source=f"fit of {found.observations} observations, chi2/dof {found.chi2_reduced:.3g}",
+        inputs={found.measurement.source: found.measurement.fingerprint},
+        valid_days=msgspec.UNSET if valid_days is None else valid_days,
+        temperatures_degC=found.measurement.temperatures or msgspec.UNSET,
+    )
+    return msgspec.structs.replace(in_datum(found), provenance=provenance)

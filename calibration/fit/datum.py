@@ -1,0 +1,216 @@
+"""The frame that errors are told in: what no measurement can show is fixed by convention, not by the prior.
+
+A rigid motion of the whole workpiece frame, and constants that two axes can hold alike, change nothing that a tool
+does to a workpiece (once it is clamped and probed). Such directions of the parameters, the gauge, are found by fitting
+an ideal measurement in thought: any positions, four tool vectors, one unknown pose. Along them the parameters are moved
+(S-transformation of geodesy) until
+
+- the mean of every error motion of the linear axes is zero, and so is the slope of E_YX, E_ZX and E_ZY: X is x, and Y
+  lies in the x y plane; only the mean turns of the linear axis nearest to the tool stay, being the tool's orientation;
+- a rotary axis has no mean shift along, and no mean turn about, its own line, and no first harmonic that turns with
+  what it carries: that is a shift, or a tilt, of the part carried
+
+as nearly as the gauge allows. Their uncertainty is then relative to this frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from calibration.fit.problem import Problem, Solved
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.registration import Registration
+from kinematics.basis import Basis
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import IDENTITY, Array, rotation_about
+from kinematics.turn import columns_of
+
+DATUM_SLOPES = ("E_YX", "E_ZX", "E_ZY")
+"""Straightness slopes that are zero by convention: X is x, Y lies in the x y plane."""
+RULED = 2e-3
+"""Share of the largest singular value below which the rules leave a direction of the gauge open.
+
+To follow them there, parameters would have to grow until they only cancel one another.
+"""
+HARMONIC = 1e-2
+"""Weight of the first harmonics, which only some bases can hold exactly."""
+TURN = np.deg2rad(60.0)
+"""A rotary axis has to turn so far for a first harmonic to differ from a constant."""
+NULL = 1e-9
+"""Eigenvalues below this share of the largest count as zero."""
+GAUGE = 1e-2
+"""So little does the ideal measurement, to 1 um, say of the gauge, in terms of the prior."""
+
+
+class Line(NamedTuple):
+    """Mean and slope of a function of position over its interval, as linear functions of its parameters."""
+
+    mean: Array
+    """`(size,)`"""
+    slope: Array
+    """`(size,)`, per mm or degree."""
+
+
+def mean_line(basis: Basis) -> Line:
+    """The least squares line through a function written in this basis."""
+    low, high = basis.interval
+    x = np.linspace(low, high, 801)
+    columns, centred = basis.columns(x), x - x.mean()
+    return Line(columns.mean(axis=0), centred @ columns / (centred @ centred))
+
+
+def error_motions(model: ErrorModel) -> Iterator[tuple[ErrorMotion, slice]]:
+    """The error motions of a model, with the columns of their parameters."""
+    for effect, part in zip(model.effects, model.slices, strict=True):
+        if isinstance(effect, ErrorMotion):
+            yield effect, part
+
+
+def null_space(information: Array) -> Array:
+    """Directions `(p, k)`, orthonormal, that an information matrix says nothing of."""
+    values, vectors = np.linalg.eigh(information)
+    return np.asarray(vectors[:, values < NULL * max(float(values[-1]), 1.0)])
+
+
+def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
+    """Directions `(p, k)` of the parameters, in prior units and orthonormal, that no measurement can show."""
+    motions = list(error_motions(model))
+    columns = np.concatenate([np.arange(part.start, part.stop) for _, part in motions] or [np.zeros(0, int)])
+    found = np.zeros((len(prior), 0))
+    if len(columns):
+        alone = msgspec.structs.replace(model, effects=tuple(effect for effect, _ in motions), covariance=None)
+        values, vectors = np.linalg.eigh(_ideal(machine, alone, prior[columns]).information)
+        inner = vectors[:, values < GAUGE]
+        found = np.zeros((len(prior), inner.shape[1]))
+        found[columns] = inner
+    return _with_constants(found, motions, prior)
+
+
+def _with_constants(found: Array, motions: list[tuple[ErrorMotion, slice]], prior: Array) -> Array:
+    """The directions, and the constants of axes of which positioning alone is known: that is from their own zero."""
+    axes = [effect.axis for effect, _ in motions]
+    constants = np.zeros((len(prior), 0))
+    for effect, part in motions:
+        if axes.count(effect.axis) == 1 and effect.component == own_component(effect.axis):
+            x = np.linspace(*effect.basis.interval, 801)
+            column = np.zeros((len(prior), 1))
+            column[part, 0] = np.linalg.lstsq(effect.basis.columns(x), np.ones_like(x), rcond=None)[0]
+            column[part, 0] /= np.where(np.isfinite(prior[part]), prior[part], 1.0)
+            constants = np.concatenate([constants, column / np.linalg.norm(column)], axis=1)
+    if not constants.shape[1]:
+        return found
+    u, values, _ = np.linalg.svd(np.concatenate([found, constants], axis=1), full_matrices=False)
+    return np.asarray(u[:, values > NULL])
+
+
+def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
+    """The matrix `(p, p)` that takes parameters, in their units, along the gauge into the datum."""
+    free = gauge(machine, model, prior)
+    if not free.shape[1]:
+        return np.eye(len(prior))
+    scale = np.where(np.isfinite(prior), prior, 1.0)
+    rules = _rules(machine, model) * scale
+    u, values, directions = np.linalg.svd(rules @ free)
+    ruled = int(np.sum(values > RULED * values.max(initial=0.0)))
+    by_rules = (u[:, :ruled] / values[:ruled]).T @ rules
+    least = directions[ruled:] @ free.T  # components that the rules do not determine are removed
+    along = directions.T @ np.concatenate([by_rules, least])
+    return np.asarray((np.eye(len(prior)) - free @ along) * scale[:, None] / scale)
+
+
+def _rules(machine: Machine, model: ErrorModel) -> Array:
+    """What shall be zero, as linear functions `(rules, p)` of the parameters, um and urad."""
+    rows = []
+    known = {effect.axis for effect, _ in error_motions(model)}
+    last = [axis.name for axis in machine.axes if not axis.rotary and axis.name in known][-1:]
+    for effect, part in error_motions(model):
+        line = mean_line(effect.basis)
+        axis = machine.axes[machine.index(effect.axis)]
+        wanted = []
+        if (
+            effect.component in along_own_line(effect.axis)
+            if axis.rotary
+            else not (effect.axis in last and effect.angular)
+        ):
+            wanted.append(line.mean)
+        if effect.name in DATUM_SLOPES:
+            wanted.append(line.slope * (effect.basis.interval[1] - effect.basis.interval[0]))
+        for values in wanted:
+            row = np.zeros(len(model.parameters))
+            row[part] = values
+            rows.append(row)
+    return np.array([*rows, *_carried_harmonics(machine, model)]).reshape(-1, len(model.parameters))
+
+
+def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
+    """The first harmonics of rotary axes that turn with what they carry, as functions `(p,)` of the parameters."""
+    by_name = {effect.name: (effect, part) for effect, part in error_motions(model)}
+    for axis in machine.axes:
+        for letters in ("XYZ", "ABC"):
+            found = [by_name.get(f"E_{letter}{axis.name}") for letter in letters]
+            motions = [motion for motion in found if motion is not None]
+            if not axis.rotary or len(motions) < 3:
+                continue
+            low, high = np.deg2rad(motions[0][0].basis.interval)
+            if high - low < TURN:
+                continue
+            q = np.linspace(low, high, 201)
+            line = axis.error_frame.T @ axis.unit_direction
+            across = np.linalg.svd(line[None])[2][1:]
+            turning = rotation_about(line, q if axis.side == "tool" else -q) @ across.T
+            still = np.broadcast_to(across.T, turning.shape)
+            # the part that turns, of a course written as a constant and a turning vector
+            columns = np.concatenate([still, turning], axis=2).swapaxes(0, 1).reshape(-1, 4)
+            parts = np.linalg.pinv(columns)[2:].reshape(2, 3, len(q))
+            for turned in parts:
+                row = np.zeros(len(model.parameters))
+                for (effect, part), weights in zip(motions, turned, strict=True):
+                    row[part] = HARMONIC * weights @ columns_of(axis, effect.basis, np.rad2deg(q))
+                yield row
+
+
+def along_own_line(axis: str) -> str:
+    """Shift along and turn about the line of a rotary axis."""
+    own = own_component(axis)
+    return own + "XYZ"["ABC".index(own)]
+
+
+def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
+    """What the ideal measurement says."""
+    rng = np.random.default_rng(0)
+    ends = _ends(machine, model.effects)
+    n = 4 * len(prior) + 200
+    positions = rng.uniform(ends[0], ends[1], (n, len(machine.axes)))
+    size = 0.3 * max(float(np.ptp(ends[:, ~machine.rotary], axis=0).max()), 100.0)
+    targets = {"o": (0.0, 0.0, 0.0), "x": (size, 0.0, 0.0), "y": (0.0, size, 0.0), "z": (0.0, 0.0, size)}
+    state = State(positions, target=rng.choice(list(targets), n))
+    seen = np.zeros((n, 3))
+    ideal = Measurement(
+        machine,
+        LaserTracker(u_range_um=1.0, u_angle_um=1.0),
+        state,
+        seen,
+        {name: Target(vector) for name, vector in targets.items()},
+    )
+    registration = Registration({"1": IDENTITY}, {"1": np.zeros(3)})
+    problem = Problem(ideal, model, np.broadcast_to(1e3 * np.eye(3), (n, 3, 3)), prior)
+    return problem.solve(problem.point(np.array(model.parameters), registration), np.ones(n), 1.0)
+
+
+def _ends(machine: Machine, effects: tuple[Effect, ...]) -> Array:
+    """Ends `(2, axes)`, mm and rad, that the effects are known between; axes without effects stand still at zero."""
+    ends = np.zeros((2, len(machine.axes)))
+    for effect in effects:
+        for axis, interval in effect.intervals.items():
+            i = machine.index(axis)
+            ends[:, i] = np.array(interval) * machine.scale[i]
+    return ends

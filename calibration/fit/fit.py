@@ -1,0 +1,253 @@
+"""The fit: errors of the machine and registration of the instrument, jointly, with honest uncertainties.
+
+Whitened least squares with priors: minimise |W (observed - expected)|2 + |(parameters - start) / typical size|2, the
+expectation by the exact kinematics, the steps by the first-order transform (Gauss-Newton). What the data do not
+determine stays at the prior, with the prior's uncertainty (design decision 5; Montavon et al. (6)-(22) take the
+pseudo-inverse instead, whose finite uncertainties of such parameters mean nothing).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from calibration.fit.problem import Point, Problem, Solved
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
+from calibration.observation.full_model import priors
+from calibration.observation.outliers import (
+    Variance,
+    duplicates,
+    failed_stations,
+    first_registration,
+    huber_weights,
+    outlying,
+    refuse_lines,
+    robust_factor,
+)
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+LEAST = 1e-8
+"""Least variance factor that is estimated; of exact data."""
+SPARE = 0.2
+"""Share of the observations that the model must leave over for the noise to be estimated below the sheet's."""
+ENOUGH_ROWS = 20_000
+"""Rows that the iterations work on; all rows enter the last step."""
+STEPS = 30
+CONVERGED = 1e-3
+"""Of a step, in standard uncertainties."""
+AHEAD = 1.9
+"""Multiple of every other step: rows that count less bend the objective less than their weights say, so that steps end
+short of where they aim; below 2 the objective can't rise by it."""
+DOUBT = 1e-3
+"""p of chi2 below which the sheet's uncertainties are widened to what the residuals show (Birge)."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What came out; parameters in the units of the model, residuals in mm and rad."""
+
+    measurement: Measurement
+    model: ErrorModel
+    """With parameters, their standard uncertainties and their covariance."""
+    registration: Registration
+    residual: Array
+    """Observed minus expected `(n, d)`, of all rows."""
+    kept: np.ndarray
+    """False `(n,)` for outliers, failed stations and copies of rows."""
+    copies: np.ndarray
+    """True `(n,)` for rows that repeat an earlier one to the last digit."""
+    failed: tuple[str, ...]
+    """Stations left out as a whole."""
+    away: Array
+    """Distances `(p,)` of the parameters from where they started, in units of their priors; 0 of those without."""
+    prior: Array
+    """Prior standard deviations `(p,)`, infinite for none; or a root `(p, p)` of their covariance."""
+    solved: Solved
+    chi2: float
+    """Squares of the whitened residuals of the kept rows, by the instrument's sheet."""
+    variance_factor: float
+    """What the sheet's variances were multiplied by in the fit: 1, or estimated from the residuals."""
+
+    @property
+    def observations(self) -> int:
+        """Scalars that were fitted."""
+        return int(np.count_nonzero(self.kept) * self.residual.shape[1])
+
+    @cached_property
+    def effective_parameters(self) -> float:
+        """Degrees of freedom that the data spend."""
+        return self.solved.spent
+
+    @property
+    def freedom(self) -> float:
+        """Observations less effective parameters."""
+        return max(self.observations - self.effective_parameters, 1.0)
+
+    @property
+    def chi2_reduced(self) -> float:
+        """By the instrument's sheet; 1 when the model explains the data down to the sheet's noise."""
+        return self.chi2 / self.freedom
+
+    @property
+    def p_value(self) -> float:
+        """Of chi2, one-sided: small when the model lacks something, or the sheet promises too much."""
+        return float(special.chdtrc(self.freedom, self.chi2))
+
+    @property
+    def doubtful(self) -> bool:
+        """True where the residuals are larger than the sheet of the instrument allows."""
+        return self.variance_factor == 1.0 and self.p_value < DOUBT
+
+    @property
+    def rms_um(self) -> float:
+        """Of the residuals of the kept rows, per scalar; urad on rotary axes of an interferometer."""
+        return float(np.sqrt(np.mean((self.residual * self.measurement.per_micro)[self.kept] ** 2)))
+
+    @property
+    def max_um(self) -> float:
+        """Largest residual of a kept row, over its components."""
+        return float(self.residual_um[self.kept].max())
+
+    @property
+    def residual_um(self) -> Array:
+        """Lengths `(n,)` of the residuals, um; urad on rotary axes of an interferometer."""
+        return np.asarray(np.linalg.norm(self.residual * self.measurement.per_micro, axis=1))
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Rows found not to belong to the rest, one by one."""
+        lost = np.isin(self.measurement.groups, self.failed)
+        return np.flatnonzero(~self.kept & ~self.copies & ~lost)
+
+    @property
+    def log_evidence(self) -> float:
+        """Log marginal likelihood, up to a constant of the data: what fits, what priors and Occam charge for it."""
+        own = float(np.sum(self.away**2))
+        scale = self.observations * float(np.log(self.variance_factor))
+        return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
+
+
+def fit(
+    measurement: Measurement,
+    model: ErrorModel,
+    *,
+    prior: Array | None = None,
+    variance: Variance = "sheet",
+    progress: Progress = lambda _: None,
+) -> Fit:
+    """Fit all parameters of `model`, starting from their present values, and the registration.
+
+    prior: standard deviations `(p,)` of the parameters about their start, or a root `(p, p)` of their covariance;
+    default: the typical sizes of the table of effects. `variance="estimate"` scales the instrument's covariance to what
+    the residuals show, for a sheet that is in doubt or unknown. UserError when the data can't be fitted at all.
+    """
+    problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
+    refuse_lines(measurement)
+    copies = duplicates(measurement)
+    registration, trusted = first_registration(measurement)
+    some = _some(np.flatnonzero(trusted & ~copies))
+    progress("iterating")
+    iterated = problem.rows(some)
+    at_rest, factor, solved = _iterate(iterated, iterated.point(np.array(model.parameters), registration), variance)
+    progress("solving")
+    point = problem.point(at_rest.parameters, at_rest.registration)
+    least = _least(solved, len(some) * measurement.components, variance)
+    bad, failed = _judge(problem, point, copies, solved.spent, least)
+    for _ in range(10):
+        kept = ~bad
+        _refuse_too_few(measurement, kept, point)
+        solved = problem.solve(point, kept.astype(float), factor)
+        point = problem.moved(point, solved.step)
+        if variance == "estimate":
+            factor = max(_estimated(problem, point, kept, solved), least)
+        bad, failed = _judge(problem, point, copies, solved.spent, least)
+        if np.array_equal(bad, ~kept):
+            break
+    chi2 = float(np.sum(problem.distances(point)[kept]))
+    found = Fit(
+        measurement,
+        problem.at(point.parameters),
+        point.registration,
+        point.residual,
+        kept,
+        copies,
+        tuple(failed),
+        problem.away(point.parameters),
+        problem.prior,
+        solved,
+        chi2,
+        factor,
+    )
+    covariance = problem.covariance(solved, found.chi2_reduced if found.doubtful else 1.0)
+    return replace(found, model=found.model.with_parameters(point.parameters, covariance))
+
+
+def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, Solved]:
+    """The point where Gauss-Newton with Huber's weights comes to rest; variance factor and last solution there."""
+    components = problem.measurement.components
+    factor, spent, least = 1.0, 0.0, 1.0
+    for step in range(STEPS):
+        distances = problem.distances(point)
+        weights = huber_weights(distances, components, robust_factor(distances, components, spent, least))
+        # amplitudes first: a wave or a lag without one is moved anywhere
+        solved = (problem if step else problem.shapes_held()).solve(point, weights, factor)
+        aim = solved.step * (AHEAD if step % 2 else 1.0)
+        before, point, spent = point, problem.descended(point, aim, weights, factor), solved.spent
+        if variance == "estimate":
+            least = _least(solved, len(distances) * components, variance)
+            factor = robust_factor(problem.distances(point), components, spent, least)
+        if step and (solved.length < CONVERGED or point is before):
+            break
+    return point, factor, solved
+
+
+def _least(solved: Solved, scalars: int, variance: Variance) -> float:
+    """Least variance factor: the sheet's, unless there are observations enough to say that it is smaller."""
+    spare = scalars * (1.0 - SPARE)
+    # the rank takes longer to work out than the number of parameters
+    return LEAST if variance == "estimate" and (solved.parameters < spare or solved.rank < spare) else 1.0
+
+
+def _judge(
+    problem: Problem, point: Point, copies: np.ndarray, spent: float, least: float
+) -> tuple[np.ndarray, list[str]]:
+    """Rows not to be fitted, and the stations among them that failed as a whole."""
+    components = problem.measurement.components
+    distances = problem.distances(point)
+    bad = outlying(distances, components, robust_factor(distances[~copies], components, spent, least)) & ~copies
+    failed = failed_stations(problem.measurement, bad)
+    return bad | copies | np.isin(problem.measurement.groups, failed), failed
+
+
+def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:
+    """Variance factor that makes chi2 its expectation."""
+    chi2 = float(np.sum(problem.distances(point)[kept]))
+    scalars = int(np.count_nonzero(kept)) * problem.measurement.components
+    return chi2 / max(scalars - solved.spent, 1.0)
+
+
+def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:
+    if kept.sum() * measurement.components <= point.registered:
+        if kept.all():
+            setups = len(np.unique(measurement.groups))
+            raise UserError(
+                f"{measurement.source}: {len(measurement)} rows of {setups} set-ups are too few for the positions of "
+                "the instrument alone"
+            )
+        raise UserError(
+            f"{measurement.source}: of {len(measurement)} rows only {kept.sum()} agree with one another, too few for "
+            "the position of the instrument alone; are units, axis names and targets right?"
+        )
+
+
+def _some(rows: np.ndarray) -> np.ndarray:
+    """At most ENOUGH_ROWS of the rows, evenly spread."""
+    return rows if len(rows) <= ENOUGH_ROWS else rows[np.linspace(0, len(rows) - 1, ENOUGH_ROWS).astype(int)]

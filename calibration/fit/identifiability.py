@@ -1,0 +1,154 @@
+"""What the data cannot see: the null directions of the fit, by name, each with its reason and its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from calibration.fit.datum import gauge, null_space
+from calibration.fit.fit import Fit
+from kinematics.effects import Effect, ErrorMotion
+from kinematics.effects.base import own_component
+from kinematics.transforms import Array
+
+WHOLE = 1e-6
+"""A direction lies within some effects when less than this of it lies outside."""
+PART = 1e-2
+"""Share of a direction that is more than rounding."""
+
+
+@dataclass(frozen=True)
+class Blind:
+    """Directions of the parameters that the data do not determine."""
+
+    effects: tuple[str, ...]
+    """Names of the effects they lie in."""
+    directions: int
+    parameters: int
+    """Number of parameters of these effects."""
+    reason: str
+    remedy: str
+
+    def __str__(self) -> str:
+        names = " and ".join(self.effects) if len(self.effects) < 4 else ", ".join(self.effects)
+        return f"{names}: {self.reason}; {self.remedy}"
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """Rank and blind directions of a fit."""
+
+    parameters: int
+    rank: int
+    """Of the parameters that the data determine, the instrument's position known."""
+    rank_registered: int
+    """With the position of the instrument unknown, as it is."""
+    by_convention: int
+    """Directions that no measurement can show: they are fixed by the datum."""
+    blind: tuple[Blind, ...]
+    """What this measurement does not see and another could."""
+
+    @property
+    def not_visible(self) -> list[str]:
+        """Effects that these data do not show at all."""
+        return [b.effects[0] for b in self.blind if len(b.effects) == 1 and b.directions == b.parameters]
+
+
+def visibility(fit: Fit) -> Visibility:
+    """What the data of a fit see of its model."""
+    information = fit.solved.information
+    null = null_space(information)
+    free = gauge(fit.measurement.machine, fit.model, fit.prior)
+    u, values, _ = np.linalg.svd(null @ (null.T @ free), full_matrices=False)
+    conventional = np.asarray(u[:, values > 1 - PART])
+    size = len(fit.prior)
+    return Visibility(
+        size,
+        size - null_space(fit.solved.machine_information).shape[1],
+        size - null.shape[1],
+        conventional.shape[1],
+        tuple(_named(fit, null, conventional)),
+    )
+
+
+def _named(fit: Fit, null: Array, conventional: Array) -> list[Blind]:
+    """The null directions that are not conventional, by the effects they lie in.
+
+    One effect, two, the positioning errors of all linear axes, then the rest together.
+    """
+    effects, columns = fit.model.effects, fit.model.slices
+    found: list[Blind] = []
+    explained = conventional
+    along = tuple(i for i, effect in enumerate(effects) if _along_itself(effect))
+    groups = [*combinations(range(len(effects)), 1), *combinations(range(len(effects)), 2), along]
+    for members in filter(None, groups):
+        part = np.concatenate([np.arange(columns[i].start, columns[i].stop) for i in members])
+        inside = _inside(null, part)
+        new = _beyond(inside, explained)
+        if new.shape[1]:
+            explained = np.concatenate([explained, new], axis=1)
+            # a whole effect that is not seen holds conventional directions as well
+            directions = len(part) if inside.shape[1] == len(part) else new.shape[1]
+            found.append(_blind(fit, [effects[i] for i in members], directions, len(part)))
+    others = _beyond(null, explained)
+    if others.shape[1]:
+        weight = np.linalg.norm(others, axis=1)
+        mixed = [effect for effect, part in zip(effects, columns, strict=True) if weight[part].max(initial=0.0) > PART]
+        found.append(_blind(fit, mixed, others.shape[1], sum(len(effect.parameters) for effect in mixed)))
+    return found
+
+
+def _along_itself(effect: Effect) -> bool:
+    """True for the positioning error of a linear axis; of all of them together a path may not show a common course."""
+    return isinstance(effect, ErrorMotion) and not effect.angular and effect.component == own_component(effect.axis)
+
+
+def _inside(null: Array, part: np.ndarray) -> Array:
+    """The null directions `(p, k)` that have no share outside the parameters of `part`."""
+    outside = np.delete(null, part, axis=0)
+    values, vectors = np.linalg.eigh(outside.T @ outside)
+    return np.asarray(null @ vectors[:, values < WHOLE])
+
+
+def _beyond(directions: Array, known: Array) -> Array:
+    """The part of the space of `directions` that is orthogonal to `known`, as a basis."""
+    if not directions.shape[1]:
+        return directions
+    rest = directions - known @ (known.T @ directions)
+    u, values, _ = np.linalg.svd(rest, full_matrices=False)
+    return np.asarray(u[:, values > PART])
+
+
+def _blind(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int) -> Blind:
+    names = tuple(effect.name for effect in effects)
+    if len(effects) == 1:
+        reason = "not seen" if directions == parameters else f"{directions} of its {parameters} shapes not seen"
+    elif len(effects) == 2:
+        reason = f"only together, not apart ({directions} of {parameters} shapes)"
+    else:
+        reason = f"{directions} {'combination' if directions == 1 else 'combinations'} of them not seen"
+    return Blind(names, directions, parameters, reason, _remedy(fit, effects))
+
+
+def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
+    """What a measurement would need to see them."""
+    measurement = fit.measurement
+    vectors = np.array([target.position for target in measurement.targets.values() if target.carrier == "tool"])
+    used = np.unique(measurement.target_number)
+    spread = np.linalg.matrix_rank(vectors - vectors[:1]) if len(vectors) else 0
+    if measurement.across is not None and not any(effect.angular for effect in effects):
+        return (
+            "lines that are not alike about the middle would show it (ncomp plan --strategy on-the-fly); another tool "
+            "vector would not"
+        )
+    if measurement.instrument.components < 3:
+        return "a measurement in all three directions of space would show it"
+    if any(effect.angular for effect in effects) and spread < 2:
+        needed = {0: "a second tool vector (two more, not in one line, for all angles)", 1: "a third tool vector"}
+        return f"it needs {needed[int(spread)]} off the line of those measured"
+    if len(used) < len(measurement.targets):
+        return "some targets were never measured"
+    return "positions in which the axes move independently of each other, over their whole travel, would show it"

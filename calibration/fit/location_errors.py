@@ -1,0 +1,85 @@
+"""Location errors out of error motions: the mean lines of the axes, by ISO 230-1.
+
+The mean of the error motions of a rotary axis across its line is the location error of its axis average line, the slope
+of a straightness is the orientation of a linear axis: moved, with their covariance, into effects of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from calibration.fit.datum import DATUM_SLOPES, along_own_line, error_motions, mean_line
+from kinematics.effects import Component, Effect, ErrorMotion, LocationError
+from kinematics.error_model.covariance import propagated
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+
+ALIGNED = 1e-9
+"""An axis lies along a direction of the machine's frame when it misses it by less."""
+IN_SPAN = 1e-9
+"""Relative misfit up to which a basis holds a line."""
+
+
+def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, ...], Array]:
+    """Effects with the location errors, still zero, in front; and the matrix `(q, p)` to their parameters from the old.
+
+    Linear axes that do not lie along x, y or z keep their slopes.
+    """
+    matrix = np.eye(len(model.parameters))
+    found: list[LocationError] = []
+    rows: list[Array] = []
+    for effect, part in error_motions(model):
+        held = None if effect.name in DATUM_SLOPES else _location(machine, effect)
+        if held is None:
+            continue
+        location, own, function = held
+        row = np.zeros(len(model.parameters))
+        row[part] = own
+        matrix[part] -= np.outer(function, row)
+        found.append(location)
+        rows.append(row)
+    return (*found, *model.effects), np.concatenate([np.array(rows).reshape(-1, matrix.shape[1]), matrix])
+
+
+def transformed(model: ErrorModel, effects: tuple[Effect, ...], matrix: Array) -> ErrorModel:
+    """The model with these effects, whose parameters are `matrix` times its own; covariance with them."""
+    moved = msgspec.structs.replace(model, effects=effects)
+    return moved.with_parameters(matrix @ model.parameters, propagated(matrix, np.array(model.covariance)))
+
+
+def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Array, Array] | None:
+    """The location error that an error motion holds, its value, and what one unit of it does, both by the parameters.
+
+    None where it holds none, or its basis can't hold that alone.
+    """
+    axis, line = machine.axes[machine.index(effect.axis)], mean_line(effect.basis)
+    if axis.rotary:
+        if effect.component in along_own_line(effect.axis):
+            return None
+        component, value, wanted = effect.component, line.mean, _written(effect, np.ones_like)
+    else:
+        if effect.angular:
+            return None
+        # the line leaves d by angle x d per mm, so that angle = d x slope; um per mm are 1000 urad
+        along = axis.error_frame.T @ axis.unit_direction
+        turn = np.cross(along, np.eye(3)["XYZ".index(effect.component)])
+        k = int(np.argmax(np.abs(turn)))
+        if abs(abs(turn[k]) - 1.0) > ALIGNED:
+            return None
+        component, value = get_args(Component)[3 + k], turn[k] * line.slope * 1e3
+        wanted = _written(effect, lambda x: turn[k] * x * 1e-3)
+    return None if wanted is None else (LocationError(component, effect.axis, 0.0), value, wanted)
+
+
+def _written(effect: ErrorMotion, function: Callable[[Array], Array]) -> Array | None:
+    """Parameters `(size,)` of a function of position; None when the basis can't hold it."""
+    x = np.linspace(*effect.basis.interval, 801)
+    columns, values = effect.basis.columns(x), function(x)
+    parameters, *_ = np.linalg.lstsq(columns, values, rcond=None)
+    misfit = np.abs(columns @ parameters - values).max()
+    return np.asarray(parameters) if misfit < IN_SPAN * np.abs(values).max() else None

@@ -1,0 +1,140 @@
+"""Predictions: the deviation of the tool point, or the target, that an error model makes of a table of states.
+
+Actual minus nominal, tool relative to workpiece, in the workpiece frame, by the exact matrix product; its standard
+uncertainty by first order from the covariance of the parameters. Effects of the instrument have no part in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.file import KEYS, KINDS, OBSERVED, uncertainty_keys
+from calibration.measurement.states import (
+    Places,
+    allow_columns,
+    check_machine,
+    note_unknown_keys,
+    read_places,
+    state_columns,
+)
+from calibration.measurement.text_table import Table, read_table
+from kinematics.deviation import exact_deviation
+from kinematics.error_model.model import Design, ErrorModel
+from kinematics.error_transform import place_transform
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array, blocks
+from kinematics.user_error import UserError
+
+ADDED = ("dx_um", "dy_um", "dz_um", "u_dx_um", "u_dy_um", "u_dz_um")
+"""Columns of a prediction."""
+STATES = 1000
+"""States that are compared with each other."""
+MM = 1e3
+"""In um."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """The states of a file, whatever else stands in it."""
+
+    machine: Machine
+    table: Table
+    places: Places
+    notes: tuple[str, ...]
+
+
+class Predicted(NamedTuple):
+    """A block of rows; `(n, 3)`, um."""
+
+    rows: slice
+    deviation: Array
+    u: Array
+    """Standard uncertainties, k = 1."""
+
+
+class Seen(NamedTuple):
+    """Deviations at several states relative to their mean, and the shift that all have in common; um."""
+
+    deviation: Array
+    """`(n, 3)`, less the mean."""
+    u: Array
+    """Standard uncertainties `(n, 3)` of these differences, k = 1."""
+    u_shift: Array
+    """Standard uncertainties `(3,)` of the mean: of a shift common to all states, which a work offset that is touched
+    off on the machine takes up, and which data of one tool vector do not show."""
+
+    @property
+    def u_between(self) -> Array:
+        """RMS over the states `(3,)` of the uncertainties of the differences, um."""
+        mean: Array = (self.u**2).mean(axis=0)
+        return mean**0.5
+
+    def __str__(self) -> str:
+        between, shift = (", ".join(f"{u:.2g}" for u in values) for values in (self.u_between, self.u_shift))
+        return (
+            f"{between} um (k=1, x y z) of the deviation between positions; {shift} um of a shift common to all, which "
+            "disappears if the zero is touched off on the machine"
+        )
+
+    def json(self) -> dict[str, list[float]]:
+        """Standard uncertainties in x, y and z, um, for programs."""
+        return {"between_positions": self.u_between.tolist(), "common_shift": self.u_shift.tolist()}
+
+
+def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Seen:
+    """Deviations at states relative to their mean, tool `(n, 3)`, mm; all states at once."""
+    deviation = exact_deviation(machine, state.positions, model.errors(machine, state), tool).position
+    design = model.design(machine, state, place_transform(machine, state.positions, tool)[:, :3])
+    mean = design.mean(axis=0, keepdims=True)
+    return Seen(
+        (deviation - deviation.mean(axis=0)) * MM,
+        model.propagated(design - mean) * MM,
+        model.propagated(mean)[0] * MM,
+    )
+
+
+def relative_at_most(model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = STATES) -> Seen:
+    """As `relative`, at most so many of the states, evenly spread."""
+    rows = np.unique(np.linspace(0, len(state) - 1, min(len(state), most)).astype(int))
+    return relative(model, machine, state.rows(rows), tool[rows])
+
+
+def read_points(path: Path, machine: Machine) -> Points:
+    """The states in a file with columns of the measurement file, of any instrument or of none."""
+    table = read_table(path, "file of points")
+    notes: list[str] = []
+    check_machine(table, machine, notes)
+    uncertainties = [key for kind in KINDS.values() for key in uncertainty_keys(kind)]
+    keys = ["machine", "instrument", *uncertainties, *(key for keys in KEYS.values() for key in keys)]
+    note_unknown_keys(table, lambda key: key in keys, notes)
+    again = [name for name in ADDED if name in table.names]
+    if again:
+        raise UserError(f"{table.head} column {again[0]}: these points bear a prediction already")
+    observed = dict.fromkeys(name for names in (*OBSERVED.values(), ["scatter_um"]) for name in names)
+    allow_columns(table, [*state_columns(machine), *observed])
+    places = read_places(table, machine, notes)
+    for name, target in places.targets.items():
+        if target.carrier != "tool":
+            raise UserError(f"{table.source}: target {name} sits on the {target.carrier}: predicted is the tool")
+    return Points(machine, table, places, tuple(notes))
+
+
+def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Iterator[Predicted]:
+    """Predictions for all rows, a block at a time; tool `(n, 3)`, mm.
+
+    Of all rows at once only the error motions are held, and the columns of effects with memory.
+    """
+    errors = model.errors(machine, state)
+    design = Design(model, machine, state, with_instrument=False)
+    for rows in blocks(len(state)):
+        q = state.positions[rows]
+        deviation = exact_deviation(machine, q, errors[rows], tool[rows]).position
+        transform = place_transform(machine, q, tool[rows])[:, :3]
+        unmeasured = model.unmeasured_variance(machine, state.rows(rows), transform)
+        yield Predicted(rows, deviation * MM, model.propagated(design.of(rows, transform), unmeasured) * MM)

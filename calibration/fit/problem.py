@@ -1,0 +1,252 @@
+"""One least squares problem: what stays the same during a fit, and one step of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
+from calibration.observation.normal_equations import Normal, gather, residuals, whitened, whiteners
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+UNSEEN = 1e-10
+"""Eigenvalues below this share of what is seen best count as zero."""
+
+HELD = 1e-9
+"""Prior of a parameter that shall not move."""
+HALVINGS = 12
+"""Times that a step is halved when it makes things worse."""
+ROUNDING = 1e-9
+"""Rise of the objective that is rounding."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where the iteration stands."""
+
+    parameters: Array
+    registration: Registration
+    residual: Array
+    """Observed minus expected `(n, d)`, mm and rad, of the rows of the problem."""
+
+    @property
+    def registered(self) -> int:
+        """Number of parameters of the registration."""
+        return len(self.registration.names)
+
+
+class Solved(NamedTuple):
+    """One solution of the normal equations."""
+
+    step: Array
+    """Of the registration, then of the parameters."""
+    length: float
+    """Of the step, RMS in standard uncertainties."""
+    information: Array
+    """Of the data on the parameters `(p, p)`, in units of their priors, with the registration eliminated."""
+    machine_information: Array
+    """The same for an instrument whose position is known."""
+    registered: int
+    """Rank of the registration."""
+    reduction: float
+    """By which the step makes the sum of squares smaller, to first order."""
+    log_determinant: float
+    """Of the normal matrix with its priors."""
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters, at most as many as which count."""
+        return len(self.information) + self.registered
+
+    @property
+    def spent(self) -> float:
+        """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
+        size = len(self.information)
+        if not size:
+            return float(self.registered)
+        inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(self.information + np.eye(size)), lower=1)
+        return size - float(np.sum(inverse**2)) + self.registered
+
+    @property
+    def rank(self) -> int:
+        """What the data could spend at most, were they without noise."""
+        values = np.linalg.eigvalsh(self.information)
+        return int(np.count_nonzero(values > UNSEEN * max(float(values.max(initial=0.0)), 1.0))) + self.registered
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Measurement, model and priors."""
+
+    measurement: Measurement
+    model: ErrorModel
+    """At its start."""
+    white: Array
+    prior: Array
+    """Standard deviations `(p,)` about the start, infinite for none; or a root L `(p, p)` of their covariance L L'."""
+
+    @classmethod
+    def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
+        """The problem, its noise made white by the instrument's covariance."""
+        return cls(measurement, model, whiteners(measurement), prior)
+
+    def rows(self, index: np.ndarray) -> Problem:
+        """The problem with some of its rows."""
+        return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
+
+    def shapes_held(self) -> Problem:
+        """The problem whose periods and time constants stay what they are."""
+        linear = [quantity.linear for effect in self.model.effects for quantity in effect.parameter_table]
+        if self.prior.ndim == 1:
+            return replace(self, prior=np.where(linear, self.prior, HELD))
+        return replace(self, prior=self.prior * np.outer(linear, linear) + np.diag(np.where(linear, 0.0, HELD)))
+
+    def at(self, parameters: Array) -> ErrorModel:
+        """The model with these parameters."""
+        return self.model.with_parameters(parameters)
+
+    def point(self, parameters: Array, registration: Registration) -> Point:
+        """A point, with what it leaves of the rows of this problem."""
+        return Point(parameters, registration, residuals(self.measurement, self.at(parameters), registration))
+
+    def whitened(self, residual: Array) -> Array:
+        """The residuals `(n, d)`, in standard uncertainties."""
+        return whitened(self.white, residual)
+
+    def distances(self, point: Point) -> Array:
+        """Squared Mahalanobis distances `(n,)` of the residuals."""
+        return np.asarray(np.sum(self.whitened(point.residual) ** 2, axis=1))
+
+    def moved(self, point: Point, step: Array) -> Point:
+        """The point after a step; parameters with a bound come half-way to it at most."""
+        size = point.registered
+        return self.point(self._inside(point.parameters, step[size:]), point.registration.moved(step[:size]))
+
+    def objective(self, point: Point, weights: Array, factor: float) -> float:
+        """What is minimised, with these weights `(n,)` and the sheet's variances times `factor`."""
+        away = self.away(point.parameters)
+        return float(weights @ self.distances(point)) / factor + float(away @ away)
+
+    def descended(self, point: Point, step: Array, weights: Array, factor: float) -> Point:
+        """The point after a step, halved until the objective does not rise; the same point when none helps."""
+        limit = self.objective(point, weights, factor) * (1.0 + ROUNDING) + ROUNDING
+        halves = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
+        return next((moved for moved in halves if self.objective(moved, weights, factor) <= limit), point)
+
+    def solve(self, point: Point, weights: Array, factor: float) -> Solved:
+        """The Gauss-Newton step at a point; weights `(n,)` of the rows; sheet variances times `factor`."""
+        root = np.sqrt(weights / factor)
+        residual = self.whitened(point.residual) * root[:, None]
+        white = self.white * root[:, None, None]
+        normal = gather(self.measurement, self.at(point.parameters), point.registration, white, residual)
+        return self.solution(normal, point)
+
+    def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
+        """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
+        root, limited = _root(self.prior)
+        values, vectors = np.linalg.eigh(solved.information / widened + np.diag(limited))
+        # each direction is known at least as well as by its prior, also after rounding
+        least = 1.0 if limited.all() else np.finfo(float).eps * values[-1]
+        half = _times((vectors / np.sqrt(np.maximum(values, least))).T, root.T).T
+        return np.asarray(half @ half.T)
+
+    def solution(self, normal: Normal, point: Point) -> Solved:
+        """The solution of normal equations that were gathered at a point, priors included."""
+        return solution(normal, point.registration, self.prior, self.away(point.parameters))
+
+    def away(self, parameters: Array) -> Array:
+        """Distances `(p,)` of parameters from their start, in units of their priors; 0 of those without."""
+        root, limited = _root(self.prior)
+        moved = parameters - self.model.parameters
+        return np.asarray((moved / root if root.ndim == 1 else np.linalg.solve(root, moved)) * limited)
+
+    def _inside(self, parameters: Array, step: Array) -> Array:
+        moved, bounds = parameters + step, self._bounds
+        return np.where(moved <= bounds, (parameters + np.where(np.isfinite(bounds), bounds, 0.0)) / 2, moved)
+
+    @cached_property
+    def _bounds(self) -> Array:
+        return np.array([q.lower for effect in self.model.effects for q in effect.parameter_table])
+
+
+def solution(normal: Normal, registration: Registration, prior: Array, away: Array) -> Solved:
+    """The solution of normal equations with priors, as `Problem.prior`, from where parameters are `away` `(p,)`."""
+    size = len(registration.names)
+    root, limited = _root(prior)
+    scales = _registration_scale(normal, registration)
+    own = normal.matrix[:size, :size] * np.outer(scales, scales)
+    mixed = _times(normal.matrix[:size, size:], root) * scales[:, None]
+    machine = _between(normal.matrix[size:, size:], root)
+    right = np.concatenate([normal.right[:size] * scales, _times(normal.right[size:], root)])
+    half, rank, spread = _inverse_root(own)
+    eliminated = mixed.T @ half
+    information = machine - eliminated @ eliminated.T
+    inner = right[size:] - eliminated @ (half.T @ right[:size]) - away
+    # what neither the data nor a prior hold does not move
+    with_prior = information.copy()
+    np.fill_diagonal(with_prior, np.diag(information) + limited + UNSEEN * (1.0 + np.diag(information)))
+    try:
+        factor = linalg.cho_factor(with_prior, lower=True, overwrite_a=True)
+    except linalg.LinAlgError:
+        raise UserError(
+            "the equations of the fit have no solution: positions or readings of the data differ by so many orders of "
+            "magnitude that one of them must have a wrong unit or number"
+        ) from None
+    parameters = linalg.cho_solve(factor, inner)
+    step_of_own = half @ (half.T @ (right[:size] - mixed @ parameters))
+    length = float(np.sqrt(max(parameters @ inner, 0.0) / max(len(parameters), 1)))
+    log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales)))
+    reduction = float(right @ np.concatenate([step_of_own, parameters]))
+    step = np.concatenate([step_of_own * scales, _times(parameters, root.T)])
+    return Solved(step, length, information, machine, rank, reduction, log_determinant)
+
+
+def _root(prior: Array) -> tuple[Array, Array]:
+    """Parameters in units of their priors times this are their own: `(p,)`, or `(p, p)` from the left.
+
+    And 1 `(p,)` of those with a prior, 0 of others.
+    """
+    if prior.ndim == 2:
+        return prior, np.ones(len(prior))
+    limited = np.isfinite(prior)
+    return np.where(limited, prior, 1.0), limited.astype(float)
+
+
+def _registration_scale(normal: Normal, registration: Registration) -> Array:
+    """Units that make the diagonal of the registration's part 1; of turns with a lever below 1 mm less.
+
+    A station that saw one place shifts: no turn, however large, does the same to a lever of um.
+    """
+    diagonal = np.diag(normal.matrix)[: len(registration.names)].copy()
+    moves, shifts = (3, 2) if registration.planar else (6, 3)
+    poses = diagonal[: moves * len(registration.poses)].reshape(-1, moves)
+    poses[:, shifts:] = np.maximum(poses[:, shifts:], poses[:, :shifts].max(axis=1, keepdims=True))
+    return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)))
+
+
+def _times(block: Array, root: Array) -> Array:
+    """The block times the root, which may be the diagonal `(p,)` of one."""
+    return np.asarray(block * root if root.ndim == 1 else block @ root)
+
+
+def _between(block: Array, root: Array) -> Array:
+    """A symmetric block between the root, which may be the diagonal `(p,)` of one, and its transpose: L' A L."""
+    if root.ndim == 1:
+        return np.asarray(block * np.outer(root, root))
+    between = root.T @ block @ root
+    return np.asarray((between + between.T) / 2)
+
+
+def _inverse_root(matrix: Array) -> tuple[Array, int, float]:
+    """R of the pseudo-inverse R R' of the registration's part, its rank and the logarithm of its determinant."""
+    values, vectors = np.linalg.eigh(matrix)
+    seen = values > UNSEEN * max(values.max(initial=0.0), 1.0)
+    root = vectors[:, seen] / np.sqrt(values[seen])
+    return root, int(np.count_nonzero(seen)), float(np.sum(np.log(values[seen])))

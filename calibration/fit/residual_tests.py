@@ -1,0 +1,70 @@
+"""What the residuals of a fit depend on though the model says nothing of it: a first hint at a missing effect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from calibration.fit.fit import Fit
+from calibration.observation.normal_equations import whitened, whiteners
+from kinematics.transforms import Array
+
+SIGNIFICANCE = 1e-3
+"""Chance of a false hint in a whole report (Bonferroni over all that is looked at)."""
+CLIP = 5.0
+"""Standard uncertainties beyond which a residual counts no more."""
+
+
+class Suspect(NamedTuple):
+    """A variable that the residuals depend on."""
+
+    what: str
+    p_value: float
+    hint: str
+    """What to try."""
+
+
+def suspects(fit: Fit) -> list[Suspect]:
+    """Directions, time and temperatures that the residuals depend on, the clearest first.
+
+    For each, the F-test of the whitened residuals' regression on it, component by component in the instrument's frame.
+    """
+    measurement = fit.measurement
+    # what a missing effect spoils may have been taken for outliers: they count, but no single one decides
+    rows = ~fit.copies & ~np.isin(measurement.groups, fit.failed)
+    white = np.clip(whitened(whiteners(measurement), fit.residual)[rows], -CLIP, CLIP)
+    looked_at = list(_variables(fit))
+    limit = SIGNIFICANCE / max(len(looked_at), 1)
+    found = [Suspect(what, _p_value(white, values[rows]), hint) for what, values, hint in looked_at]
+    return sorted((suspect for suspect in found if suspect.p_value < limit), key=lambda suspect: suspect.p_value)
+
+
+def _variables(fit: Fit) -> Iterator[tuple[str, Array, str]]:
+    """Name, values `(n,)` and hint of what varies in the data."""
+    state, machine = fit.measurement.state, fit.measurement.machine
+    if state.approach is not None:
+        for i, axis in enumerate(machine.names):
+            yield f"the direction of {axis}", state.approach[:, i], f"--effect backlash:axis={axis},width=0"
+    if state.time is not None:
+        yield "time", state.time, "--effect thermal-drift:component=Z,rate=0 or thermal-scale:axis=...,rate=0"
+    for name, temperature in state.temperatures.items():
+        hint = (
+            f"--effect thermal-scale-sensor:axis=...,sensor={name},coefficient=0 or thermal-drift-sensor:component=..."
+        )
+        yield f"the temperature {name}", temperature, hint
+
+
+def _p_value(white: Array, values: Array) -> float:
+    spread = values - values.mean()
+    size = float(spread @ spread)
+    n, components = white.shape
+    if size <= 0.0 or n < 10:
+        return 1.0
+    slopes = spread @ (white - white.mean(axis=0)) / size
+    explained = float(np.sum(slopes**2)) * size
+    rest = float(np.sum((white - white.mean(axis=0)) ** 2)) - explained
+    freedom = components * (n - 2)
+    return float(special.fdtrc(components, freedom, explained / components / (rest / freedom)))

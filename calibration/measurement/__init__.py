@@ -1,0 +1,1 @@
+"""Measurements: columns of states and observations, from files of any known format."""

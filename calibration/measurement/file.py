@@ -1,0 +1,316 @@
+"""The measurement file: what the machine was told, and what was observed, as CSV (contract 4.2)."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+import numpy as np
+
+from calibration.measurement.error_columns import spread
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part
+from calibration.measurement.measurement import Measurement, with_moves
+from calibration.measurement.states import (
+    CARRIERS,
+    PLAIN_NAME,
+    Places,
+    allow_columns,
+    by_kind,
+    check_machine,
+    note_unknown_keys,
+    read_places,
+    state_columns,
+)
+from calibration.measurement.text_table import Table, read_table
+from kinematics.effects.base import UM, URAD, own_component
+from kinematics.forward import tool_point
+from kinematics.machine import Machine
+from kinematics.state import REFERENCE
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+KINDS: dict[str, type[Instrument]] = {"laser-tracker": LaserTracker, "interferometer": Interferometer, "part": Part}
+OBSERVED = {
+    "laser-tracker": ["x", "y", "z"],
+    "interferometer": ["axis", "component", "direction", "target_mm", "target_deg", "deviation_um", "deviation_urad"],
+    "part": ["nominal_x", "nominal_y", "nominal_z", "x", "y", "z"],
+}
+"""Columns besides those of the state."""
+NEEDED = {
+    "laser-tracker": (("u_range_um", "u_range_um_per_m"), ("u_angle_um", "u_angle_um_per_m")),
+    "interferometer": (("u_um",),),
+    "part": (("u_um",),),
+}
+"""Of each of these groups at least one uncertainty is above zero, or an observation would count without limit."""
+KEYS = {"laser-tracker": ["stands_on"], "interferometer": [], "part": ["part_offset"]}
+CHUNK = 50_000
+"""Rows that are turned into text at a time."""
+
+
+def read_measurement(path: Path, machine: Machine) -> Measurement:
+    """The measurement in a file; UserError with line and column for what can't be used."""
+    return measurement_of(read_table(path, "measurement file"), machine)
+
+
+def measurement_of(table: Table, machine: Machine) -> Measurement:
+    """The measurement in a table of the contract's columns."""
+    notes: list[str] = []
+    kind = _kind(table)
+    if kind == "interferometer":
+        table = spread(table, machine)
+    check_machine(table, machine, notes)
+    instrument = read_instrument(table)
+    keys = ["machine", "instrument", *uncertainty_keys(KINDS[kind]), *KEYS[kind]]
+    note_unknown_keys(table, lambda key: key in keys, notes)
+    own = ["scatter_um"] if kind == "laser-tracker" else []
+    allow_columns(table, [*OBSERVED[kind], *state_columns(machine), *own])
+    if kind == "interferometer":
+        table.need_columns(["axis", "run", "direction"], "an interferometer")
+    places = read_places(table, machine, notes)
+    _check_component_uncertainties(table, instrument, places)
+    observed = _observed(table, machine, kind, places)
+    if kind != "laser-tracker" and not all(target.known for target in places.targets.values()):
+        raise UserError(f"{table.source}: targets on table and bed are for a laser tracker, not for: {kind}")
+    return Measurement(
+        machine,
+        instrument,
+        replace(places.state, observed=observed if kind == "laser-tracker" else None),
+        observed,
+        places.targets,
+        places.stands_on,
+        places.axis,
+        places.run,
+        places.actual,
+        places.feed,
+        places.part_zero,
+        table.lines,
+        table.source,
+        table.fingerprint,
+        tuple(notes),
+        component=places.component,
+        scatter=_scatter(table),
+    )
+
+
+def write_measurement(measurement: Measurement, file: BinaryIO) -> None:
+    """Write the measurement; read again, it is the same (its last moves come from the order of rows)."""
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+    for line in header_lines(measurement):
+        text.write(f"# {line}\n")
+    columns = _columns(measurement)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for start in range(0, len(measurement), CHUNK):
+        part = [column[start : start + CHUNK] for column in columns.values()]
+        writer.writerows(zip(*map(_texts, part), strict=True))
+    text.flush()
+    text.detach()
+
+
+# ---- reading
+
+
+def _kind(table: Table) -> str:
+    if "instrument" not in table.entries:
+        raise UserError(f"{table.source}: header line '# instrument: {' | '.join(KINDS)}' is missing")
+    kind = table.entries["instrument"].value
+    if kind not in KINDS:
+        table.header_fault("instrument", f"{kind!r} is none of {', '.join(KINDS)}")
+    return kind
+
+
+LARGEST_U = 1e6
+"""Largest standard uncertainty of an instrument that is read, um or um/m: a metre."""
+
+
+def uncertainty_keys(kind: type[Instrument]) -> list[str]:
+    """Header keys of an instrument's standard uncertainties."""
+    return [field.name for field in msgspec.structs.fields(kind) if field.name.startswith("u_")]
+
+
+def check_uncertainties(kind: str, values: Mapping[str, float], where: str, how: str) -> None:
+    """UserError unless an instrument's standard uncertainties, by header key, give its observations a finite weight.
+
+    `where` begins the message, and `how`, with a key put in, ends it.
+    """
+    for group in NEEDED[kind]:
+        if not any(values.get(key) for key in group):
+            raise UserError(
+                f"{where}: the standard uncertainty (k=1) of the {kind} is missing: "
+                f"state {' or '.join(group)} above zero ({how.format(group[0])})"
+            )
+
+
+def read_instrument(table: Table) -> Instrument:
+    """The instrument with its uncertainties; UserError when the file does not say them."""
+    kind = _kind(table)
+    values: dict[str, float] = {}
+    for key in uncertainty_keys(KINDS[kind]):
+        if key in table.entries:
+            (values[key],) = table.header_numbers(key, 1)
+            if values[key] < 0:
+                table.header_fault(key, f"{values[key]:g} is negative")
+            if values[key] > LARGEST_U:
+                table.header_fault(key, f"{values[key]:g} is more than {LARGEST_U:g}, and no uncertainty")
+    if "component" not in table.names:
+        check_uncertainties(kind, values, table.source, "header line '# {}: ...'")
+    components = {} if kind != "part" else {"components": 3 if "z" in table.names else 2}
+    instrument: Instrument = msgspec.convert({"kind": kind, **values, **components}, Instrument)
+    return instrument
+
+
+def _check_component_uncertainties(table: Table, instrument: Instrument, places: Places) -> None:
+    """UserError where error motions are observed whose uncertainty is not stated."""
+    if not isinstance(instrument, Interferometer) or places.component is None or places.axis is None:
+        return
+    own = np.array([own_component(name) for name in places.axis.tolist()])
+    positioning, angular = (places.component == "") | (places.component == own), np.isin(places.component, list("ABC"))
+    across = instrument.u_straightness_um + instrument.u_straightness_um_per_m
+    for rows, u, key, what in (
+        (positioning, instrument.u_um, "u_um", "positioning"),
+        (~positioning & angular, instrument.u_angle_urad, "u_angle_urad", "angles"),
+        (~positioning & ~angular, across, "u_straightness_um", "straightness"),
+    ):
+        if rows.any() and not u:
+            raise UserError(
+                f"{table.source}: the standard uncertainty (k=1) of {what} is missing: state {key} above zero "
+                f"(header line '# {key}: ...')"
+            )
+
+
+def _observed(table: Table, machine: Machine, kind: str, places: Places) -> Array:
+    """`(n, components)`, mm; of rotary axes rad."""
+    if kind == "interferometer":
+        assert places.axis is not None
+        turning = np.isin(places.axis, [axis.name for axis in machine.axes if axis.rotary])
+        angular = None if places.component is None else turning | np.isin(places.component, list("ABC"))
+        sizes = np.where(turning if angular is None else angular, URAD, UM)
+        return (by_kind(table, machine, "deviation_um", "deviation_urad", angular) * sizes)[:, None]
+    points = ["x", "y", "z"] if kind == "laser-tracker" or "z" in table.names else ["x", "y"]
+    table.need_columns(points, kind)
+    if kind == "part":
+        table.need_columns([f"nominal_{letter}" for letter in points], kind)
+    return np.stack(list(table.numbers(points).values()), axis=1)
+
+
+def _scatter(table: Table) -> Array | None:
+    """Standard uncertainties `(n,)`, mm, of the means that the rows are; None without the column."""
+    if "scatter_um" not in table.names:
+        return None
+    column = table.numbers(["scatter_um"])["scatter_um"]
+    if np.any(column < 0.0):
+        table.fault(int(np.argmax(column < 0.0)), "scatter_um", "below 0")
+    if np.any(column > LARGEST_U):
+        table.fault(int(np.argmax(column > LARGEST_U)), "scatter_um", f"more than {LARGEST_U:g}, and no uncertainty")
+    return column * UM
+
+
+# ---- writing
+
+
+def header_lines(measurement: Measurement) -> Iterator[str]:
+    """What stands behind `# ` above the columns."""
+    instrument = measurement.instrument
+    kind = next(name for name, kind in KINDS.items() if isinstance(instrument, kind))
+    yield f"machine: {measurement.machine.name}"
+    yield f"instrument: {kind}"
+    for name in uncertainty_keys(type(instrument)):
+        yield f"{name}: {getattr(instrument, name)!r}"
+    if kind == "laser-tracker":
+        yield f"stands_on: {measurement.stands_on}"
+    if kind == "part":
+        yield f"part_offset: {_numbers(measurement.part_zero)}"
+    keys = {carrier: key for key, carrier in CARRIERS.items()}
+    for name, target in measurement.targets.items():
+        if not PLAIN_NAME.fullmatch(name):
+            raise UserError(f"target {name!r}: a measurement file takes names without blanks, commas and colons")
+        yield f"{keys[target.carrier]}.{name}: {_numbers(target.position)}"
+
+
+def _columns(measurement: Measurement) -> dict[str, np.ndarray]:
+    """The columns of the file, in its units."""
+    machine, state, instrument = measurement.machine, measurement.state, measurement.instrument
+    columns: dict[str, np.ndarray | None] = {"time_s": state.time}
+    for i, name in enumerate(machine.names):
+        columns[name] = _in_units(state.positions[:, i], machine.scale[i])
+    columns |= _directions(measurement)
+    columns |= {"target": state.target, "station": state.station, "run": measurement.run}
+    if isinstance(instrument, Interferometer):
+        columns |= _deviations(measurement)
+    else:
+        if isinstance(instrument, Part):
+            nominal = tool_point(machine, state.positions, measurement.tool) - measurement.part_zero
+            columns |= {f"nominal_{xyz}": nominal[:, i] for i, xyz in enumerate("xyz"[: instrument.components])}
+        columns |= {xyz: measurement.observed[:, i] for i, xyz in enumerate("xyz"[: instrument.components])}
+    if measurement.scatter is not None:
+        columns["scatter_um"] = _in_units(measurement.scatter, UM)
+    columns["feed"] = measurement.feed
+    if measurement.actual is not None:
+        for i in np.flatnonzero(~np.isnan(measurement.actual).any(axis=0)).tolist():
+            columns[f"actual_{machine.names[i]}"] = _in_units(measurement.actual[:, i], machine.scale[i])
+    for sensor, kelvin in state.temperatures.items():
+        columns[f"temp_{sensor}"] = _written(kelvin, lambda k: k + REFERENCE, lambda degrees: degrees - REFERENCE)
+    return {name: column for name, column in columns.items() if column is not None}
+
+
+def _directions(measurement: Measurement) -> dict[str, np.ndarray]:
+    """Columns dir_X ..., unless the order of the rows says the same (of a part it says nothing)."""
+    state = measurement.state
+    if state.approach is None:
+        return {}
+    from_order = with_moves(state).approach
+    assert from_order is not None
+    if not isinstance(measurement.instrument, Part) and np.array_equal(state.approach, from_order):
+        return {}
+    signs = state.approach.astype(int)
+    return {f"dir_{name}": signs[:, i] for i, name in enumerate(measurement.machine.names)}
+
+
+def _deviations(measurement: Measurement) -> dict[str, np.ndarray]:
+    """Columns of an interferometer; of linear and rotary axes in columns of their own, empty in the others' rows."""
+    machine, state = measurement.machine, measurement.state
+    assert measurement.axis is not None
+    assert state.approach is not None
+    own = np.arange(len(measurement)), np.array([machine.index(name) for name in measurement.axis.tolist()])
+    columns = {"axis": measurement.axis, "direction": state.approach[own].astype(int)}
+    if measurement.component is not None:
+        columns["component"] = measurement.component
+    turns, angular = machine.rotary[own[1]], measurement.angular
+    for rows, scale, unit in ((~turns, 1.0, "mm"), (turns, np.pi / 180.0, "deg")):
+        if rows.any():
+            columns[f"target_{unit}"] = _only(rows, _in_units(state.positions[own], scale))
+    for rows, size, unit in ((~angular, UM, "um"), (angular, URAD, "urad")):
+        if rows.any():
+            columns[f"deviation_{unit}"] = _only(rows, _in_units(measurement.observed[:, 0], size))
+    return columns
+
+
+def _only(rows: np.ndarray, column: Array) -> np.ndarray:
+    """The column as texts, empty in other rows."""
+    return np.where(rows, _texts(column), "")
+
+
+def _in_units(column: Array, size: float) -> Array:
+    """Numbers in units of `size`: those that read back as the same, with few digits where there are such."""
+    return _written(column, lambda inside: inside / size, lambda outside: outside * size)
+
+
+def _written(column: Array, out: Callable[[Array], Array], back: Callable[[Array], Array]) -> Array:
+    exact = out(column)
+    result = exact
+    for candidate in (np.nextafter(exact, np.inf), np.nextafter(exact, -np.inf), exact, np.round(exact, 9)):
+        result = np.where(back(candidate) == column, candidate, result)
+    return result
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return " ".join(f"{value!r}" for value in values)
+
+
+def _texts(column: np.ndarray) -> list[str]:
+    return list(map(str, column.tolist()))

@@ -1,0 +1,200 @@
+"""Several files as one measurement: runs at other times, temperatures and feeds, by one instrument on one machine.
+
+Each file is a set-up of its own: its stations and runs are named `file:name`. What one of the files does not say is
+dropped for all, with a note; it is refused where rows would then be taken for what they are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement, Target
+from kinematics.files import fingerprint
+from kinematics.state import State
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+UNNAMED = "1"
+"""Station and run of a file that names none."""
+
+
+def joined(measurements: Sequence[Measurement]) -> Measurement:
+    """The measurements as one, in the order given; UserError for those that do not belong together."""
+    if not measurements:
+        raise UserError("no measurement")
+    first = measurements[0]
+    if len(measurements) == 1:
+        return first
+    _check_alike(measurements)
+    names = _names(measurements)
+    notes = [f"{name}: {note}" for name, m in zip(names, measurements, strict=True) for note in m.notes]
+    state = _state(measurements, names, notes)
+    return replace(
+        first,
+        state=state,
+        observed=np.concatenate([m.observed for m in measurements]),
+        targets=_targets(measurements, names),
+        axis=_together("the axis", [m.axis for m in measurements], names, notes),
+        component=_components(measurements),
+        run=_named(names, [m.run for m in measurements], measurements),
+        actual=_actual(measurements, names, notes),
+        feed=_together("the feed", [m.feed for m in measurements], names, notes),
+        lines=_lines(measurements),
+        file=np.repeat(names, [len(m) for m in measurements]),
+        source=" + ".join(names),
+        scatter=_together("the scatter of the readings", [m.scatter for m in measurements], names, notes),
+        fingerprint=fingerprint("\n".join(m.fingerprint for m in measurements).encode()),
+        notes=tuple(notes),
+    )
+
+
+def _check_alike(measurements: Sequence[Measurement]) -> None:
+    """UserError unless machine, instrument and frame are the same, and no file comes twice."""
+    first = measurements[0]
+    alike: Mapping[str, Callable[[Measurement], object]] = {
+        "the machine": lambda m: m.machine,
+        "the instrument or its uncertainties": lambda m: m.instrument,
+        "stands_on": lambda m: m.stands_on,
+        "the zero of the part": lambda m: m.part_zero,
+    }
+    for number, m in enumerate(measurements):
+        for what, of in alike.items():
+            if of(m) != of(first):
+                raise UserError(f"{first.source} and {m.source} differ in {what}: they can't be taken together")
+        for other in measurements[:number]:
+            if m.fingerprint and m.fingerprint == other.fingerprint:
+                raise UserError(f"{other.source} and {m.source} are the same data")
+
+
+def _names(measurements: Sequence[Measurement]) -> list[str]:
+    """Short names of the files where they differ, else whole ones, numbered where these are alike too."""
+    for names in ([Path(m.source).name for m in measurements], [m.source for m in measurements]):
+        if len(set(names)) == len(names) and all(names):
+            return names
+    return [f"{m.source or 'file'}({number})" for number, m in enumerate(measurements, start=1)]
+
+
+def _state(measurements: Sequence[Measurement], names: list[str], notes: list[str]) -> State:
+    states = [m.state for m in measurements]
+    stations = _named(names, [state.station for state in states], measurements)
+
+    def column(name: str, what: str) -> Array | None:
+        return _together(what, [getattr(state, name) for state in states], names, notes)
+
+    return State(
+        np.concatenate([state.positions for state in states]),
+        approach=column("approach", "the direction of approach"),
+        last_move=column("last_move", "the last move"),
+        velocity=_velocity(measurements, names),
+        acceleration=column("acceleration", "the acceleration"),
+        time=_time(measurements, names, notes),
+        temperatures=_temperatures(states, names, notes),
+        cycle=column("cycle", "run as a cycle"),
+        station=None if measurements[0].axis is not None else stations,
+        target=column("target", "the target"),
+        observed=column("observed", "the observed point"),
+    )
+
+
+def _components(measurements: Sequence[Measurement]) -> np.ndarray | None:
+    """Error motions `(n,)` that an interferometer observes; empty in files of positioning deviations."""
+    if all(m.component is None for m in measurements):
+        return None
+    return np.concatenate([np.full(len(m), "") if m.component is None else m.component for m in measurements])
+
+
+def _together(what: str, columns: Sequence[np.ndarray | None], names: list[str], notes: list[str]) -> np.ndarray | None:
+    """The columns one after the other; None, with a note where only some are there, unless all are."""
+    there = [column for column in columns if column is not None]
+    if len(there) == len(columns):
+        return np.concatenate(there)
+    if there:
+        missing = ", ".join(name for name, column in zip(names, columns, strict=True) if column is None)
+        notes.append(f"{what} is not known in {missing}: not used in the other files either")
+    return None
+
+
+def _named(names: list[str], columns: Sequence[np.ndarray | None], measurements: Sequence[Measurement]) -> np.ndarray:
+    """Names `file:name` `(n,)`."""
+    return np.concatenate(
+        [
+            np.char.add(f"{name}:", np.full(len(m), UNNAMED) if column is None else column.astype(str))
+            for name, column, m in zip(names, columns, measurements, strict=True)
+        ]
+    )
+
+
+def _targets(measurements: Sequence[Measurement], names: list[str]) -> dict[str, Target]:
+    """All targets; UserError where two files do not agree on one."""
+    found: dict[str, Target] = {}
+    for file, m in zip(names, measurements, strict=True):
+        for name, target in m.targets.items():
+            if found.setdefault(name, target) != target:
+                raise UserError(
+                    f"{file}: target {name} sits at {_place(target)}, in another file at {_place(found[name])}: give "
+                    "them names of their own"
+                )
+    return found
+
+
+def _place(target: Target) -> str:
+    return f"{' '.join(f'{value:g}' for value in target.position)} on the {target.carrier}"
+
+
+def _time(measurements: Sequence[Measurement], names: list[str], notes: list[str]) -> Array | None:
+    """Times `(n,)`; of a file that begins before the one before it ended, shifted to follow it."""
+    times = [m.state.time for m in measurements]
+    following: list[Array] = []
+    for name, time in zip(names, times, strict=True):
+        if time is None:
+            return _together("the time", times, names, notes)
+        late = float(following[-1].max() - time.min()) if following else 0.0
+        if late > 0.0:
+            notes.append(f"{name}: its time begins anew, and is shifted by {late:.6g} s to follow the file before")
+        following.append(time + max(late, 0.0))
+    return np.concatenate(following)
+
+
+def _temperatures(states: Sequence[State], names: list[str], notes: list[str]) -> dict[str, Array]:
+    """Temperatures of the sensors, those of every file."""
+    sensors = dict.fromkeys(sensor for state in states for sensor in state.temperatures)
+    columns = {
+        sensor: _together(f"the temperature {sensor}", [s.temperatures.get(sensor) for s in states], names, notes)
+        for sensor in sensors
+    }
+    return {sensor: column for sensor, column in columns.items() if column is not None}
+
+
+def _velocity(measurements: Sequence[Measurement], names: list[str]) -> Array | None:
+    """Velocities `(n, axes)`; UserError where some rows moved and of others nobody knows."""
+    velocities = [m.state.velocity for m in measurements]
+    known = [velocity for velocity in velocities if velocity is not None]
+    if len(known) == len(velocities):
+        return np.concatenate(known)
+    if any(velocity.any() for velocity in known):
+        missing = ", ".join(name for name, velocity in zip(names, velocities, strict=True) if velocity is None)
+        raise UserError(
+            f"{missing}: no column feed, while other files have rows in motion: state it (0 where the machine stood)"
+        )
+    return None
+
+
+def _actual(measurements: Sequence[Measurement], names: list[str], notes: list[str]) -> Array | None:
+    """Read-back positions `(n, axes)`, NaN in files without."""
+    if all(m.actual is None for m in measurements):
+        return None
+    missing = [name for name, m in zip(names, measurements, strict=True) if m.actual is None]
+    if missing:
+        notes.append(f"no read-back in {', '.join(missing)}")
+    return np.concatenate(
+        [np.full(m.state.positions.shape, np.nan) if m.actual is None else m.actual for m in measurements]
+    )
+
+
+def _lines(measurements: Sequence[Measurement]) -> np.ndarray:
+    """Lines `(n,)` in the files; 0 where they are not known."""
+    return np.concatenate([np.zeros(len(m), int) if m.lines is None else m.lines for m in measurements])

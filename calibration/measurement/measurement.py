@@ -1,0 +1,214 @@
+"""Measurement: columns of states and observations, whatever file they come from (contract 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from calibration.measurement.instruments import Instrument
+from kinematics.effects.base import own_component
+from kinematics.machine import Machine, Vector
+from kinematics.state import REFERENCE, State
+from kinematics.transforms import Array
+
+Carrier = Literal["tool", "table", "bed"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reflector: where it sits on what carries it."""
+
+    position: Vector
+    """mm: from the tool reference point, in the tool's directions; on the table or the bed, in the workpiece frame at
+    zero pose of the machine."""
+    carrier: Carrier = "tool"
+    free: bool = False
+    """True of a target on the tool whose position registration improves as well."""
+
+    @property
+    def known(self) -> bool:
+        """False where the position is a guess that registration improves: on the table and on the bed."""
+        return self.carrier == "tool"
+
+
+SPINDLE_NOSE = Target((0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class AcrossPath:
+    """What counts of observations in motion: their parts across the path, each row the mean of several readings."""
+
+    directions: Array
+    """`(n, 2, 3)`, orthonormal and perpendicular to the path, in the instrument's frame."""
+    readings: Array
+    """`(n,)`, independent ones, that a row is the mean of."""
+    ends: Array
+    """Positions `(2, axes)`, mm and rad, between which the path leads."""
+    way: Array
+    """`(n,)`, mm along the path."""
+
+    def rows(self, index: slice | np.ndarray) -> AcrossPath:
+        """Of some of the rows; the path stays the same."""
+        return AcrossPath(self.directions[index], self.readings[index], self.ends, self.way[index])
+
+    def of(self, vectors: Array) -> Array:
+        """The parts across the path `(n, 2, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
+        if vectors.ndim == 2:
+            return np.asarray((self.directions @ vectors[:, :, None])[:, :, 0])
+        return np.asarray(self.directions @ vectors)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One row per observation, in the order of acquisition; mm and rad."""
+
+    machine: Machine
+    instrument: Instrument
+    state: State
+    """With approach, last move, run as cycle, station and target; `observed` of a tracker."""
+    observed: Array
+    """`(n, components)`, mm: points in the instrument's or the part's frame; deviations of an interferometer (mm, of a
+    rotary axis rad)."""
+    targets: Mapping[str, Target] = field(default_factory=lambda: {"1": SPINDLE_NOSE})
+    """By the names in `state.target`."""
+    stands_on: Literal["workpiece", "bed"] = "workpiece"
+    """What the instrument stands on: the workpiece's table, or the bed (the floor)."""
+    axis: np.ndarray | None = None
+    """Name of the measured axis `(n,)`, of an interferometer."""
+    run: np.ndarray | None = None
+    """Name of the run `(n,)`."""
+    actual: Array | None = None
+    """Read-back positions `(n, axes)`, mm and rad; NaN of an axis without read-back."""
+    feed: Array | None = None
+    """`(n,)`, mm/min; 0 is standing."""
+    part_zero: Vector = (0.0, 0.0, 0.0)
+    """Zero of a part's frame in the workpiece frame at zero pose of the machine, mm, as far as it is known."""
+    lines: np.ndarray | None = None
+    """Line in the file `(n,)`, for messages."""
+    source: str = ""
+    """Name of the file."""
+    fingerprint: str = ""
+    """Of the file's content."""
+    notes: tuple[str, ...] = ()
+    """What was taken for granted in reading, for people."""
+    file: np.ndarray | None = None
+    """Name of the file `(n,)`, of several together."""
+    across: AcrossPath | None = None
+    """Of data taken on the fly."""
+    component: np.ndarray | None = None
+    """Error motion `(n,)` that an interferometer observes, X ... C of the axis' error frame; empty: the positioning
+    deviation, along a positive command. None is empty throughout."""
+    scatter: Array | None = None
+    """Standard uncertainty `(n,)`, mm, of each coordinate by the scatter of the readings that a row is the mean of."""
+
+    def __len__(self) -> int:
+        return len(self.observed)
+
+    @property
+    def components(self) -> int:
+        """Scalars d that count of an observation."""
+        return self.instrument.components if self.across is None else 2
+
+    @property
+    def counted(self) -> Array:
+        """What counts of the observations `(n, d)`, mm and rad."""
+        return self.observed if self.across is None else self.across.of(self.observed)
+
+    @property
+    def groups(self) -> np.ndarray:
+        """What is registered together `(n,)`: the station of a tracker, the run of an interferometer, one part."""
+        if self.instrument.components == 1:
+            assert self.axis is not None
+            assert self.run is not None
+            names = np.char.add(np.char.add(self.axis.astype(str), " "), self.run.astype(str))
+            return names if self.component is None else np.char.add(np.char.add(names, " "), self.component.astype(str))
+        station = self.state.station
+        return np.full(len(self), "1") if station is None else station.astype(str)
+
+    @property
+    def temperatures(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest temperature of each sensor that is known throughout, degC."""
+        known = {sensor: kelvin for sensor, kelvin in self.state.temperatures.items() if np.isfinite(kelvin).all()}
+        ends = {sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE for sensor, kelvin in known.items()}
+        return {sensor: (float(low), float(high)) for sensor, (low, high) in ends.items()}
+
+    @property
+    def tool(self) -> Array:
+        """Nominal positions `(n, 3)`, mm, of the targets on what carries them."""
+        return np.asarray(np.array([target.position for target in self.targets.values()])[self.target_number])
+
+    @property
+    def target_number(self) -> np.ndarray:
+        """Number `(n,)` of the row's target in `targets`."""
+        names = np.array(list(self.targets))
+        order = np.argsort(names)
+        assert self.state.target is not None
+        return np.asarray(order[np.searchsorted(names, self.state.target, sorter=order)])
+
+    @property
+    def per_micro(self) -> Array:
+        """um per mm, urad per rad `(n, 1)`: what an observation is multiplied by for people."""
+        if self.axis is None:
+            return np.full((len(self), 1), 1e3)
+        return np.where(self.angular, 1e6, 1e3)[:, None]
+
+    @property
+    def angular(self) -> np.ndarray:
+        """Mask `(n,)` of the observations that are angles: of rotary axes, and angular error motions of linear ones."""
+        turning = [axis.name for axis in self.machine.axes if axis.rotary]
+        mask = np.isin(self.axis, turning) if self.axis is not None else np.zeros(len(self), bool)
+        return mask if self.component is None else mask | np.isin(self.component, list("ABC"))
+
+    @property
+    def positioning(self) -> np.ndarray:
+        """Mask `(n,)` of the observations of an axis along, or about, its own line."""
+        if self.axis is None or self.component is None:
+            return np.ones(len(self), bool)
+        own = np.array([own_component(name) for name in self.axis.tolist()])
+        return np.asarray((self.component == "") | (self.component == own))
+
+    @property
+    def straightness(self) -> np.ndarray:
+        """Mask `(n,)` of the observations across the line of a linear axis."""
+        return np.asarray(~self.positioning & ~self.angular)
+
+    def rows(self, index: slice | np.ndarray) -> Measurement:
+        """The measurement at some of its rows; approach and last move stay what they were."""
+
+        def at(column: np.ndarray | None) -> np.ndarray | None:
+            return None if column is None else column[index]
+
+        return replace(
+            self,
+            state=self.state.rows(index),
+            observed=self.observed[index],
+            axis=at(self.axis),
+            run=at(self.run),
+            actual=at(self.actual),
+            feed=at(self.feed),
+            lines=at(self.lines),
+            file=at(self.file),
+            across=None if self.across is None else self.across.rows(index),
+            component=at(self.component),
+            scatter=at(self.scatter),
+        )
+
+    def where(self, row: int) -> str:
+        """Source and line of a row, for messages."""
+        source = self.source if self.file is None else str(self.file[row])
+        return source if self.lines is None else f"{source}:{self.lines[row]}"
+
+
+def with_moves(state: State, approach: Array | None = None) -> State:
+    """The state with the last move of each axis, from the order of its rows, and, unless given, the approach.
+
+    A row that leaves an axis where it was keeps its last move and its approach; 0 before the first move.
+    """
+    moves = np.diff(state.positions, axis=0, prepend=state.positions[:1])
+    moves[np.abs(moves) < 1e-9] = 0.0
+    moved = np.where(moves != 0.0, np.arange(len(state))[:, None], 0)
+    last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
+    return replace(state, last_move=last, approach=np.sign(last) if approach is None else approach)

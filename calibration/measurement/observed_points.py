@@ -1,0 +1,100 @@
+"""What an instrument sees of a machine with errors: points, and their derivatives by the error motions.
+
+The instrument stands on the workpiece, where the machine's deviations are counted, or on the bed; a target sits on the
+tool, the table or the bed. Seen are the axes between the two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement
+from kinematics.error_transform import place_transform, pose_slopes
+from kinematics.forward import forward
+from kinematics.machine import NDArrayBool
+from kinematics.transforms import Array
+
+
+class Sight(NamedTuple):
+    """Rows between whose instrument and target the same axes lie."""
+
+    rows: np.ndarray
+    seen: NDArrayBool
+    """Mask `(axes + 1,)` of the axes, and of the tool behind them."""
+    against: bool
+    """True from the bed to the table, against the direction of the chain."""
+
+
+def seen_points(measurement: Measurement, errors: Array | None, tool: Array) -> Array:
+    """Targets `(n, 3)`, mm, in the frame of what the instrument stands on, at zero pose of the machine.
+
+    errors `(n, axes + 1, 6)`, mm and rad, of the machine; None is the nominal one. tool `(n, 3)`, mm: the targets on
+    what carries them. Exact matrix product.
+    """
+    points = np.empty((len(measurement), 3))
+    for sight in _sights(measurement):
+        mine = None if errors is None else np.where(sight.seen[:, None], errors[sight.rows], 0.0)
+        pose = forward(measurement.machine, _positions(measurement, sight), mine)
+        points[sight.rows] = pose.inverse().apply(tool[sight.rows]) if sight.against else pose.apply(tool[sight.rows])
+    return points
+
+
+def seen_transform(measurement: Measurement, tool: Array) -> Array:
+    """Derivatives `(n, 3, (axes + 1) * 6)` of `seen_points` by the error motions, at none; per mm and per rad."""
+    machine = measurement.machine
+    transform = np.empty((len(measurement), 3, 6 * (len(machine.axes) + 1)))
+    for sight in _sights(measurement):
+        positions, target = _positions(measurement, sight), tool[sight.rows]
+        if sight.against:
+            back = forward(machine, positions).inverse()
+            part = -back.rotation @ place_transform(machine, positions, back.apply(target))[:, :3]
+        else:
+            part = place_transform(machine, positions, target)[:, :3]
+        transform[sight.rows] = part * np.repeat(sight.seen, 6)
+    return transform
+
+
+def seen_slopes(measurement: Measurement, tool: Array) -> Array:
+    """Derivatives `(n, 3, axes)` of `seen_points` by the positions of the axes, without errors; per mm and per rad."""
+    machine = measurement.machine
+    slopes = np.empty((len(measurement), 3, len(machine.axes)))
+    for sight in _sights(measurement):
+        positions, target = _positions(measurement, sight), tool[sight.rows]
+        if sight.against:
+            back = forward(machine, positions).inverse()
+            part = -back.rotation @ pose_slopes(machine, positions, back.apply(target))[:, :3]
+        else:
+            part = pose_slopes(machine, positions, target)[:, :3]
+        slopes[sight.rows] = part * sight.seen[:-1]
+    return slopes
+
+
+def carried(measurement: Measurement) -> Array:
+    """Rotations `(n, 3, 3)` from the directions of what carries the target to those that the instrument stands on."""
+    rotation = np.empty((len(measurement), 3, 3))
+    for sight in _sights(measurement):
+        pose = forward(measurement.machine, _positions(measurement, sight))
+        rotation[sight.rows] = (pose.inverse() if sight.against else pose).rotation
+    return rotation
+
+
+def _sights(measurement: Measurement) -> Iterator[Sight]:
+    """The rows by the sides of the chain that lie between instrument and target."""
+    sides = np.array([axis.side for axis in measurement.machine.axes])
+    on_workpiece = measurement.stands_on == "workpiece"
+    carriers = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
+    for carrier in ("tool", "table", "bed"):
+        rows = np.flatnonzero(carriers == carrier)
+        tool_side = carrier == "tool"
+        workpiece_side = on_workpiece != (carrier == "table")
+        seen = np.where(sides == "tool", tool_side, workpiece_side)
+        if len(rows):
+            yield Sight(rows, np.array([*seen, tool_side]), not on_workpiece and carrier == "table")
+
+
+def _positions(measurement: Measurement, sight: Sight) -> Array:
+    """Axis positions `(rows, axes)`; axes that are not seen stand at zero."""
+    return np.where(sight.seen[:-1], measurement.state.positions[sight.rows], 0.0)

@@ -1,0 +1,146 @@
+"""Measurements from files of any known format: each is made a table of the contract's columns, and read as such.
+
+A format is recognised from what stands in the file, never from units or numbers. What a file does not say of itself
+(uncertainties of the instrument, where the target sits, an axis) is given along with it, by the header keys of the
+measurement file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from calibration.measurement.file import measurement_of
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.readers import cmm, delimited, epics, etalon, iso230_table, renishaw
+from calibration.measurement.readers.text import given_entries, old_text
+from calibration.measurement.text_table import Table, parse_table, refuse_empty
+from kinematics.files import read_input
+from kinematics.machine import Machine
+from kinematics.user_error import UserError
+
+
+class Reader(NamedTuple):
+    """A format: what tells it from the beginning of a file, and what makes it a table, with notes."""
+
+    recognises: Callable[[str], bool]
+    to_table: Callable[[bytes, str, Machine, Mapping[str, str]], tuple[Table, list[str]]]
+
+
+FOREIGN: Mapping[str, Reader] = {
+    "rtl": Reader(renishaw.recognises, renishaw.to_table),
+    "iso230-table": Reader(iso230_table.recognises, iso230_table.to_table),
+    "cmm": Reader(cmm.recognises, cmm.to_table),
+    "epics": Reader(epics.recognises, epics.to_table),
+}
+FORMATS = ("auto", "ncomp", *FOREIGN, "delimited")
+KNOWN = (
+    "ncomp (measurement file, '# instrument: ...'), rtl (Renishaw), iso230-table (targets by runs, 'target_mm, 1 up, "
+    "1 down, ...'), cmm ('Meas X Meas Y Nom X Nom Y ...'), epics ('NAME date time value'), delimited (any columns, "
+    "with a column map)"
+)
+HEAD = 20_000
+"""Bytes that a format is recognised from."""
+
+
+def read_any(
+    path: Path,
+    machine: Machine,
+    format: str = "auto",
+    *,
+    header: Mapping[str, str] | None = None,
+    columns: str | None = None,
+    plan: Path | None = None,
+) -> Measurement:
+    """The measurement in a file of one of FORMATS; UserError lists them when it is none.
+
+    header: keys of the measurement file that this file lacks or that replace its own. columns: name or path of the
+    column map of a delimited export; plan: CSV that names of points are looked up in, or whose positions the stands of
+    a tracker's log are.
+    """
+    table, notes = table_in(path, machine, format, header=header, columns=columns, plan=plan)
+    measurement = measurement_of(table, machine)
+    return replace(measurement, notes=(*notes, *measurement.notes))
+
+
+def table_in(
+    path: Path,
+    machine: Machine,
+    format: str = "auto",
+    *,
+    header: Mapping[str, str] | None = None,
+    columns: str | None = None,
+    plan: Path | None = None,
+) -> tuple[Table, list[str]]:
+    """The table of the contract's columns that a file holds, and notes; arguments as those of `read_any`."""
+    data, given = read_input(path, "measurement file"), dict(header or {})
+    if format not in FORMATS:
+        raise UserError(f"format {format!r} is none of {', '.join(FORMATS)}")
+    refuse_empty(data, str(path))
+    if columns is not None and format == "auto":
+        format = "delimited"
+    elif format == "auto":
+        format = _recognised(data, path)
+    return _table(data, path, machine, format, given, columns, plan)
+
+
+def _table(
+    data: bytes,
+    path: Path,
+    machine: Machine,
+    format: str,
+    header: Mapping[str, str],
+    columns: str | None,
+    plan: Path | None,
+) -> tuple[Table, list[str]]:
+    """The table of the contract's columns, and notes."""
+    source = str(path)
+    if format == "delimited":
+        if columns is None:
+            raise UserError(
+                f"{source}: a delimited export takes a column map: {', '.join(delimited.map_names())}, or a .toml file"
+            )
+        column_map = delimited.read_map(columns)
+        if column_map.join:
+            return delimited.to_table(data, source, machine, header, column_map, plan)
+        table, notes = delimited.to_table(data, source, machine, header, column_map, None)
+        found, more = _at_stands(table, machine, plan)
+        return found, [*notes, *more]
+    if columns is not None:
+        raise UserError(f"{source}: a column map is for delimited exports, not for format {format}")
+    if format == "ncomp":
+        table = parse_table(data, source)
+        table = replace(table, entries={**table.entries, **given_entries(header, {})})
+        return _at_stands(table, machine, plan)
+    if plan is not None:
+        raise UserError(f"{source}: a plan is for a tracker's log and for delimited exports, not for format {format}")
+    return FOREIGN[format].to_table(data, source, machine, header)
+
+
+def _at_stands(table: Table, machine: Machine, plan: Path | None) -> tuple[Table, list[str]]:
+    """The table or, of a tracker's log with a plan, the stands at the plan's positions, and notes."""
+    if plan is None:
+        return table, []
+    from calibration.measurement.standstill.reading import is_log, standstills
+
+    if not is_log(table, machine):
+        raise UserError(
+            f"{table.head}: with a plan go the columns of a tracker's log, time_s, x, y, z, and no positions of axes "
+            "(which the plan has), or names of points, by a column map with 'join'"
+        )
+    return standstills(table, plan, machine)
+
+
+def _recognised(data: bytes, path: Path) -> str:
+    head = old_text(data[:HEAD]).replace("\r\n", "\n")
+    names = [line for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    for name, reader in FOREIGN.items():
+        if reader.recognises(head):
+            return name
+    if etalon.recognises(head):
+        raise UserError(f"{path}: an Etalon exchange file holds errors of the machine, not measurements of it")
+    if "# instrument" in head or (names and "," in names[0] and head.lstrip().startswith("#")):
+        return "ncomp"
+    raise UserError(f"{path}: not a format that is known: {KNOWN}")

@@ -1,0 +1,224 @@
+"""Delimited exports of tracker software (SpatialAnalyzer, PolyWorks, Leica), read by a column map in TOML.
+
+There is no one format, so the map says what the export does not: which column is what, in which unit, and how uncertain
+the instrument is. Nothing of it is guessed. Ready maps stand in `calibration/readers/maps`:
+
+    delimiter = ","              # "," ";" "tab" or "blank" (any number of blanks and tabs)
+    decimal = "."                # or ","
+    comment = "//"               # lines that begin so are left out; optional
+    skip_lines = 0               # lines above the names or the data
+    names = false                # true: the first line names the columns
+    join = "point"               # optional: the column that is looked up in the plan, by its name there
+    reversed = ["EYX_um"]        # optional: error motions whose sign is not that of ISO 230-1 in the export
+
+    [columns]                    # column of the measurement file = column of the export: its name, or number from 1
+    point = 3
+    x = 4
+    y = 5
+    z = 6
+
+    [units]                      # of the columns: xyz, linear, rotary (positions of axes), time, temperature, errors
+                                 # and angles (error motions: um, mm, inch; urad, arcsec, mrad, deg)
+    xyz = "mm"
+
+    [header]                     # header keys of the measurement file
+    instrument = "laser-tracker"
+    u_range_um = 0.5
+    u_angle_um = 5
+    target.t1 = "0 0 -120"
+
+An export that has only names of points takes the positions of the axes from a plan: a CSV with a column of the same
+name, the columns `X`, `Y`, ... and any others of the measurement file, in its units. A name may be measured often.
+"""
+
+from __future__ import annotations
+
+import csv
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from calibration.measurement import error_columns
+from calibration.measurement.readers.text import (
+    ANGLE_DEVIATIONS,
+    ANGLES,
+    LENGTH_DEVIATIONS,
+    LENGTHS,
+    TIMES,
+    given_entries,
+    number_at,
+    numbered_lines,
+    unit_size,
+)
+from calibration.measurement.text_table import Table, read_table, table_of
+from kinematics.files import fingerprint, read_input
+from kinematics.machine import Machine
+from kinematics.user_error import UserError
+
+DELIMITERS = {",": ",", ";": ";", "tab": "\t", "blank": None}
+KELVIN = 273.15
+MAPS = Path(__file__).parent / "maps"
+
+
+class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What an export does not say of itself."""
+
+    columns: dict[str, str | int]
+    delimiter: Literal[",", ";", "tab", "blank"]
+    decimal: Literal[".", ","]
+    units: dict[str, str] = {}
+    header: dict[str, str | int | float | dict[str, str]] = {}
+    skip_lines: Annotated[int, msgspec.Meta(ge=0)] = 0
+    comment: str = ""
+    names: bool = False
+    reversed: tuple[str, ...] = ()
+    join: str = ""
+
+    @property
+    def keys(self) -> dict[str, str]:
+        """The header as keys of the measurement file; `target.t1` of TOML is a table there."""
+        flat: dict[str, str] = {}
+        for key, value in self.header.items():
+            if isinstance(value, dict):
+                flat |= {f"{key}.{name}": text for name, text in value.items()}
+            else:
+                flat[key] = str(value)
+        return flat
+
+
+def read_map(name: str) -> ColumnMap:
+    """The map of that name among the shipped ones, or in that file; UserError says what is wrong with it."""
+    path = MAPS / f"{name}.toml" if name in map_names() else Path(name)
+    data = read_input(path, "column map")
+    try:
+        found = msgspec.convert(tomllib.loads(data.decode()), ColumnMap)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, msgspec.ValidationError) as fault:
+        raise UserError(f"column map {path}: {fault}") from None
+    if found.delimiter == found.decimal:
+        raise UserError(f"column map {path}: a comma can't stand both between cells and in numbers")
+    wrong = [each for each in found.reversed if each not in found.columns or not error_columns.NAME.fullmatch(each)]
+    if wrong:
+        raise UserError(f"column map {path}: reversed {wrong[0]!r} is no error motion among its columns")
+    if found.join and found.join not in found.columns:
+        raise UserError(f"column map {path}: join {found.join!r} is none of its columns")
+    return found
+
+
+def map_names() -> list[str]:
+    """Of the shipped maps."""
+    return sorted(path.stem for path in MAPS.glob("*.toml"))
+
+
+def to_table(
+    data: bytes, source: str, machine: Machine, header: Mapping[str, str], columns: ColumnMap, plan: Path | None
+) -> tuple[Table, list[str]]:
+    """The export as a table of the contract's columns, and notes."""
+    names, rows, lines = _cells(data, source, columns)
+    texts = {}
+    for name, wanted in columns.columns.items():
+        cells = _column(names, rows, lines, wanted, source)
+        if name != columns.join:
+            convert = _converter(name, machine, columns, source)
+            cells = [convert(cell, f"{source}:{line} column {wanted}") for cell, line in zip(cells, lines, strict=True)]
+        texts[name] = cells
+    notes: list[str] = []
+    if columns.join:
+        if plan is None:
+            raise UserError(f"{source}: its column map looks up {columns.join!r} in a plan: state the plan (a CSV)")
+        texts = _joined(texts, columns.join, plan, lines, source, notes)
+    return table_of(source, fingerprint(data), given_entries(header, columns.keys), texts, lines), notes
+
+
+def _cells(data: bytes, source: str, columns: ColumnMap) -> tuple[list[str], list[list[str]], list[int]]:
+    """Names of the columns (none, where the map says so), rows of cells, and their lines."""
+    lines = [
+        (number, line)
+        for number, line in numbered_lines(data)[columns.skip_lines :]
+        if line.strip() and not (columns.comment and line.lstrip().startswith(columns.comment))
+    ]
+    delimiter = DELIMITERS[columns.delimiter]
+    texts = [line for _, line in lines]
+    rows = [line.split() for line in texts] if delimiter is None else list(csv.reader(texts, delimiter=delimiter))
+    rows = [[cell.strip() for cell in row] for row in rows]
+    numbers = [number for number, _ in lines]
+    if not rows:
+        raise UserError(f"{source}: no data")
+    return (rows[0], rows[1:], numbers[1:]) if columns.names else ([], rows, numbers)
+
+
+def _column(names: list[str], rows: list[list[str]], lines: list[int], wanted: str | int, source: str) -> list[str]:
+    """The cells of a column, by its name or its number from 1."""
+    if isinstance(wanted, str):
+        if names.count(wanted) != 1:
+            found = ", ".join(names) or "none: the map has names = false"
+            raise UserError(f"{source}: no column {wanted!r}, or two; names of columns are {found}")
+        wanted = names.index(wanted) + 1
+    cells = []
+    for row, line in zip(rows, lines, strict=True):
+        if not 1 <= wanted <= len(row):
+            raise UserError(f"{source}:{line}: no column {wanted}, the line has {len(row)}")
+        cells.append(row[wanted - 1])
+    return cells
+
+
+def _converter(name: str, machine: Machine, columns: ColumnMap, source: str) -> Callable[[str, str], str]:
+    """What makes a cell of the export, at a place for messages, one of the measurement file."""
+    axis = name.removeprefix("actual_")
+    if name in ("x", "y", "z"):
+        size, shift = _unit(columns, "xyz", LENGTHS, name, source), 0.0
+    elif axis in machine.names:
+        rotary = machine.axes[machine.index(axis)].rotary
+        kind, sizes = ("rotary", ANGLES) if rotary else ("linear", LENGTHS)
+        size, shift = _unit(columns, kind, sizes, name, source), 0.0
+    elif name == "time_s":
+        size, shift = _unit(columns, "time", TIMES, name, source), 0.0
+    elif error := error_columns.NAME.fullmatch(name):
+        kind, sizes = ("errors", LENGTH_DEVIATIONS) if error[3] == "um" else ("angles", ANGLE_DEVIATIONS)
+        size, shift = _unit(columns, kind, sizes, name, source), 0.0
+    elif name.startswith("temp_"):
+        size = _unit(columns, "temperature", {"degC": 1.0, "K": 1.0}, name, source)
+        shift = KELVIN if columns.units["temperature"] == "K" else 0.0
+    else:
+        return lambda cell, _: cell
+    if name in columns.reversed:
+        size = -size
+    if size == 1.0 and shift == 0.0:
+        return lambda cell, where: repr(number_at(cell, where, columns.decimal))
+    return lambda cell, where: repr(number_at(cell, where, columns.decimal) * size - shift)
+
+
+def _unit(columns: ColumnMap, kind: str, sizes: Mapping[str, float], name: str, source: str) -> float:
+    if kind not in columns.units:
+        raise UserError(f"{source}: its column map does not say the unit of {name}: [units] {kind} = {'|'.join(sizes)}")
+    return unit_size(sizes, columns.units[kind], f"{source}: column map, units.{kind}")
+
+
+def _joined(
+    texts: Mapping[str, list[str]], key: str, plan: Path, lines: list[int], source: str, notes: list[str]
+) -> dict[str, list[str]]:
+    """The columns with those that a plan has for the names in the column `key`."""
+    planned = read_table(plan, "plan")
+    planned.need_columns([key], "a plan")
+    twice = (set(planned.names) & set(texts)) - {key}
+    if twice:
+        raise UserError(f"{planned.head} column {', '.join(sorted(twice))} stands in the export too")
+    names = planned.texts([key])[key].tolist()
+    rows = {name: i for i, name in enumerate(names)}
+    if len(rows) < len(names):
+        again = next(i for i, name in enumerate(names) if name in names[:i])
+        planned.fault(again, key, f"{names[again]!r} stands there twice")
+    for name, line in zip(texts[key], lines, strict=True):
+        if name not in rows:
+            raise UserError(f"{source}:{line} column {key}: {name!r} is not in the plan {plan}")
+    measured = set(texts[key])
+    missing = [name for name in names if name not in measured]
+    if missing:
+        more = ", ..." if len(missing) > 5 else ""
+        notes.append(f"points of the plan that were not measured, {len(missing)}: {', '.join(missing[:5])}{more}")
+    order = [rows[name] for name in texts[key]]
+    wanted = [name for name in planned.names if name != key]
+    found = {name: column[order].tolist() for name, column in planned.cells(wanted).items()}
+    return {**found, **{name: column for name, column in texts.items() if name != key}}

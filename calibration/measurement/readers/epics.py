@@ -1,0 +1,206 @@
+"""Logs of EPICS process variables (`camonitor`): one axis in motion, what it was told and what was observed.
+
+    IOC:Axis1-PosAct      2020-12-08 16:17:33.317076 0.900391
+    IOC:Axis1-Resolver    2020-12-08 16:17:33.317076 1.12222
+
+One line a value: name, date, time, value, in mm, of a rotary axis in degrees. The log says neither what a variable is
+nor which axis it is of: `command` and `observed` name the two variables, `axis` the axis. Values are paired by their
+time stamps, to the nearest within half a sample. The speed comes from the commands, over SPAN samples.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.measurement.readers.text import given_entries, number_at, numbered_lines
+from calibration.measurement.text_table import Table, table_of
+from kinematics.files import fingerprint
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+_LINE = re.compile(r"(\S+)\s+(\d{4}-\d\d-\d\d)\s+(\d\d:\d\d:\d\d(?:\.\d+)?)\s+(\S+)\s*")
+_GIVEN = ("command", "observed", "axis")
+SPAN = 10
+"""Samples that a speed is taken over."""
+STILL = 0.01
+"""Share of the usual speed below which the axis stands."""
+STEADY = 0.02
+"""Share by which a constant speed may differ from the usual one."""
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """The values of one process variable, in the order of time."""
+
+    time: Array
+    """`(n,)`, s from 1970."""
+    value: Array
+    lines: np.ndarray
+
+    @property
+    def sample(self) -> float:
+        """Usual time between two values, s."""
+        return float(np.median(np.diff(self.time)))
+
+
+def recognises(head: str) -> bool:
+    """True of the beginning of such a file."""
+    lines = [line for line in head.splitlines() if line.strip()]
+    return bool(lines) and all(_LINE.fullmatch(line) for line in lines[:2])
+
+
+def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, str]) -> tuple[Table, list[str]]:
+    """The file as a table of the contract's columns, and notes; `header` names the variables and the axis."""
+    lines = numbered_lines(data)
+    told = {key: header.get(key, "") for key in _GIVEN}
+    _check_given(told, lines, source, machine)
+    command, observed = (_variable(lines, told[key], source) for key in ("command", "observed"))
+    first, second, notes = _paired(command, observed, told, source)
+    time, target = command.time[first], command.value[first]
+    speed = _speeds(time, target)
+    moving, steady, usual = _regimes(speed)
+    ways = _ways(speed, moving)
+    notes += _told(told["axis"], machine, time, moving, steady, usual, command.lines[first])
+    turns = machine.axes[machine.index(told["axis"])].rotary
+    deviation = (observed.value[second] - target) * (1e6 * np.pi / 180.0 if turns else 1e3)
+    columns = {
+        "time_s": _texts(np.round(time - time[0], 6)),
+        "axis": [told["axis"]] * len(time),
+        "run": [str(run) for run in _runs(ways).tolist()],
+        "direction": ["+" if way > 0 else "-" for way in ways.tolist()],
+        "target_deg" if turns else "target_mm": _texts(target),
+        "deviation_urad" if turns else "deviation_um": _texts(np.round(deviation, 6)),
+        "feed": _texts(np.where(moving, np.round(np.abs(speed) * 60.0, 4), 0.0)),
+    }
+    rest = {key: value for key, value in header.items() if key not in _GIVEN}
+    entries = given_entries(rest, {"instrument": "interferometer"})
+    return table_of(source, fingerprint(data), entries, columns, observed.lines[second].tolist()), notes
+
+
+def _check_given(told: Mapping[str, str], lines: list[tuple[int, str]], source: str, machine: Machine) -> None:
+    """UserError unless both variables are in the log, and the axis in the machine."""
+    names = dict.fromkeys(found[1] for found in (_LINE.fullmatch(line) for _, line in lines) if found)
+    for key in ("command", "observed"):
+        if told[key] not in names:
+            what = f"{key} {told[key]!r} is not in the log" if told[key] else f"{key} is missing"
+            raise UserError(f"{source}: {what}: state --header {key}=NAME, one of {', '.join(names)}")
+    if told["command"] == told["observed"]:
+        raise UserError(f"{source}: command and observed are both {told['command']}")
+    if told["axis"] not in machine.names:
+        raise UserError(
+            f"{source}: axis {told['axis']!r} is none of machine {machine.name} ({machine.chain}): "
+            "state --header axis=NAME"
+        )
+
+
+def _variable(lines: list[tuple[int, str]], name: str, source: str) -> _Variable:
+    """The values of a variable; UserError for a line of it that is no value, and where its time goes back."""
+    stamps, values, numbers = [], [], []
+    for number, line in lines:
+        if line.split(maxsplit=1)[:1] != [name]:
+            continue
+        where, found = f"{source}:{number}", _LINE.fullmatch(line)
+        if found is None:
+            raise UserError(f"{where}: {line.strip()!r} is not 'name date time value'")
+        values.append(number_at(found[4], where))
+        try:
+            stamps.append(np.datetime64(f"{found[2]}T{found[3]}", "us"))
+        except ValueError:
+            raise UserError(f"{where}: {found[2]} {found[3]} is no time") from None
+        numbers.append(number)
+    time = np.asarray(np.array(stamps).astype(np.int64) * 1e-6, float)
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        raise UserError(f"{source}:{numbers[back[0] + 1]}: the time of {name} does not go on")
+    if len(time) < SPAN:
+        raise UserError(f"{source}: {len(time)} values of {name}, too few to tell how it moved")
+    return _Variable(time, np.array(values), np.array(numbers))
+
+
+def _paired(
+    command: _Variable, observed: _Variable, told: Mapping[str, str], source: str
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Rows of commands and of observations that belong together, nearest to each other in time, and notes."""
+    nearest, back = _nearest(command.time, observed.time), _nearest(observed.time, command.time)
+    first = np.arange(len(command.time))
+    apart = np.abs(command.time - observed.time[nearest])
+    pairs = (back[nearest] == first) & (apart <= 0.5 * min(command.sample, observed.sample))
+    if np.count_nonzero(pairs) < SPAN:
+        raise UserError(
+            f"{source}: only {np.count_nonzero(pairs)} values of {told['command']} and {told['observed']} were taken "
+            "within half a sample of each other"
+        )
+    notes = []
+    lost = [np.count_nonzero(~pairs), len(observed.time) - np.count_nonzero(pairs)]
+    for key, count in zip(("command", "observed"), lost, strict=True):
+        if count:
+            notes.append(f"{count} values of {told[key]} without one of the other within half a sample: left out")
+    if apart[pairs].max() > 0.0:
+        notes.append(f"pairs of values lie up to {apart[pairs].max() * 1e3:.3g} ms apart")
+    return first[pairs], nearest[pairs], notes
+
+
+def _nearest(times: Array, among: Array) -> np.ndarray:
+    """Index `(n,)` of the nearest of rising times."""
+    after = np.clip(np.searchsorted(among, times), 1, len(among) - 1)
+    return np.asarray(np.where(times - among[after - 1] <= among[after] - times, after - 1, after))
+
+
+def _speeds(time: Array, position: Array) -> Array:
+    """Speeds `(n,)`, signed, per s, over SPAN samples about each, fewer at the ends."""
+    low = np.maximum(np.arange(len(time)) - SPAN // 2, 0)
+    high = np.minimum(np.arange(len(time)) + SPAN // 2, len(time) - 1)
+    return np.asarray((position[high] - position[low]) / (time[high] - time[low]))
+
+
+def _regimes(speed: Array) -> tuple[np.ndarray, np.ndarray, float]:
+    """Where the axis moves, where at constant speed `(n,)`, and that speed, the usual one in motion."""
+    sizes = np.abs(speed)
+    moving = sizes > STILL * sizes.max()
+    usual = float(np.median(sizes[moving])) if moving.any() else 0.0
+    return moving, moving & (np.abs(sizes - usual) <= STEADY * usual), usual
+
+
+def _ways(speed: Array, moving: np.ndarray) -> Array:
+    """Directions `(n,)`, 1 or -1; of an axis that stands, as it came, or before it has come, as it goes."""
+    if not moving.any():
+        return np.ones(len(speed))
+    last = np.maximum.accumulate(np.where(moving, np.arange(len(speed)), 0))
+    return np.sign(speed[np.where(moving[last], last, np.argmax(moving))])
+
+
+def _runs(ways: Array) -> np.ndarray:
+    """Numbers `(n,)` of runs from 1: a way there, in the first direction, and its way back."""
+    return 1 + np.cumsum(np.append(False, (ways[1:] == ways[0]) & (ways[:-1] != ways[0])))
+
+
+def _told(
+    axis: str, machine: Machine, time: Array, moving: np.ndarray, steady: np.ndarray, usual: float, lines: np.ndarray
+) -> list[str]:
+    """What the speed says of the rows, for people."""
+    turns = machine.axes[machine.index(axis)].rotary
+    unit, small = ("deg", "urad") if turns else ("mm", "um")
+    notes = [f"values taken in {unit} of {axis}, deviation observed minus command in {small}"]
+    if not moving.any():
+        return [*notes, f"{axis} stands throughout"]
+    notes.append(f"{axis} moves at {usual * 60.0:.4g} {unit}/min: {np.count_nonzero(steady)} of {len(time)} rows")
+    for rows, what in (
+        (~moving, f"{axis} stands"),
+        (moving & ~steady, f"{axis} speeds up, slows down or goes otherwise"),
+    ):
+        if rows.any():
+            first = int(np.argmax(rows))
+            notes.append(
+                f"{what} in {np.count_nonzero(rows)} rows, the first on line {lines[first]} "
+                f"({time[first] - time[0]:.2f} s): they are used like the others"
+            )
+    return notes
+
+
+def _texts(column: Array) -> list[str]:
+    return [repr(value) for value in column.tolist()]

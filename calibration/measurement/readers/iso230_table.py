@@ -1,0 +1,116 @@
+"""Wide tables of ISO 230-2 tests, as they are kept in spreadsheets: a row for each target, a column for each run.
+
+    # axis: X
+    # unit: um
+    # u_um: 0.3
+    target_mm; 1 up; 1 down; 2 up; 2 down
+    0;         0,0;  -2,1;   0,4;  -2,4
+
+The first column is `target_mm` or `target_deg`; the others are named by the number of the run and up (+, forward) or
+down (-, backward), in either order. Commas, semicolons or tabs between cells; with the latter two a decimal comma is
+read too. The unit of the deviations, measured minus target, is stated in the header: um, mm or inch; urad, arcsec, mrad
+or deg. An empty cell is a reading that is missing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from itertools import chain
+
+from calibration.measurement.readers.text import (
+    ANGLE_DEVIATIONS,
+    LENGTH_DEVIATIONS,
+    given_entries,
+    number_at,
+    numbered_lines,
+    unit_size,
+)
+from calibration.measurement.text_table import Table, table_of
+from kinematics.files import fingerprint
+from kinematics.machine import Machine
+from kinematics.user_error import UserError
+
+_WAY = r"(?P<way>up|down|forward|backward|\+|-|↑|↓)"
+_RUN = r"(?:run\s*)?(?P<run>\d+)"
+_COLUMN = re.compile(rf"{_RUN}\s*{_WAY}|{_WAY.replace('way', 'way2')}\s*{_RUN.replace('<run>', '<run2>')}", re.I)
+_FORWARD = ("up", "forward", "+", "↑")
+_TARGETS = ("target_mm", "target_deg")
+
+
+def recognises(head: str) -> bool:
+    """True of the beginning of such a file."""
+    names = next((line for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
+    cells = [cell.strip() for cell in names.split(_delimiter(names))]
+    return cells[0] in _TARGETS and len(cells) > 1 and all(_COLUMN.fullmatch(cell) for cell in cells[1:])
+
+
+def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, str]) -> tuple[Table, list[str]]:
+    """The file as a table of the contract's columns, run by run, and notes."""
+    lines = numbered_lines(data)
+    said = {}
+    for _, line in lines:
+        if line.lstrip().startswith("#"):
+            key, _, value = (part.strip() for part in line.lstrip()[1:].partition(":"))
+            said[key] = value
+    header = {**said, **header}
+    rows = [(number, line) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
+    names_line, names = rows[0]
+    delimiter = _delimiter(names)
+    decimal = "." if delimiter == "," else ","
+    columns = [_column(cell.strip(), f"{source}:{names_line}") for cell in names.split(delimiter)[1:]]
+    target, axis = names.split(delimiter)[0].strip(), header.pop("axis", "")
+    if axis not in machine.names:
+        raise UserError(f"{source}: state the axis (# axis: {' | '.join(machine.names)}), got {axis!r}")
+    turns = machine.axes[machine.index(axis)].rotary
+    if (target == "target_deg") != turns:
+        raise UserError(f"{source}:{names_line}: {target} is not for {axis}, a {'rotary' if turns else 'linear'} axis")
+    units = ANGLE_DEVIATIONS if turns else LENGTH_DEVIATIONS
+    if "unit" not in header:
+        raise UserError(f"{source}: state the unit of the deviations (# unit: {' | '.join(units)})")
+    size = unit_size(units, header.pop("unit"), source)
+    readings: dict[tuple[int, bool], list[tuple[float, float, int]]] = {column: [] for column in columns}
+    for number, line in rows[1:]:
+        where, cells = f"{source}:{number}", [cell.strip() for cell in line.split(delimiter)]
+        if len(cells) != len(columns) + 1:
+            raise UserError(f"{where}: {len(cells)} cells, {len(columns) + 1} columns have names")
+        position = _number(cells[0], f"{where} column {target}", decimal)
+        for column, cell in zip(columns, cells[1:], strict=True):
+            if cell:
+                name = f"{column[0]} {'up' if column[1] else 'down'}"
+                readings[column].append((position, size * _number(cell, f"{where} column {name}", decimal), number))
+    ordered = list(chain.from_iterable(
+        ((run, forward, *reading) for reading in sorted(readings[run, forward], reverse=not forward))
+        for run, forward in sorted(readings, key=lambda column: (column[0], not column[1]))
+    ))  # fmt: skip
+    table = table_of(
+        source,
+        fingerprint(data),
+        given_entries(header, {"instrument": "interferometer"}),
+        {
+            "axis": [axis] * len(ordered),
+            "run": [str(run) for run, *_ in ordered],
+            "direction": ["+" if forward else "-" for _, forward, *_ in ordered],
+            target: [repr(position) for _, _, position, *_ in ordered],
+            "deviation_urad" if turns else "deviation_um": [repr(value) for _, _, _, value, _ in ordered],
+        },
+        [line for *_, line in ordered],
+    )
+    return table, []
+
+
+def _delimiter(names: str) -> str:
+    return ";" if ";" in names else "\t" if "\t" in names else ","
+
+
+def _column(name: str, where: str) -> tuple[int, bool]:
+    """Run, and whether it goes forward."""
+    found = _COLUMN.fullmatch(name)
+    if not found:
+        raise UserError(f"{where} column {name}: expected a run and its direction, as in '1 up' or '1 down'")
+    return int(found["run"] or found["run2"]), (found["way"] or found["way2"]).lower() in _FORWARD
+
+
+def _number(cell: str, where: str, decimal: str) -> float:
+    """A number with a point, or with a comma where that does not stand between cells."""
+    return number_at(cell, where, "," if decimal == "," and "," in cell else ".")

@@ -1,0 +1,108 @@
+"""Registration: where the instrument stood, which nobody knows and every fit estimates along with the errors.
+
+A tracker has one pose for each station, a part one alignment, an interferometer one zero for each run; targets on the
+table and on the bed have an unknown position each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement
+from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
+
+
+@dataclass(frozen=True)
+class Registration:
+    """mm and rad. Parameters in order: poses (shift, then turn about the centre of what was seen), zeros, targets."""
+
+    poses: Mapping[str, Pose] = field(default_factory=dict)
+    """By group: from the frame that the instrument stands on to its own."""
+    centres: Mapping[str, Array] = field(default_factory=dict)
+    """By group: point `(3,)`, in the instrument's frame, that the turns are about."""
+    planar: bool = False
+    """True of a part known in x and y only: two shifts and the turn about z."""
+    zeros: Mapping[str, float] = field(default_factory=dict)
+    """By run of an interferometer: its reading where the axis is without error."""
+    slopes: Mapping[str, float] = field(default_factory=dict)
+    """Slope of the line of each straightness run against the axis, rad; its zero is at position 0 of the axis."""
+    targets: Mapping[str, Array] = field(default_factory=dict)
+    """By name of a target on table or bed: its position `(3,)`."""
+
+    @property
+    def names(self) -> list[str]:
+        """Of the parameters."""
+        moves = ("x", "y", "C") if self.planar else ("x", "y", "z", "A", "B", "C")
+        return [
+            *(f"pose {group} {move}" for group in self.poses for move in moves),
+            *(f"zero {group}" for group in self.zeros),
+            *(f"slope {group}" for group in self.slopes),
+            *(f"target {name} {letter}" for name in self.targets for letter in "xyz"),
+        ]
+
+    def moved(self, step: Array) -> Registration:
+        """The registration after a step `(parameters,)`."""
+        size = 3 if self.planar else 6
+        left = step[size * len(self.poses) :]
+        poses = {}
+        for (group, pose), own in zip(
+            self.poses.items(), step.reshape(-1)[: size * len(self.poses)].reshape(-1, size), strict=True
+        ):
+            six = own[[0, 1, 0, 0, 0, 2]] * (1, 1, 0, 0, 0, 1) if self.planar else own
+            turned, centre = rotation_vector_matrix(six[3:]), self.centres[group]
+            shift = Pose(turned, centre - turn(turned, centre) + six[:3])
+            poses[group] = shift @ pose
+        zeros, left = _stepped(self.zeros, left)
+        slopes, left = _stepped(self.slopes, left)
+        shifts = left.reshape(-1, 3)
+        targets = {name: own + shift for (name, own), shift in zip(self.targets.items(), shifts, strict=True)}
+        return Registration(poses, self.centres, self.planar, zeros, slopes, targets)
+
+    def tool(self, measurement: Measurement) -> Array:
+        """Positions `(n, 3)`, mm, of the targets on what carries them, as far as they are known by now."""
+        positions = np.array([self.targets.get(name, np.array(t.position)) for name, t in measurement.targets.items()])
+        return np.asarray(positions[measurement.target_number])
+
+    def seen(self, measurement: Measurement, points: Array) -> Array:
+        """Points `(n, 3)` of the frame that the instrument stands on, in its own."""
+        result = np.empty_like(points)
+        groups = measurement.groups
+        for group, pose in self.poses.items():
+            rows = groups == group
+            result[rows] = pose.apply(points[rows])
+        return result
+
+    def rotations(self, measurement: Measurement) -> Array:
+        """Rotations `(n, 3, 3)` to the instrument's frame."""
+        result = np.empty((len(measurement), 3, 3))
+        groups = measurement.groups
+        for group, pose in self.poses.items():
+            result[groups == group] = pose.rotation
+        return result
+
+
+def _stepped(values: Mapping[str, float], step: Array) -> tuple[dict[str, float], Array]:
+    """Values after their part of a step, and the rest of the step."""
+    moved = {
+        name: value + own for (name, value), own in zip(values.items(), step[: len(values)].tolist(), strict=False)
+    }
+    return moved, step[len(values) :]
+
+
+def rigid(points: Array, seen: Array, *, planar: bool = False) -> Pose:
+    """The pose that takes `points` to `seen`, both `(n, 3)`, with least squares (SVD; Montavon et al. (1)-(5)).
+
+    Planar: turned about z only.
+    """
+    centre, there = points.mean(axis=0), seen.mean(axis=0)
+    product = (seen - there).T @ (points - centre)
+    if planar:
+        angle = np.arctan2(product[1, 0] - product[0, 1], product[0, 0] + product[1, 1])
+        rotation = rotation_vector_matrix([[0.0, 0.0, angle]])[0]
+    else:
+        u, _, v = np.linalg.svd(product)
+        rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    return Pose(rotation[None], (there - rotation @ centre)[None])

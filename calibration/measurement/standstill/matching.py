@@ -1,0 +1,326 @@
+"""Assignment of stands to positions of a plan in the same order; some may be missing, and the frame is unknown.
+
+The first step uses distances alone, which do not depend on the frame: successive stands are as far apart as successive
+positions. These pairs give the pose of the tracker. With the pose as many stands as possible are assigned to positions
+in order, each at most once (dynamic programming, Needleman and Wunsch 1970), and both steps are repeated. The
+assignment of a stand is certain if every assignment of the stand to another state of the machine contains fewer pairs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.registration import rigid
+from kinematics.transforms import Array, Pose, turn
+
+NEAR, NEAR_PER_MM = 1.0, 3e-4
+"""Limit, mm, and mm per mm of the plan's extent: stands farther from every position are not in the plan."""
+NEAREST = 0.05
+"""Smallest tolerance for the distance of a stand from its position, mm."""
+OF_TYPICAL = 6.0
+"""Largest distance of a stand from its position, as a multiple of the typical distance."""
+GUESS = 25.0
+"""Largest distance of a target on table or bed from its approximate position, mm."""
+DISTANCE, OF_DISTANCE, OF_GUESSED = 0.2, 1e-3, 0.1
+"""Tolerances of the distance between two stands, mm and as shares of the nominal distance."""
+SKIPS = 4
+"""Largest number of successive stands or positions that are left out at a cost of `SKIP` each."""
+SKIP, RESTART = 0.3, 2.0
+"""Cost of leaving one out; cost of continuing at any position. A pair gains 1."""
+ROUNDS = 8
+TRIALS = 400
+MARGIN = 0.5
+"""Loss of another assignment, in pairs; if it is smaller, the present assignment is uncertain."""
+
+
+class Positions(NamedTuple):
+    """Positions of a plan, one row each, in the order of measuring."""
+
+    base: Array
+    """Zero of the carrier of the target `(m, 3)`, mm, in the frame to which the tracker is fixed."""
+    turns: Array
+    """Rotations `(m, 3, 3)` from the directions of the carrier of the target."""
+    target: np.ndarray
+    """Number of the target `(m,)`."""
+    state: np.ndarray
+    """Number of the state of the machine and target `(m,)`: alike where it makes no difference which one it is."""
+    places: Mapping[int, Array]
+    """Positions of the targets on their carriers `(3,)`, mm, by number."""
+    guessed: frozenset[int]
+    """Targets whose position is approximate."""
+
+    @property
+    def points(self) -> Array:
+        """Nominal points `(m, 3)`, mm."""
+        arms = np.array([self.places[number] for number in self.target.tolist()]).reshape(-1, 3)
+        return np.asarray(self.base + turn(self.turns, arms))
+
+    @property
+    def near(self) -> float:
+        """Largest distance of a stand from its position by errors of the machine, mm."""
+        return NEAR + NEAR_PER_MM * float(np.linalg.norm(np.ptp(self.points, axis=0)))
+
+    @property
+    def known(self) -> np.ndarray:
+        """Mask `(m,)` of positions with a target whose position is known."""
+        return ~np.isin(self.target, sorted(self.guessed))
+
+
+class Matched(NamedTuple):
+    """Stands and positions together."""
+
+    position: np.ndarray
+    """Row of the plan `(k,)` of each stand; -1 for stands that are not in the plan."""
+    certain: np.ndarray
+    """Mask `(k,)`: False where another position, or another stand, fits equally well."""
+    distance: Array
+    """Distance from the nominal position `(k,)`, mm; from the nearest one for a stand that is not in the plan."""
+    pose: Pose
+    """Pose from the frame to which the tracker is fixed to the frame of the tracker."""
+    other: tuple[int, int] | None
+    """First stand and its position in another assignment, in which all stands are shifted along the plan."""
+
+
+def match(stands: Array, positions: Positions, allowed: np.ndarray) -> Matched | None:
+    """Assign stands `(k, 3)`, mm, to positions `(m,)`; allowed `(k, m)`: False where the target is another.
+
+    None if they have fewer than four pairs, or if no assignment can be found.
+    """
+    pairs = _by_distances(stands, positions, allowed)
+    if len(pairs) < 4:
+        return None
+    pose = _robust_pose(stands, positions, pairs)
+    if pose is None:
+        return None
+    found = _refined(stands, positions, allowed, pose)
+    if found is None:
+        return None
+    pose, positions, tolerance = found
+    gain = _gains(stands, positions, allowed, pose, tolerance)
+    position, certain = _assigned(gain, positions.state)
+    distance = _distances(stands, pose.apply(positions.points), position)
+    matched = Matched(position, certain, distance, pose, None)
+    return matched._replace(other=_shifted(stands, positions, allowed, matched, tolerance))
+
+
+def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> np.ndarray:
+    """Pairs `(p, 2)` of successive stands and successive positions with the same distances."""
+    points, (k, m) = positions.points, allowed.shape
+    best = np.where(allowed, 1.0, -np.inf)
+    came = np.full((k, m, 2), -1)
+    anywhere, reached = np.full(m, -np.inf), np.full((m, 2), -1)
+    for i in range(k):
+        for back in range(1, min(SKIPS, i) + 1):
+            for step in range(1, min(SKIPS, m - 1) + 1):
+                cost = SKIP * (back + step - 2) + _misfit(stands, points, positions, (i - back, i), step)
+                _take(best[i], came[i], best[i - back, :-step] + 1.0 - cost, (i - back, step), slice(step, m))
+        if i:
+            _restart(best[i], came[i], anywhere, reached)
+        better = best[i] > anywhere
+        anywhere, reached = np.where(better, best[i], anywhere), np.where(better[:, None], _here(i, m), reached)
+        anywhere, reached = _running(anywhere, reached)
+    return _followed(best, came, allowed)
+
+
+def _misfit(stands: Array, points: Array, positions: Positions, ends: tuple[int, int], step: int) -> Array:
+    """Misfit `(m - step,)` of the distance of two stands to those of positions `step` apart; 1 is large."""
+    nominal = np.linalg.norm(points[step:] - points[:-step], axis=1)
+    seen = float(np.linalg.norm(stands[ends[1]] - stands[ends[0]]))
+    known = positions.known[step:] & positions.known[:-step]
+    same = positions.target[step:] == positions.target[:-step]
+    loose = np.where(known, 0.0, np.where(same, OF_GUESSED * nominal, GUESS))
+    misfit = ((seen - nominal) / (DISTANCE + OF_DISTANCE * nominal + loose)) ** 2
+    return np.where(misfit > 4.0, np.inf, 0.25 * misfit)
+
+
+def _take(best: Array, came: np.ndarray, offered: Array, source: tuple[int, int], rows: slice) -> None:
+    """Update the best sums of `rows` where `offered` is better; `source`: its stand, and its positions before."""
+    better = np.isfinite(best[rows]) & (offered > best[rows])
+    numbers = np.arange(rows.start, rows.stop)[better]
+    best[numbers] = offered[better]
+    came[numbers, 0], came[numbers, 1] = source[0], numbers - source[1]
+
+
+def _restart(best: Array, came: np.ndarray, anywhere: Array, reached: np.ndarray) -> None:
+    """Continue from the best pair before, at any position."""
+    offered = anywhere[:-1] + 1.0 - RESTART
+    better = np.isfinite(best[1:]) & (offered > best[1:])
+    best[1:][better], came[1:][better] = offered[better], reached[:-1][better]
+
+
+def _here(i: int, m: int) -> np.ndarray:
+    return np.stack([np.full(m, i), np.arange(m)], axis=1)
+
+
+def _running(values: Array, reached: np.ndarray) -> tuple[Array, np.ndarray]:
+    """Running maxima, and where they are."""
+    highest = np.maximum.accumulate(values)
+    number = np.maximum.accumulate(np.where(values >= highest, np.arange(len(values)), 0))
+    return highest, reached[number]
+
+
+def _followed(best: Array, came: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """The pairs of the best sequence, in order."""
+    if not allowed.any():
+        return np.empty((0, 2), int)
+    at = np.unravel_index(int(np.argmax(best)), best.shape)
+    i, j, pairs = int(at[0]), int(at[1]), []
+    while i >= 0:
+        pairs.append((i, j))
+        i, j = came[i, j].tolist()
+    return np.array(pairs[::-1])
+
+
+def _robust_pose(stands: Array, positions: Positions, pairs: np.ndarray) -> Pose | None:
+    """The pose with the most agreeing pairs; of pairs with known targets if there are enough."""
+    known = pairs[positions.known[pairs[:, 1]]]
+    use, near = (known, positions.near) if len(known) >= 4 else (pairs, GUESS)
+    nominal, seen = positions.points[use[:, 1]], stands[use[:, 0]]
+    rng, best, most = np.random.default_rng(0), None, 0
+    for trial in range(TRIALS):
+        some = np.arange(len(use)) if trial == 0 else rng.choice(len(use), 3, replace=False)
+        near_rows = _near(rigid(nominal[some], seen[some]), nominal, seen, near)
+        for _ in range(2):
+            if near_rows.sum() >= 3:
+                near_rows = _near(rigid(nominal[near_rows], seen[near_rows]), nominal, seen, near)
+        if near_rows.sum() > most:
+            best, most = near_rows, int(near_rows.sum())
+        if most == len(use):
+            break
+    return None if best is None or most < 4 else rigid(nominal[best], seen[best])
+
+
+def _near(pose: Pose, nominal: Array, seen: Array, near: float) -> np.ndarray:
+    return np.asarray(np.linalg.norm(pose.apply(nominal) - seen, axis=1) < near)
+
+
+def _refined(
+    stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose
+) -> tuple[Pose, Positions, Array] | None:
+    """Pose, targets and tolerances `(m,)` from all assigned stands, iterated until the assignment is constant."""
+    tolerance = np.where(positions.known, positions.near, GUESS)
+    before: np.ndarray | None = None
+    for _ in range(ROUNDS):
+        position, _ = _assigned(_gains(stands, positions, allowed, pose, tolerance), positions.state)
+        rows = np.flatnonzero(position >= 0)
+        if len(rows) < 4:
+            return None
+        if before is not None and np.array_equal(position, before):
+            break
+        before = position
+        pose, positions = _posed(stands, positions, position, rows)
+        away = np.linalg.norm(pose.apply(positions.points[position[rows]]) - stands[rows], axis=1)
+        own = float(np.clip(OF_TYPICAL * np.median(away), NEAREST, positions.near))
+        tolerance = np.full(len(positions.target), own)
+    return pose, positions, tolerance
+
+
+def _posed(stands: Array, positions: Positions, position: np.ndarray, rows: np.ndarray) -> tuple[Pose, Positions]:
+    """Pose, and positions of guessed targets, from assigned stands."""
+    known = rows[positions.known[position[rows]]]
+    use = known if len(known) >= 4 else rows
+    places = dict(positions.places)
+    for _ in range(1 if len(known) == len(rows) else ROUNDS):
+        pose = rigid(positions.points[position[use]], stands[use])
+        back = pose.inverse().apply(stands[rows])
+        arms = turn(np.swapaxes(positions.turns[position[rows]], 1, 2), back - positions.base[position[rows]])
+        for number in positions.guessed:
+            own = positions.target[position[rows]] == number
+            if own.any():
+                places[number] = np.median(arms[own], axis=0)
+        positions = positions._replace(places=places)
+        use = rows if len(known) < 4 else known
+    return pose, positions
+
+
+def _gains(stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose, tolerance: Array) -> Array:
+    """Gain of each pair of stand and position `(k, m)`: 1 at distance 0, decreasing, -inf beyond the tolerance."""
+    points = pose.apply(positions.points)
+    gain = np.empty(allowed.shape)
+    for i, stand in enumerate(stands):
+        share = np.linalg.norm(points - stand, axis=1) / tolerance
+        gain[i] = np.where(allowed[i] & (share < 1.0), 1.0 - share**2 / 4.0, -np.inf)
+    return gain
+
+
+def _sums(gain: Array) -> Array:
+    """Largest sums `(k + 1, m + 1)` of pairs in order among the first stands and the first positions."""
+    sums = np.zeros((gain.shape[0] + 1, gain.shape[1] + 1))
+    for i, row in enumerate(gain):
+        sums[i + 1, 1:] = np.maximum.accumulate(np.maximum(sums[i, 1:], sums[i, :-1] + row))
+    return sums
+
+
+def _assigned(gain: Array, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Position `(k,)` of each stand, -1 for none, and whether it is certain `(k,)`."""
+    before, after = _sums(gain), _sums(gain[::-1, ::-1])[::-1, ::-1]
+    total = before[:-1, :-1] + gain + after[1:, 1:]
+    best = float(before[-1, -1])
+    position = _traced(before, gain)
+    certain = np.ones(len(gain), bool)
+    for i in np.flatnonzero(position >= 0).tolist():
+        rivals = (state != state[position[i]]) & (total[i] > best - MARGIN)
+        others = total[:, position[i]] > best - MARGIN
+        others[i] = False
+        certain[i] = not (rivals.any() or others.any())
+    return position, certain
+
+
+def _traced(sums: Array, gain: Array) -> np.ndarray:
+    """The pairs that make the largest sum."""
+    position = np.full(len(gain), -1)
+    i, j = gain.shape
+    while i and j:
+        if sums[i, j] == sums[i - 1, j]:
+            i -= 1
+        elif sums[i, j] == sums[i, j - 1]:
+            j -= 1
+        else:
+            i, j = i - 1, j - 1
+            position[i] = j
+    return position
+
+
+def _distances(stands: Array, points: Array, position: np.ndarray) -> Array:
+    own = np.linalg.norm(stands - points[position], axis=1)
+    for i in np.flatnonzero(position < 0).tolist():
+        own[i] = np.linalg.norm(points - stands[i], axis=1).min()
+    return np.asarray(own)
+
+
+def _shifted(
+    stands: Array, positions: Positions, allowed: np.ndarray, matched: Matched, tolerance: Array
+) -> tuple[int, int] | None:
+    """Another assignment, all stands shifted along the plan, that fits as many."""
+    rows = np.flatnonzero(matched.position >= 0)
+    free = len(positions.target) - len(rows)
+    points = positions.points
+    for shift in (s for size in range(1, free + 1) for s in (-size, size)):
+        there = matched.position[rows] + shift
+        inside = (there >= 0) & (there < len(points))
+        if inside.sum() < len(rows) - free or inside.sum() < 4:
+            continue
+        pose = _agreed(points[there[inside]], stands[rows[inside]], float(tolerance.max()))
+        if pose is None:
+            continue
+        gain = _gains(stands, positions, allowed, pose, tolerance)
+        position = _traced(_sums(gain), gain)
+        both = rows[(position[rows] >= 0)]
+        differ = positions.state[position[both]] != positions.state[matched.position[both]]
+        if (position >= 0).sum() >= len(rows) and differ.sum() > len(rows) / 2:
+            first = int(both[np.argmax(differ)])
+            return first, int(position[first])
+    return None
+
+
+def _agreed(nominal: Array, seen: Array, tolerance: float) -> Pose | None:
+    """A pose that brings at least half of the pairs together, by the first that it is tried with."""
+    near = np.ones(len(nominal), bool)
+    for _ in range(3):
+        pose = rigid(nominal[near], seen[near])
+        away = np.linalg.norm(pose.apply(nominal) - seen, axis=1)
+        near = away <= max(float(np.median(away)), tolerance)
+    return pose if np.median(away) < tolerance else None

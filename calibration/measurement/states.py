@@ -1,0 +1,414 @@
+"""Where the machine stood: the state columns of a measurement file, whatever was observed there (contract 4.2)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, NoReturn
+
+import numpy as np
+
+from calibration.measurement.measurement import SPINDLE_NOSE, Carrier, Target, with_moves
+from calibration.measurement.registration import rigid
+from calibration.measurement.text_table import Table
+from calibration.measurement.velocity import velocities
+from kinematics.effects import COMPONENTS
+from kinematics.forward import tool_point
+from kinematics.machine import Machine, Vector
+from kinematics.state import REFERENCE, State
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+CARRIERS: Mapping[str, Carrier] = {"target": "tool", "table": "table", "bed": "bed"}
+"""What carries a target, by the first part of its header key."""
+STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}
+OF_A_PLAN = ("strategy", "minutes")
+"""Header keys that a plan has, and may keep when observations are written into it."""
+DIRECTIONS = {"+1": 1, "1": 1, "+": 1, "forward": 1, "-1": -1, "-": -1, "backward": -1}
+PLAIN_NAME = re.compile(r'[^\s,:"]+')
+SAME_POSITION = 1e-6
+"""mm or rad: two columns that say this of one axis agree."""
+NOMINAL_AGREES = 1e-3
+"""mm: positions of axes and nominal features, which are rounded, agree."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """One row per observation, in the order of acquisition; fields as those of `Measurement`."""
+
+    state: State
+    targets: Mapping[str, Target]
+    stands_on: Literal["workpiece", "bed"]
+    axis: np.ndarray | None
+    run: np.ndarray | None
+    actual: Array | None
+    feed: Array | None
+    part_zero: Vector
+    component: np.ndarray | None = None
+
+    @property
+    def tool(self) -> Array:
+        """Positions `(n, 3)`, mm, of the targets on what carries them."""
+        return _tool(self.targets, self.state.target)
+
+
+def state_columns(machine: Machine) -> list[str]:
+    """Names of the columns that any file may have; `temp_` stands for all that begin so, `point` is for people."""
+    axes = machine.names
+    directions, actual = (f"dir_{name}" for name in axes), (f"actual_{name}" for name in axes)
+    return [*axes, "time_s", "feed", "target", "station", "run", "point", *directions, *actual, "temp_<name>"]
+
+
+def allow_columns(table: Table, known: list[str]) -> None:
+    """UserError for a column that is not among the known ones."""
+    table.allow_columns(lambda name: name in known or re.fullmatch(r"temp_\S+", name) is not None, known)
+
+
+def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
+    """UserError when the file is of another machine than this one."""
+    if "machine" not in table.entries:
+        notes.append(f"the file names no machine: taken to be {machine.name}")
+    elif table.entries["machine"].value != machine.name:
+        table.header_fault("machine", f"the file is of {table.entries['machine'].value!r}, not of {machine.name}")
+
+
+def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[str]) -> None:
+    """Notes for header lines that nothing is done with."""
+    for key, entry in table.entries.items():
+        if not known(key) and key not in OF_A_PLAN and key.partition(".")[0] not in CARRIERS:
+            where = f"line {entry.line}: header key {key!r}" if entry.line else f"--header {key}"
+            notes.append(f"{where} is not known, and not used")
+    notes += [f"line {remark.line}: {remark.value!r} is no 'key: value', and not used" for remark in table.remarks]
+
+
+def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
+    """The states and targets of a table; what had to be taken for granted is added to the notes."""
+    targets, target = read_targets(table, notes)
+    tool = _tool(targets, target)
+    part_zero: Vector = (0.0, 0.0, 0.0)
+    given = [name for name in machine.names if name in table.names]
+    if "axis" in table.names:
+        positions = _of_targets(table, machine, notes)
+    elif "nominal_x" in table.names and not given:
+        positions, part_zero = _of_part(table, machine, tool, notes)
+    elif given:
+        positions = _of_axes(table, machine, notes)
+        if "nominal_x" in table.names:
+            part_zero = _seen_zero(table, tool_point(machine, positions, tool), notes)
+    else:
+        _refuse_on_the_fly(table, machine)
+    optional = table.numbers([name for name in ("time_s", "feed") if name in table.names])
+    texts = table.texts([name for name in ("station", "run", "axis") if name in table.names])
+    run = texts.get("run")
+    state = State(
+        positions,
+        time=_ordered(table, optional.get("time_s"), notes),
+        temperatures=read_temperatures(table),
+        cycle=None if run is None else _in_order(run).astype(float),
+        station=texts.get("station"),
+        target=target,
+    )
+    if "nominal_x" not in table.names:
+        state = with_moves(state)
+        velocity = _velocity(table, machine, positions, optional.get("feed"), notes)
+        state = replace(state, velocity=velocity)
+    state = replace(state, approach=_approach(table, machine, state.approach))
+    _note_travel(machine, positions, notes)
+    stands_on = read_stands_on(table)
+    actual = _actual(table, machine)
+    component = read_component(table, machine) if "axis" in table.names else None
+    return Places(state, targets, stands_on, texts.get("axis"), run, actual, optional.get("feed"), part_zero, component)
+
+
+def axis_columns(table: Table, machine: Machine) -> np.ndarray:
+    """Column in the machine `(n,)` of the axis that each row names; UserError where it has none of that name."""
+    names = table.texts(["axis"])["axis"]
+    unknown = np.flatnonzero(~np.isin(names, machine.names))
+    if len(unknown):
+        row = int(unknown[0])
+        table.fault(row, "axis", f"machine {machine.name} ({machine.chain}) has no axis {str(names[row])!r}")
+    return np.array([machine.index(name) for name in names.tolist()])
+
+
+def read_component(table: Table, machine: Machine) -> np.ndarray | None:
+    """Error motion `(n,)` that each row observes, empty for the positioning deviation; None without the column."""
+    if "component" not in table.names:
+        return None
+    letters = table.cells(["component"])["component"]
+    unknown = np.flatnonzero(~np.isin(letters, ["", *COMPONENTS]))
+    if len(unknown):
+        row = int(unknown[0])
+        table.fault(row, "component", f"{str(letters[row])!r} is none of {', '.join(COMPONENTS)}")
+    turning = np.flatnonzero(machine.rotary[axis_columns(table, machine)] & (letters != ""))
+    if len(turning):
+        table.fault(int(turning[0]), "component", "error motions are read of linear axes; of a rotary one it is empty")
+    return letters
+
+
+def by_kind(table: Table, machine: Machine, linear: str, rotary: str, angular: np.ndarray | None = None) -> Array:
+    """Numbers `(n,)` from one column in rows of linear axes and from another in those of rotary ones.
+
+    angular: mask `(n,)` of the rows of the other column, where these are not those of rotary axes alone.
+
+    The column of the other kind is not there, or empty.
+    """
+    turns = machine.rotary[axis_columns(table, machine)] if angular is None else angular
+    values = np.empty(len(table))
+    for name, rows in ((linear, ~turns), (rotary, turns)):
+        if not rows.any():
+            continue
+        if name not in table.names:
+            kind = "rotary" if name == rotary else "linear"
+            what = f"a {kind} axis" if angular is None else "a row of this kind"
+            table.fault(int(np.flatnonzero(rows)[0]), "axis", f"{what} needs the column {name}")
+        if rows.all():
+            return table.numbers([name])[name]
+        filled = table.cells([name])[name] != ""
+        wrong = np.flatnonzero(filled != rows)
+        if len(wrong):
+            table.fault(int(wrong[0]), name, "filled for an axis of the other kind" if filled[wrong[0]] else "empty")
+        part = replace(table, rows=[table.rows[i] for i in np.flatnonzero(rows).tolist()], lines=table.lines[rows])
+        values[rows] = part.numbers([name])[name]
+    return values
+
+
+def _of_axes(table: Table, machine: Machine, notes: list[str]) -> Array:
+    """Commanded positions `(n, axes)`, mm and rad; an axis without column stands at its home."""
+    positions = np.tile([axis.home for axis in machine.axes], (len(table), 1))
+    given = table.numbers([name for name in machine.names if name in table.names])
+    for name, column in given.items():
+        positions[:, machine.index(name)] = column
+    _note_home(machine, [name for name in machine.names if name not in given], notes)
+    return np.asarray(positions * machine.scale)
+
+
+def _of_targets(table: Table, machine: Machine, notes: list[str]) -> Array:
+    """Positions `(n, axes)` of a table that measures one axis a row, at its target; the others as in `_of_axes`."""
+    columns = axis_columns(table, machine)
+    measured = [name for i, name in enumerate(machine.names) if np.any(columns == i)]
+    aside: list[str] = []
+    positions = _of_axes(table, machine, aside)
+    rows = np.arange(len(table))
+    target = by_kind(table, machine, "target_mm", "target_deg") * machine.scale[columns]
+    for name in [name for name in measured if name in table.names]:
+        i = machine.index(name)
+        differ = np.flatnonzero((columns == i) & (np.abs(positions[:, i] - target) > SAME_POSITION))
+        if len(differ):
+            table.fault(int(differ[0]), name, "differs from the target of this axis")
+    positions[rows, columns] = target
+    missing = [name for name in machine.names if name not in table.names and measured != [name]]
+    _note_home(machine, missing, notes, "where it is not the one measured" if len(measured) > 1 else "")
+    return positions
+
+
+def _of_part(table: Table, machine: Machine, tool: Array, notes: list[str]) -> tuple[Array, Vector]:
+    """Positions `(n, axes)` that put the tool point on the nominal features, and the part's zero.
+
+    Rotary axes, and linear ones that are not needed, stand at home; the tool point is affine in the others.
+    """
+    zero = _given_zero(table)
+    if zero is None:
+        zero = (0.0, 0.0, 0.0)
+        notes.append("no part_offset: the part's zero is taken to lie at that of the workpiece frame")
+    if "nominal_z" not in table.names:
+        notes.append("no column nominal_z: features are taken to lie at z = 0 of the part")
+    points = _nominal(table) + zero
+    home = np.array([axis.home for axis in machine.axes]) * machine.scale
+    movers = list(machine.translators)
+    home[movers] = 0.0
+    start = tool_point(machine, home, tool)
+    steps = np.repeat(home[None], 3, axis=0)
+    steps[np.arange(3), movers] = 1.0
+    along = (tool_point(machine, steps) - tool_point(machine, home)).T
+    positions = np.tile(home, (len(table), 1))
+    positions[:, movers] = np.linalg.solve(along, (points - start).T).T
+    placed = ", ".join(machine.names[i] for i in movers)
+    notes.append(f"no columns of axis positions: {placed} are taken to stand where the tool point is nominal")
+    _note_home(machine, [name for i, name in enumerate(machine.names) if i not in movers], notes)
+    return positions, zero
+
+
+def _nominal(table: Table) -> Array:
+    """Nominal features `(n, 3)`, mm, in the part's frame; z is 0 where the table does not say it."""
+    table.need_columns(["nominal_x", "nominal_y"], "a part")
+    names = [name for name in ("nominal_x", "nominal_y", "nominal_z") if name in table.names]
+    columns = list(table.numbers(names).values())
+    return np.stack([*columns, *[np.zeros(len(table))] * (3 - len(names))], axis=1)
+
+
+def _given_zero(table: Table) -> Vector | None:
+    if "part_offset" not in table.entries:
+        return None
+    x, y, z = table.header_numbers("part_offset", 3)
+    return x, y, z
+
+
+def _seen_zero(table: Table, points: Array, notes: list[str]) -> Vector:
+    """The part's zero where the axes stood at `points` `(n, 3)`; a note where they don't fit the nominal features."""
+    nominal = _nominal(table)
+    planar = "nominal_z" not in table.names
+    left = points - rigid(nominal, points, planar=planar).apply(nominal)
+    worst = float(np.linalg.norm(left[:, :2] if planar else left, axis=1).max())
+    if worst > NOMINAL_AGREES:
+        notes.append(
+            f"nominal features and the tool points at the positions of the axes differ by up to {worst:.4g} mm, "
+            "after a shift and a turn: the positions of the axes are used"
+        )
+    x, y, z = (points - nominal).mean(axis=0).tolist()
+    return _given_zero(table) or (x, y, z)
+
+
+def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndarray]:
+    """The targets by name, sorted, and the name of each row's."""
+    targets: dict[str, Target] = {}
+    for key in table.entries:
+        first, dot, name = key.partition(".")
+        if first in CARRIERS:
+            if not dot or not PLAIN_NAME.fullmatch(name):
+                table.header_fault(key, f"expected {first}.<name>, the name without blanks")
+            if name in targets:
+                table.header_fault(key, f"there is another target {name}")
+            x, y, z = table.header_numbers(key, 3)
+            targets[name] = Target((x, y, z), CARRIERS[first])
+    named = "target" in table.names
+    if not targets:
+        if named:
+            raise UserError(
+                f"{table.head} column target: the header says of no target where it sits (# target.<name>: x y z)"
+            )
+        notes.append("no target in the header: taken to sit in the tool reference point (spindle nose)")
+        targets = {"1": SPINDLE_NOSE}
+    if not named:
+        if len(targets) > 1:
+            raise UserError(f"{table.head}: several targets ({', '.join(targets)}) and no column target")
+        return targets, np.full(len(table), next(iter(targets)))
+    column = table.texts(["target"])["target"]
+    unknown = np.flatnonzero(~np.isin(column, list(targets)))
+    if len(unknown):
+        row = int(unknown[0])
+        table.fault(row, "target", f"{str(column[row])!r} is not in the header, which has {', '.join(targets)}")
+    return targets, column
+
+
+def _tool(targets: Mapping[str, Target], names: np.ndarray | None) -> Array:
+    """Positions `(n, 3)`, mm, of targets by their names `(n,)`."""
+    assert names is not None
+    among = list(targets)
+    order = np.argsort(among)
+    number = order[np.searchsorted(among, names, sorter=order)]
+    return np.asarray(np.array([target.position for target in targets.values()])[number])
+
+
+def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:
+    """What the instrument stands on; UserError for what it can't."""
+    value = table.entries["stands_on"].value if "stands_on" in table.entries else "workpiece"
+    if value not in STANDS_ON:
+        table.header_fault("stands_on", f"expected {' or '.join(STANDS_ON)}, got {value!r}")
+    return STANDS_ON[value]
+
+
+def read_temperatures(table: Table) -> dict[str, Array]:
+    """K from 20 degC, by sensor."""
+    columns = table.numbers([name for name in table.names if name.startswith("temp_")])
+    return {name.removeprefix("temp_"): column - REFERENCE for name, column in columns.items()}
+
+
+def _actual(table: Table, machine: Machine) -> Array | None:
+    columns = table.numbers([name for name in table.names if name.startswith("actual_")])
+    if not columns:
+        return None
+    actual = np.full((len(table), len(machine.axes)), np.nan)
+    for name, column in columns.items():
+        i = machine.index(name.removeprefix("actual_"))
+        actual[:, i] = column * machine.scale[i]
+    return actual
+
+
+def _velocity(table: Table, machine: Machine, positions: Array, feed: Array | None, notes: list[str]) -> Array | None:
+    """Velocity `(n, axes)`, mm/s and rad/s; None without a feed."""
+    if feed is None:
+        return None
+    if np.any(feed < 0.0):
+        table.fault(int(np.argmax(feed < 0.0)), "feed", "below 0; a machine that stands has 0")
+    begins, told = np.zeros(len(table), bool), np.zeros(positions.shape)
+    for column in table.texts([name for name in ("run", "axis", "station") if name in table.names]).values():
+        begins |= np.append(True, column[1:] != column[:-1])
+    if "direction" in table.names:
+        own = np.arange(len(table)), axis_columns(table, machine)
+        told[own] = _signs(table)
+        begins |= np.append(True, np.any(told[1:] != told[:-1], axis=1))
+    velocity, lost = velocities(machine, positions, feed, begins, told)
+    if lost.any():
+        line = table.lines[np.argmax(lost)]
+        notes.append(
+            f"line {line}: a feed, but the axes stand where they stood and go nowhere: taken to stand still"
+            f"{f' ({lost.sum()} such rows)' if lost.sum() > 1 else ''}"
+        )
+    return velocity
+
+
+def _signs(table: Table) -> Array:
+    """Column `direction` `(n,)`, -1 or 1."""
+    words = table.texts(["direction"])["direction"]
+    unknown = np.flatnonzero(~np.isin(words, list(DIRECTIONS)))
+    if len(unknown):
+        row = int(unknown[0])
+        table.fault(row, "direction", f"{str(words[row])!r} is none of {', '.join(DIRECTIONS)}")
+    return np.array([DIRECTIONS[word] for word in words.tolist()], float)
+
+
+def _approach(table: Table, machine: Machine, from_order: Array | None) -> Array | None:
+    """Direction of approach `(n, axes)`: as the file says, where it does not from the order of rows.
+
+    The order in which a part is measured says nothing of the machine's moves: None there, unless the file says it.
+    """
+    columns = table.numbers([name for name in table.names if name.startswith("dir_")])
+    if from_order is None and not columns:
+        return None
+    approach = np.zeros((len(table), len(machine.axes))) if from_order is None else from_order.copy()
+    for name, column in columns.items():
+        wrong = np.flatnonzero(~np.isin(column, (-1.0, 0.0, 1.0)))
+        if len(wrong):
+            table.fault(int(wrong[0]), name, f"{column[wrong[0]]:g} is not -1, 0 or 1")
+        approach[:, machine.index(name.removeprefix("dir_"))] = column
+    if "direction" in table.names:
+        approach[np.arange(len(table)), axis_columns(table, machine)] = _signs(table)
+    return approach
+
+
+def _in_order(names: np.ndarray) -> np.ndarray:
+    """Numbers `(n,)` from 0 in the order of first appearance."""
+    _, first, number = np.unique(names, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[number])
+
+
+def _ordered(table: Table, time: Array | None, notes: list[str]) -> Array | None:
+    if time is not None and np.any(np.diff(time) < 0):
+        line = table.lines[np.argmax(np.diff(time) < 0) + 1]
+        notes.append(f"line {line}: time goes back; rows are taken in the order they stand in")
+    return time
+
+
+def _note_home(machine: Machine, names: list[str], notes: list[str], when: str = "") -> None:
+    if names:
+        homes = ", ".join(f"{name} {machine.axes[machine.index(name)].home:g}" for name in names)
+        units = "mm, deg" if machine.rotary.any() else "mm"
+        notes.append(f"no column of {', '.join(names)}: taken to stand at home ({homes} {units}){when and f' {when}'}")
+
+
+def _note_travel(machine: Machine, positions: Array, notes: list[str]) -> None:
+    for i, axis in enumerate(machine.axes):
+        low, high = machine.travel[:, i]
+        beyond = float(np.max(np.maximum(low - positions[:, i], positions[:, i] - high)))
+        if beyond > SAME_POSITION:
+            ends = f"{axis.travel[0]:g}..{axis.travel[1]:g}"
+            notes.append(f"{axis.name} leaves its travel {ends} {axis.unit} by {beyond / machine.scale[i]:.4g}")
+
+
+def _refuse_on_the_fly(table: Table, machine: Machine) -> NoReturn:
+    raise UserError(
+        f"{table.head}: no column with commanded positions of an axis "
+        f"({', '.join(machine.names)}); data taken on the fly need the program that was run, --path PATH.nc, and a "
+        "log of stands the plan of its positions, --plan PLAN.csv"
+    )

@@ -1,0 +1,240 @@
+"""Tables in text: header lines `# key: value`, column names, and cells by column, with their places for messages."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import difflib
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple, NoReturn
+
+import numpy as np
+
+from kinematics.files import fingerprint, read_input
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+LARGEST = 1e12
+"""Largest number that is read: the squares of mistyped numbers must stay finite."""
+
+
+class Entry(NamedTuple):
+    """The value of a header key, and its line; 0 of what was not in the file but given along with it."""
+
+    value: str
+    line: int = 0
+
+
+@dataclass(frozen=True)
+class Table:
+    """The text of a table, whose cells are read when they are asked for."""
+
+    source: str
+    fingerprint: str
+    entries: Mapping[str, Entry]
+    """The header, by key."""
+    remarks: tuple[Entry, ...]
+    """Header lines that are no `key: value`."""
+    names: tuple[str, ...]
+    """Of the columns, in order."""
+    names_line: int
+    rows: Sequence[str]
+    lines: np.ndarray
+    """Line in the file `(n,)` of each row."""
+    delimiter: str = ","
+    above: Sequence[str] = ()
+    """The lines of the file down to the names of columns."""
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def numbers(self, names: Sequence[str]) -> dict[str, Array]:
+        """Columns `(n,)` of numbers up to LARGEST; UserError with line and column of the first cell without one."""
+        if not names:
+            return {}
+        try:
+            values = self._load(names, float)
+        except ValueError:
+            values = np.array([[math.nan]])
+        if not np.all(np.abs(values) <= LARGEST):
+            self._find_bad(names)
+        return dict(zip(names, values.T.copy(), strict=True))
+
+    def texts(self, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Columns `(n,)` of texts without the blanks around them; UserError with the place of the first empty cell."""
+        columns = self.cells(names)
+        for name, column in columns.items():
+            empty = np.flatnonzero(column == "")
+            if len(empty):
+                self.fault(int(empty[0]), name, "empty")
+        return columns
+
+    def cells(self, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Columns `(n,)` of texts, empty ones among them."""
+        return {name: np.char.strip(column) for name, column in zip(names, self._load(names, str).T, strict=True)}
+
+    @property
+    def head(self) -> str:
+        """Place of the column names, for messages."""
+        return f"{self.source}:{self.names_line}" if self.names_line else self.source
+
+    def fault(self, row: int, name: str, reason: str) -> NoReturn:
+        """UserError for a cell."""
+        raise UserError(f"{self.source}:{self.lines[row]} column {name}: {reason}")
+
+    def header_fault(self, key: str, reason: str) -> NoReturn:
+        """UserError for a header line."""
+        line = self.entries[key].line
+        raise UserError(f"{self.source}{f':{line}' if line else ''} {key}: {reason}")
+
+    def header_numbers(self, key: str, count: int) -> tuple[float, ...]:
+        """So many numbers up to LARGEST, with blanks or commas between them, of a header line."""
+        cells = self.entries[key].value.replace(",", " ").split()
+        values = [number_of(cell) for cell in cells]
+        if len(values) != count or None in values:
+            what = "a number" if count == 1 else f"{count} numbers"
+            self.header_fault(key, f"expected {what}, got {self.entries[key].value!r}")
+        return tuple(value for value in values if value is not None)
+
+    def allow_columns(self, known: Callable[[str], bool], listed: Sequence[str]) -> None:
+        """UserError for the first column that is not known; it lists those that are."""
+        for name in self.names:
+            if not known(name):
+                near = difflib.get_close_matches(name, listed, n=1)
+                meant = f" (did you mean {near[0]}?)" if near else ""
+                raise UserError(f"{self.head} column {name}: not known{meant}; known are {', '.join(listed)}")
+
+    def need_columns(self, names: Sequence[str], what: str) -> None:
+        """UserError when one of the columns is not there."""
+        missing = [name for name in names if name not in self.names]
+        if missing:
+            columns = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)}"
+            raise UserError(f"{self.head} {what}: {columns} missing, found {', '.join(self.names)}")
+
+    def _load(self, names: Sequence[str], kind: type) -> np.ndarray:
+        """Cells `(n, names)`."""
+        where = [self.names.index(name) for name in names]
+        return np.loadtxt(
+            self.rows, dtype=kind, delimiter=self.delimiter, usecols=where, ndmin=2, comments=None, quotechar='"'
+        )
+
+    def _find_bad(self, names: Sequence[str]) -> NoReturn:
+        for row, cells in enumerate(csv.reader(self.rows, delimiter=self.delimiter)):
+            for name in names:
+                cell = cells[self.names.index(name)].strip()
+                if number_of(cell) is None:
+                    self.fault(row, name, f"{cell!r} is no number within ±{LARGEST:g}" if cell else "empty")
+        raise AssertionError("every cell is a number")
+
+
+def read_table(path: Path, what: str) -> Table:
+    """The table in a file; UserError when it can't be read, naming `what` it should have been."""
+    return parse_table(read_input(path, what), str(path))
+
+
+def parse_table(data: bytes, source: str) -> Table:
+    """The table in UTF-8 text with commas between cells; `source` names it in messages."""
+    lines = text_lines(data, source)
+    refuse_empty(data, source)
+    entries: dict[str, Entry] = {}
+    remarks: list[Entry] = []
+    for number, line in enumerate(lines, start=1):
+        content = line.strip()
+        if content.startswith("#"):
+            _take_header(content[1:].strip(), number, entries, remarks, source)
+        elif content:
+            break
+    else:
+        raise UserError(f"{source}: no line with the names of columns")
+    names = tuple(name.strip() for name in next(csv.reader([line])))
+    if all(number_of(name) is not None for name in names):
+        raise UserError(f"{source}:{number}: no line with the names of columns above the numbers")
+    if len(names) == 1 and (";" in line or "\t" in line):
+        raise UserError(f"{source}:{number}: cells are to be separated by commas, numbers written with a point")
+    for name in names:
+        if not name or names.count(name) > 1:
+            raise UserError(f"{source}:{number} column {name}: {'twice' if name else 'without a name'}")
+    table = Table(source, fingerprint(data), entries, tuple(remarks), names, number, (), np.empty(0, int))
+    return body(replace(table, above=lines[:number]), lines)
+
+
+def table_of(
+    source: str,
+    digest: str,
+    entries: Mapping[str, Entry],
+    columns: Mapping[str, Sequence[str]],
+    lines: Sequence[int],
+) -> Table:
+    """A table from columns `(n,)` of texts without line ends, whatever file they come from."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(zip(*columns.values(), strict=True))
+    rows = text.getvalue().split("\n")[:-1]
+    if not rows:
+        raise UserError(f"{source}: no observations")
+    return Table(source, digest, entries, (), tuple(columns), 0, rows, np.array(lines))
+
+
+def body(table: Table, lines: Sequence[str]) -> Table:
+    """The table with the rows below its column names, blank ones left out; UserError for one of the wrong length."""
+    first = table.names_line
+    filled = [(number, line) for number, line in enumerate(lines[first:], start=first + 1) if line and line.strip()]
+    if not filled:
+        raise UserError(f"{table.source}: no rows below the names of columns")
+    numbers, rows = zip(*filled, strict=True)
+    wanted, delimiter = len(table.names), table.delimiter
+    for number, row in filled:
+        if row.count(delimiter) != wanted - 1 or '"' in row:
+            _check_row(row, f"{table.source}:{number}", wanted, delimiter)
+    return replace(table, rows=rows, lines=np.array(numbers))
+
+
+def _check_row(row: str, where: str, wanted: int, delimiter: str) -> None:
+    if row.lstrip().startswith("#"):
+        raise UserError(f"{where}: header lines stand above the names of columns")
+    try:
+        count = len(next(csv.reader([row], delimiter=delimiter, strict=True)))
+    except csv.Error as fault:
+        raise UserError(f"{where}: {fault}") from None
+    if count != wanted:
+        hint = " (a decimal comma?)" if count > wanted and delimiter == "," else ""
+        raise UserError(f"{where}: {count} cells, {wanted} columns have names{hint}")
+
+
+def refuse_empty(data: bytes, source: str) -> None:
+    """UserError for a file without anything but blanks."""
+    if not data.removeprefix(codecs.BOM_UTF8).strip():
+        raise UserError(f"{source} is empty")
+
+
+def text_lines(data: bytes, source: str) -> list[str]:
+    """Lines of UTF-8 text, with or without a byte order mark, whatever ends them."""
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise UserError(f"{source}: not UTF-8 text") from None
+    if "\0" in text:
+        raise UserError(f"{source}: not text")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def number_of(cell: str) -> float | None:
+    """The number in a cell, None when it is none or beyond LARGEST."""
+    try:
+        value = float(cell) if cell.isascii() and "_" not in cell else math.nan
+    except ValueError:
+        return None
+    return value if abs(value) <= LARGEST else None
+
+
+def _take_header(text: str, line: int, entries: dict[str, Entry], remarks: list[Entry], source: str) -> None:
+    key, colon, value = (part.strip() for part in text.partition(":"))
+    if not colon:
+        remarks.append(Entry(text, line))
+    elif key in entries:
+        raise UserError(f"{source}:{line} {key}: given before, in line {entries[key].line}")
+    else:
+        entries[key] = Entry(value, line)

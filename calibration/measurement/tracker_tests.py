@@ -1,0 +1,219 @@
+"""A laser tracker's standard uncertainties from its tests by ASME B89.4.19: ranging, length and two-face.
+
+The model is that of `LaserTracker`: along the beam r = u_range + u_range_per_m D, across it a = u_angle +
+u_angle_per_m D in either direction. Variances of the measured quantities, to first order:
+
+    ranging    length between two points in line with the tracker:      r(D1)^2 + r(D2)^2
+    length     bar of length L across the beam, centre at D:            2 (c^2 r(d)^2 + (1 - c^2) a(d)^2),
+                                                                        d^2 = D^2 + L^2 / 4, c = L / 2 d
+    two-face   distance of the two faces' points, two components:       2 a(D)^2 each, so its mean square is 4 a(D)^2
+
+Measured errors are fitted by maximum likelihood; stated values (a data sheet's, of a coverage factor k) by least
+squares of their logarithms, as the virtual calibration paper does (2.2.2, Figure 3 and Table 3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy import special
+
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.text_table import Table, read_table
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+KINDS = ("ranging", "length", "two-face")
+PARAMETERS = ("u_range_um", "u_range_um_per_m", "u_angle_um", "u_angle_um_per_m")
+STARTS = ((1.0, 0.5, 5.0, 2.0), (0.1, 1.0, 0.5, 5.0), (5.0, 0.05, 20.0, 0.5))
+SMALLEST = 1e-6
+"""Smallest parameter, um or um/m; a smaller one is zero."""
+NEAREST = 0.1
+"""Smallest range of a test, m."""
+LEAST_UM, LARGEST_UM = 0.01, 1000.0
+"""Limits of a tracker's errors, um; a file beyond them is in another unit."""
+DOUBTFUL = 1e-3
+"""Chance of a chi2 below which the tests do not fit the model."""
+
+
+@dataclass(frozen=True)
+class TrackerTests:
+    """One row for each test."""
+
+    kind: np.ndarray
+    """`(n,)`, of KINDS."""
+    ranges: Array
+    """`(n, 2)`, m: of both ends of the length; alike in other tests."""
+    along: Array
+    """Share `(n,)` of the length that lies along the beam, squared: 1 of ranging, 0 of two-face tests."""
+    value: Array
+    """Errors `(n,)`, um; or stated values."""
+    coverage: float | None
+    """k of stated values; None of measured errors."""
+    source: str
+
+    @property
+    def freedom(self) -> Array:
+        """Components `(n,)` that a value is made of."""
+        return np.where(self.kind == "two-face", 2.0, 1.0)
+
+    def variances(self, parameters: Array) -> Array:
+        """Variances of each component `(n,)`, um2, by the four parameters."""
+        r = parameters[0] + parameters[1] * self.ranges
+        a = parameters[2] + parameters[3] * self.ranges
+        return np.asarray(np.sum(self.along[:, None] * r**2 + (1.0 - self.along[:, None]) * a**2, axis=1))
+
+    def slopes(self, parameters: Array) -> Array:
+        """Derivatives `(n, 4)` of the variances."""
+        r = parameters[0] + parameters[1] * self.ranges
+        a = parameters[2] + parameters[3] * self.ranges
+        by_r, by_a = 2.0 * self.along[:, None] * r, 2.0 * (1.0 - self.along[:, None]) * a
+        parts = [by_r, by_r * self.ranges, by_a, by_a * self.ranges]
+        return np.stack([part.sum(axis=1) for part in parts], axis=1)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The tracker's parameters, um and um/m, k = 1."""
+
+    tests: TrackerTests
+    parameters: Array
+    u: Array
+    """Standard uncertainties `(4,)`."""
+    predicted: Array
+    """RMS `(n,)`, um, of the values by the parameters."""
+
+    @property
+    def instrument(self) -> LaserTracker:
+        """The tracker with these uncertainties."""
+        return LaserTracker(*self.parameters.tolist())
+
+    def chi2(self, kind: str) -> tuple[float, int]:
+        """chi2 of the measured errors of one kind, and its degrees of freedom."""
+        rows = self.tests.kind == kind
+        freedom = self.tests.freedom[rows]
+        return float(np.sum(freedom * (self.tests.value[rows] / self.predicted[rows]) ** 2)), int(freedom.sum())
+
+    def doubtful(self, kind: str) -> bool:
+        """True of measured errors that are larger than these parameters make them."""
+        value, freedom = self.chi2(kind)
+        return self.tests.coverage is None and freedom > 0 and float(special.chdtrc(freedom, value)) < DOUBTFUL
+
+
+def read_tests(path: Path) -> TrackerTests:
+    """The tests in a file: columns test, range_mm, range_2_mm (ranging), length_mm (length), error_um or stated_um.
+
+    UserError with line and column for unusable cells.
+    """
+    table = read_table(path, "tests of a tracker")
+    known = ["test", "range_mm", "range_2_mm", "length_mm", "error_um", "stated_um"]
+    table.allow_columns(lambda name: name in known, known)
+    table.need_columns(["test", "range_mm"], "tests of a tracker")
+    if ("error_um" in table.names) == ("stated_um" in table.names):
+        raise UserError(f"{table.head}: one column, error_um (measured) or stated_um (of a data sheet), is expected")
+    kind = table.texts(["test"])["test"]
+    unknown = np.flatnonzero(~np.isin(kind, KINDS))
+    if len(unknown):
+        table.fault(int(unknown[0]), "test", f"{str(kind[unknown[0]])!r} is none of {', '.join(KINDS)}")
+    near = table.numbers(["range_mm"])["range_mm"] * 1e-3
+    if np.any(near <= 0.0):
+        table.fault(int(np.argmax(near <= 0.0)), "range_mm", "a range is above 0")
+    if np.any(near < NEAREST):
+        table.fault(int(np.argmax(near < NEAREST)), "range_mm", "a range below 100 mm is none of a tracker's test: mm?")
+    far = _own(table, "range_2_mm", kind == "ranging") * 1e-3
+    half = _own(table, "length_mm", kind == "length") * 0.5e-3
+    ends = np.where(kind == "ranging", far, np.hypot(near, half))
+    begins = np.where(kind == "ranging", near, ends)
+    along = np.where(kind == "ranging", 1.0, (half / ends) ** 2)
+    name = "error_um" if "error_um" in table.names else "stated_um"
+    value, coverage = table.numbers([name])[name], _coverage(table) if name == "stated_um" else None
+    if coverage is not None and np.any(value <= 0.0):
+        table.fault(int(np.argmax(value <= 0.0)), name, "a stated value is above 0")
+    if np.any(np.abs(value) > LARGEST_UM):
+        table.fault(int(np.argmax(np.abs(value) > LARGEST_UM)), name, "more than 1 mm is no error of a tracker: um?")
+    if not np.any(np.abs(value) > LEAST_UM):
+        raise UserError(f"{table.source}: no {name} is above {LEAST_UM:g} um, less than any tracker errs: um?")
+    return TrackerTests(kind, np.stack([begins, ends], axis=1), along, value, coverage, str(path))
+
+
+def fit_tests(tests: TrackerTests) -> Fitted:
+    """Parameters of the tracker; UserError if tests of ranges or of angles are missing or too few."""
+    from scipy.optimize import minimize
+
+    _refuse_blind(tests)
+    objective = _likelihood if tests.coverage is None else _logarithms
+    bounds = [(SMALLEST, None)] * 4
+    tried = [minimize(objective, start, (tests,), jac=True, method="L-BFGS-B", bounds=bounds) for start in STARTS]
+    best = min(tried, key=lambda one: float(one.fun)).x
+    parameters = np.where(best <= 2.0 * SMALLEST, 0.0, best)
+    predicted = np.sqrt(tests.variances(best) * tests.freedom)
+    return Fitted(tests, parameters, _uncertainties(tests, best, predicted), predicted)
+
+
+def _own(table: Table, name: str, rows: np.ndarray) -> Array:
+    """Numbers `(n,)` of a column that is filled in some rows only; 0 in the others."""
+    found = np.zeros(len(rows))
+    if not rows.any():
+        return found
+    table.need_columns([name], "tests of a tracker")
+    cells = table.cells([name])[name]
+    wrong = np.flatnonzero((cells != "") != rows)
+    if len(wrong):
+        table.fault(int(wrong[0]), name, "empty" if cells[wrong[0]] == "" else "is not of this test")
+    for row in np.flatnonzero(rows).tolist():
+        try:
+            found[row] = float(cells[row])
+        except ValueError:
+            found[row] = np.nan
+        if not np.isfinite(found[row]) or found[row] <= 0.0:
+            table.fault(row, name, f"{str(cells[row])!r} is no number above 0")
+    return found
+
+
+def _coverage(table: Table) -> float:
+    if "coverage" not in table.entries:
+        raise UserError(f"{table.source}: header line '# coverage: 2' (k of the stated values) is missing")
+    (k,) = table.header_numbers("coverage", 1)
+    if not k > 0.0:
+        table.header_fault("coverage", f"{k:g} is not above 0")
+    return k
+
+
+def _refuse_blind(tests: TrackerTests) -> None:
+    across = np.isin(tests.kind, ["length", "two-face"])
+    for rows, what, remedy in (
+        (tests.kind == "ranging", "the range", "ranging tests"),
+        (across, "the angles", "length or two-face tests"),
+    ):
+        apart = np.unique(np.round(tests.ranges[rows].max(axis=1), 3)) if rows.any() else np.empty(0)
+        if len(apart) < 2 or rows.sum() < 3:
+            raise UserError(f"{tests.source}: {what}: three or more {remedy}, at two or more ranges, are needed")
+
+
+def _likelihood(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
+    """Minus its logarithm, and its derivatives; of measured errors."""
+    variance, slopes = tests.variances(parameters), tests.slopes(parameters)
+    total = 0.5 * np.sum(tests.freedom * np.log(variance) + tests.value**2 / variance)
+    return float(total), 0.5 * (tests.freedom / variance - (tests.value / variance) ** 2) @ slopes
+
+
+def _logarithms(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
+    """Sum of squares of logarithms of stated over predicted values, and its derivatives."""
+    assert tests.coverage is not None
+    variance, slopes = tests.variances(parameters), tests.slopes(parameters)
+    left = 0.5 * np.log(variance * tests.freedom) - np.log(tests.value / tests.coverage)
+    return float(left @ left), (left / variance) @ slopes
+
+
+def _uncertainties(tests: TrackerTests, parameters: Array, predicted: Array) -> Array:
+    """Standard uncertainties `(4,)`: by Fisher's information; of stated values by the scatter about the fit."""
+    relative = tests.slopes(parameters) / tests.variances(parameters)[:, None]
+    if tests.coverage is None:
+        information = 0.5 * (relative * tests.freedom[:, None]).T @ relative
+    else:
+        left = np.log(predicted) - np.log(tests.value / tests.coverage)
+        scatter = float(left @ left) / max(len(left) - 4, 1)
+        information = 0.25 * relative.T @ relative / max(scatter, 1e-12)
+    return np.asarray(np.sqrt(np.maximum(np.diag(np.linalg.pinv(information, hermitian=True)), 0.0)))

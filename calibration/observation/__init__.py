@@ -1,0 +1,1 @@
+"""The observation equations: expected observations of an erring machine, and their derivatives."""

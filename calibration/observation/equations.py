@@ -1,0 +1,225 @@
+"""The observation equations: what is expected to be observed, and its derivatives; one instrument kind each.
+
+observed = registration(points of the machine with errors) + shift by the instrument's own effects + noise. Values are
+exact; derivatives are those at nominal positions, first order in the errors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.measurement.instruments import Interferometer, Part
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.observed_points import carried, seen_points, seen_transform
+from calibration.measurement.registration import Registration, rigid
+from kinematics.deviation import exact_deviation
+from kinematics.effects import COMPONENTS
+from kinematics.error_model.model import Observation
+from kinematics.error_transform import place_transform, pose_slopes
+from kinematics.forward import axis_frames
+from kinematics.transforms import Array, by_turn, turn
+
+IN_LINE = 1.0
+"""mm: points nearer to a line do not say how the instrument is turned about it."""
+
+
+def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
+    """A first registration, from the nominal machine and the rows that are trusted, a mask `(n,)`.
+
+    Targets on the tool say where the instrument stood as long as they suffice: of the others there are guesses.
+    """
+    names, groups = np.unique(measurement.groups).tolist(), measurement.groups
+    if isinstance(measurement.instrument, Interferometer):
+        across = dict.fromkeys(np.unique(groups[measurement.straightness]).tolist(), 0.0)
+        zeros = {name: _mean_zero(measurement, (groups == name), trusted) for name in names}
+        return Registration(zeros=zeros, slopes=across)
+    planar = measurement.instrument.components == 2
+    points = seen_points(measurement, None, measurement.tool)
+    observed = _in_space(measurement, points)
+    known = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
+    poses, centres = {}, {}
+    for name in names:
+        mine = groups == name
+        # where too few are trusted the station is astray as a whole
+        choices = [rows for rows in (mine & trusted & known, mine & trusted) if rows.sum() >= (2 if planar else 3)]
+        rows = next((rows for rows in choices if planar or width(points[rows]) > IN_LINE), [*choices, mine][0])
+        poses[name] = rigid(points[rows], observed[rows], planar=planar)
+        centres[name] = observed[rows].mean(axis=0)
+    registration = Registration(poses, centres, planar)
+    return replace(registration, targets=_first_targets(measurement, registration))
+
+
+def width(points: Array) -> float:
+    """RMS distance, mm, of points `(n, 3)` from the line that fits them best."""
+    return float(np.linalg.norm(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1:]) / len(points) ** 0.5)
+
+
+def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
+    """Expected observations `(n, d)`, mm and rad, in the components that count, with these effects on them.
+
+    NaN for runs of an interferometer whose zero the registration does not hold.
+    """
+    if isinstance(measurement.instrument, Interferometer):
+        machine, q = measurement.machine, measurement.state.positions
+        position, turned = exact_deviation(machine, q, effects.errors, measurement.tool)
+        along = np.concatenate([position, turned], axis=1)
+        zeros = np.array([registration.zeros.get(group, np.nan) for group in measurement.groups.tolist()])
+        slopes = np.array([registration.slopes.get(group, 0.0) for group in measurement.groups.tolist()])
+        return np.asarray((np.sum(_lines(measurement) * along, axis=1) + zeros + slopes * _own(measurement))[:, None])
+    points = seen_points(measurement, effects.errors, registration.tool(measurement))
+    return _counted(measurement, registration.seen(measurement, points) + effects.shift)
+
+
+def transform(measurement: Measurement, registration: Registration) -> Array:
+    """Derivatives `(n, d, (axes + 1) * 6 + 3)`: by the error motions, and by the shift of the observed point.
+
+    As `ErrorModel.observation_design` takes it.
+    """
+    n = len(measurement)
+    if isinstance(measurement.instrument, Interferometer):
+        six = place_transform(measurement.machine, measurement.state.positions, measurement.tool)
+        own = np.einsum("nk,nkp->np", _lines(measurement), six)[:, None]
+        return np.concatenate([own, np.zeros((n, 1, 3))], axis=2)
+    seen = seen_transform(measurement, registration.tool(measurement))
+    own = registration.rotations(measurement) @ seen
+    shift = np.broadcast_to(np.eye(3), (n, 3, 3))
+    return _counted(measurement, np.concatenate([own, shift], axis=2))
+
+
+def registration_design(measurement: Measurement, registration: Registration) -> Array:
+    """Derivatives `(n, d, parameters)` by the registration, at the machine's nominal points."""
+    n, groups = len(measurement), measurement.groups
+    if isinstance(measurement.instrument, Interferometer):
+        zeros = [np.equal(groups, group).astype(float)[:, None] for group in registration.zeros]
+        slopes = [np.where(groups == group, _own(measurement), 0.0)[:, None] for group in registration.slopes]
+        return np.stack([*zeros, *slopes], axis=2)
+    points = registration.seen(measurement, seen_points(measurement, None, registration.tool(measurement)))
+    columns = []
+    for group, centre in registration.centres.items():
+        own = np.zeros((n, 3, 6))
+        rows = groups == group
+        own[rows, :, :3] = np.eye(3)
+        own[rows, :, 3:] = by_turn(points[rows] - centre)
+        columns.append(own[:, :, [0, 1, 5]] if registration.planar else own)
+    turns = registration.rotations(measurement) @ carried(measurement) if registration.targets else None
+    numbers = {name: i for i, name in enumerate(measurement.targets)}
+    for name in registration.targets:
+        assert turns is not None
+        columns.append(np.where(np.equal(measurement.target_number, numbers[name])[:, None, None], turns, 0.0))
+    return _counted(measurement, np.concatenate(columns, axis=2))
+
+
+def covariance(measurement: Measurement) -> Array:
+    """Covariances `(n, d, d)`, mm2 or rad2, of the components that count; rows in motion are means.
+
+    Sheet and scatter describe the same readings (GUM 4.3.10): scatter counts as far as it exceeds the sheet.
+    """
+    instrument = measurement.instrument
+    if isinstance(instrument, Interferometer):
+        return _along_axes(measurement, instrument)
+    if isinstance(instrument, Part):
+        u = (instrument.u_um + instrument.u_um_per_m * 1e-3 * np.linalg.norm(measurement.observed, axis=1)) * 1e-3
+        return np.asarray(u[:, None, None] ** 2 * np.eye(instrument.components))
+    whole, across = instrument.covariance(measurement.observed), measurement.across
+    if across is None:
+        return whole if measurement.scatter is None else _widened(whole, measurement.scatter)
+    return np.asarray(across.of(whole) @ np.swapaxes(across.directions, 1, 2) / across.readings[:, None, None])
+
+
+def _widened(covariances: Array, scatter: Array) -> Array:
+    """Covariances `(n, 3, 3)` whose mean variance is at least that of the scatter `(n,)`."""
+    surplus = scatter**2 - np.trace(covariances, axis1=1, axis2=2) / 3.0
+    return np.asarray(covariances + np.maximum(surplus, 0.0)[:, None, None] * np.eye(3))
+
+
+def _counted(measurement: Measurement, vectors: Array) -> Array:
+    """What counts `(n, d, ...)` of vectors `(n, 3, ...)` in the instrument's frame."""
+    if measurement.across is None:
+        return vectors[:, : measurement.components]
+    return measurement.across.of(vectors)
+
+
+def _lines(measurement: Measurement) -> Array:
+    """Directions `(n, 6)` that an interferometer measures in, of a displacement or a turn, workpiece frame.
+
+    Those of the axis' motion or turn; of an error motion that is named, of its error frame.
+    """
+    machine = measurement.machine
+    assert measurement.axis is not None
+    slopes = pose_slopes(machine, measurement.state.positions)
+    lines = np.zeros((len(measurement), 6))
+    for name in np.unique(measurement.axis).tolist():
+        i, rows = machine.index(name), measurement.axis == name
+        part = slice(3, 6) if machine.axes[i].rotary else slice(0, 3)
+        lines[rows, part] = slopes[rows, part, i]
+    return lines if measurement.component is None else _named_lines(measurement, lines, measurement.component)
+
+
+def _named_lines(measurement: Measurement, lines: Array, component: np.ndarray) -> Array:
+    """The directions `(n, 6)`, those of error motions that are named replaced by the axes of the error frame."""
+    machine = measurement.machine
+    assert measurement.axis is not None
+    frames = axis_frames(machine, measurement.state.positions)
+    for name, letter in np.unique(np.stack([measurement.axis, component], axis=1).astype(str), axis=0).tolist():
+        if not letter:
+            continue
+        i, k = machine.index(name), COMPONENTS.index(letter)
+        rows = np.flatnonzero((measurement.axis == name) & (component == letter))
+        along = turn(frames[i].rotation, machine.axes[i].error_frame[:, k % 3])
+        lines[rows] = 0.0
+        lines[rows[:, None], 3 * (k // 3) + np.arange(3)] = np.broadcast_to(along, (len(lines), 3))[rows]
+    return lines
+
+
+def _own(measurement: Measurement) -> Array:
+    """Positions `(n,)` of the measured axis, mm or rad."""
+    assert measurement.axis is not None
+    columns = [measurement.machine.index(name) for name in measurement.axis.tolist()]
+    return np.asarray(measurement.state.positions[np.arange(len(measurement)), columns])
+
+
+def _along_axes(measurement: Measurement, instrument: Interferometer) -> Array:
+    """Covariances `(n, 1, 1)` of an interferometer; mm2, of rotary axes rad2."""
+    machine, n = measurement.machine, len(measurement)
+    assert measurement.axis is not None
+    column = np.array([machine.index(name) for name in measurement.axis.tolist()], int)
+    position = measurement.state.positions[np.arange(n), column]
+    _, first, run = np.unique(measurement.groups, return_index=True, return_inverse=True)
+    away = np.abs(position - position[first[run]])
+    metres = np.where(machine.rotary[column], 0.0, away * 1e-3)
+    u = np.where(
+        measurement.straightness,
+        instrument.u_straightness_um + instrument.u_straightness_um_per_m * metres,
+        instrument.u_um + instrument.u_um_per_m * metres,
+    )
+    u = np.where(measurement.angular & ~machine.rotary[column], instrument.u_angle_urad, u)
+    return np.asarray(((u * np.where(measurement.angular, 1e-6, 1e-3)) ** 2)[:, None, None])
+
+
+def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) -> float:
+    """Mean reading of a run, mm or rad."""
+    return float(measurement.observed[mine & trusted if (mine & trusted).any() else mine].mean())
+
+
+def _first_targets(measurement: Measurement, registration: Registration) -> dict[str, Array]:
+    """Positions `(3,)`, mm, of the targets on table and bed, and free ones: medians of where first poses show them."""
+    unknown = [name for name, target in measurement.targets.items() if target.free or not target.known]
+    found = {name: np.array(measurement.targets[name].position) for name in unknown}
+    if not found:
+        return found
+    at_zero = registration.seen(measurement, seen_points(measurement, None, np.zeros((len(measurement), 3))))
+    there = registration.rotations(measurement) @ carried(measurement)
+    positions = turn(np.swapaxes(there, 1, 2), measurement.observed - at_zero)
+    for number, name in enumerate(measurement.targets):
+        rows = measurement.target_number == number
+        if name in found and rows.any():
+            found[name] = np.median(positions[rows], axis=0)
+    return found
+
+
+def _in_space(measurement: Measurement, points: Array) -> Array:
+    """Observed points `(n, 3)`; what a part's measurement does not say of z is nominal."""
+    missing = points[:, measurement.instrument.components :]
+    return np.concatenate([measurement.observed, missing], axis=1)

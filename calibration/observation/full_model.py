@@ -1,0 +1,153 @@
+"""The model that a fit starts from: the error motions of every axis that moves in the data."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import get_args
+
+import msgspec
+import numpy as np
+
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement
+from kinematics.basis import Basis, BSpline, Fourier, Harmonics, Interval, Legendre, Polynomial
+from kinematics.effects import Backlash, Component, Effect, ErrorMotion
+from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel, no_errors
+from kinematics.turn import gap_of, measured_arc, swept_arc
+from kinematics.user_error import UserError
+
+STILL = 1e-6
+"""mm or degrees: an axis that moves less stands still."""
+_KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics)"
+
+
+@dataclass(frozen=True)
+class BasisChoice:
+    """How the error motions of an axis are written, apart from its interval."""
+
+    kind: str
+    """b-spline (degree 1, an interpolated table), cubic, legendre, polynomial or fourier."""
+    size: int
+    """Nodes, degree, or harmonics."""
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.size}"
+
+    def over(self, interval: Interval, *, closed: bool = False) -> Basis:
+        """The basis over an interval, mm or degrees; closed: it is a whole turn, with which the errors repeat."""
+        match self.kind:
+            case "b-spline" | "cubic":
+                nodes = np.linspace(*interval, self.size).tolist()
+                return BSpline(tuple(nodes), 1 if self.kind == "b-spline" else 3)
+            case "legendre":
+                return Legendre(interval, self.size)
+            case "polynomial":
+                return Polynomial(interval, self.size)
+            case _ if closed:
+                return Harmonics(interval, self.size)
+            case _:
+                turns = (interval[1] - interval[0]) / 180.0
+                return Fourier(interval, tuple(turns * n for n in range(1, self.size + 1)))
+
+
+def parse_basis(text: str) -> BasisChoice:
+    """A choice such as `b-spline:12` or `legendre:5`; UserError says which there are."""
+    found = re.fullmatch(r"(b-spline|cubic|legendre|polynomial|fourier):(\d+)", text.strip())
+    if not found:
+        raise UserError(f"basis {text!r} is none of {_KINDS}")
+    choice = BasisChoice(found[1], int(found[2]))
+    least = 2 if choice.kind in ("b-spline", "cubic") else 0
+    if not least <= choice.size <= (1000 if least else 50):
+        raise UserError(f"basis {text!r}: the number is out of range")
+    return choice
+
+
+def stated_bases(text: str, axes: Sequence[str]) -> dict[str, BasisChoice]:
+    """The bases of the axes that move in the data, from `legendre:5` or `X=b-spline:12,Y=legendre:5`."""
+    if "=" not in text:
+        return dict.fromkeys(axes, parse_basis(text))
+    bases: dict[str, BasisChoice] = {}
+    for entry in text.split(","):
+        axis, _, choice = entry.partition("=")
+        bases[axis.strip()] = parse_basis(choice)
+    missing = [axis for axis in axes if axis not in bases]
+    if missing:
+        raise UserError(f"basis {text!r} says nothing of {', '.join(missing)}, which moves in these data")
+    unknown = [axis for axis in bases if axis not in axes]
+    if unknown:
+        raise UserError(f"basis {text!r}: {', '.join(unknown)} does not move in these data")
+    return {axis: bases[axis] for axis in axes}
+
+
+def moving_axes(measurement: Measurement) -> dict[str, Interval]:
+    """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees.
+
+    Of an axis that turns fully, the arc of the turn.
+    """
+    across = measurement.across
+    positions = (measurement.state.positions if across is None else across.ends) / measurement.machine.scale
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    # the ends come back from rad with an error that no interval should show
+    ends = np.round(np.stack([low, high], axis=1), 9).tolist()
+    for i, axis in enumerate(measurement.machine.axes):
+        if axis.turns_fully:
+            ends[i] = measured_arc(positions[:, i]) if across is None else swept_arc(*ends[i])
+    names = measurement.machine.names
+    measured = set(names) if measurement.axis is None else set(measurement.axis.tolist())
+    return {name: (a, b) for name, (a, b) in zip(names, ends, strict=True) if b - a > STILL and name in measured}
+
+
+def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:
+    """What `axis_effects` has of each axis that moves in the data; `bases` by axis."""
+    effects = [effect for axis in moving_axes(measurement) for effect in axis_effects(measurement, axis, bases[axis])]
+    if not effects:
+        raise UserError(f"{measurement.source}: no axis moves in these data")
+    return msgspec.structs.replace(no_errors(measurement.machine), effects=tuple(effects))
+
+
+def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
+    """What is fitted of one axis that moves: its six error motions, all zero.
+
+    An interferometer sees along the axis that it measures: of that the positioning error, and its backlash.
+    """
+    arc, own = moving_axes(measurement)[axis], measurement.machine.axes[measurement.machine.index(axis)]
+    basis = choice.over(arc, closed=own.turns_fully and not gap_of(arc))
+    zero = (0.0,) * basis.size
+    if isinstance(measurement.instrument, Interferometer):
+        motions = [
+            ErrorMotion(component, axis, basis, zero, u=zero) for component in observed_components(measurement, axis)
+        ]
+        return [*motions, Backlash(axis, 0.0)]
+    return [ErrorMotion(component, axis, basis, zero, u=zero) for component in get_args(Component)]
+
+
+def observed_components(measurement: Measurement, axis: str) -> list[Component]:
+    """Error motions of an axis that an interferometer observes."""
+    rows = np.equal(np.asarray(measurement.axis), axis)
+    named = np.full(len(measurement), "") if measurement.component is None else measurement.component
+    letters = {letter or own_component(axis) for letter in np.unique(named[rows]).tolist()}
+    return [component for component in get_args(Component) if component in letters]
+
+
+def with_effects(
+    measurement: Measurement, bases: Mapping[str, BasisChoice], effects: Sequence[Effect], prior_scale: float
+) -> tuple[ErrorModel, np.ndarray]:
+    """The rigid model with effects besides, and priors `(parameters,)`; those of the error motions times a factor."""
+    rigid = rigid_model(measurement, bases)
+    model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
+    prior = priors(model)
+    prior[: len(rigid.parameters)] *= prior_scale
+    return model, prior
+
+
+def distinct_positions(measurement: Measurement, axis: str) -> int:
+    """At how many positions of an axis there are data, to 1 um or a thousandth of a degree."""
+    return len(np.unique(np.round(measurement.state.position(measurement.machine, axis), 3)))
+
+
+def priors(model: ErrorModel) -> np.ndarray:
+    """Standard deviations `(parameters,)` that the fit expects of the parameters, in their units."""
+    return np.array([quantity.typical for effect in model.effects for quantity in effect.parameter_table])

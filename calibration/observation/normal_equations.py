@@ -1,0 +1,94 @@
+"""Normal equations, gathered a block of rows at a time: memory does not grow with the number of observations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.registration import Registration
+from calibration.observation import equations
+from kinematics.error_model.model import Design, ErrorModel, Observation
+from kinematics.transforms import Array, blocks
+from kinematics.user_error import UserError
+
+CERTAIN = 1e-6
+"""Share of the largest standard uncertainty of a row, below which another is none."""
+
+
+@dataclass
+class Normal:
+    """J' J and J' r over whitened rows; the parameters of the registration first, then those of the model."""
+
+    matrix: Array
+    right: Array
+
+    @classmethod
+    def zero(cls, size: int) -> Normal:
+        """No rows yet."""
+        return cls(np.zeros((size, size)), np.zeros(size))
+
+    def add(self, design: Array, residual: Array) -> None:
+        """Add whitened rows: design `(rows, parameters)`, residual `(rows,)`."""
+        self.matrix += design.T @ design
+        self.right += design.T @ residual
+
+
+def whiteners(measurement: Measurement) -> Array:
+    """Matrices W `(n, d, d)` that make the noise white: W C W' = 1; Montavon et al., weights by Cholesky.
+
+    UserError for an instrument that is certain in some direction.
+    """
+    try:
+        root = np.linalg.cholesky(equations.covariance(measurement))
+        sizes = np.diagonal(root, axis1=1, axis2=2)
+        certain = np.flatnonzero(sizes.min(axis=1) < CERTAIN * sizes.max(axis=1))
+    except np.linalg.LinAlgError:
+        certain = np.zeros(1, int)
+    if len(certain):
+        keys = [field for field in measurement.instrument.__struct_fields__ if field.startswith("u_")]
+        raise UserError(
+            f"{measurement.source}: the instrument would be without uncertainty in some direction, and its rows count "
+            f"without limit: state {', '.join(keys)} (k=1) so that none is"
+        )
+    return np.asarray(np.linalg.inv(root))
+
+
+def whitened(whitener: Array, residual: Array) -> Array:
+    """W r `(n, d)`."""
+    return np.asarray((whitener @ residual[:, :, None])[:, :, 0])
+
+
+def gather(
+    measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array, residual: Array
+) -> Normal:
+    """The normal equations of all rows; `residual` `(n, d)` is whitened already."""
+    normal = Normal.zero(len(registration.names) + len(model.parameters))
+    for rows, design in designs(measurement, model, registration, whitener):
+        normal.add(design, residual[rows].reshape(-1))
+    return normal
+
+
+def designs(
+    measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array
+) -> Iterator[tuple[slice, Array]]:
+    """Blocks of rows with their whitened design `(rows * d, registration + parameters)`."""
+    of_model = Design(model, measurement.machine, measurement.state, with_instrument=True)
+    for rows in blocks(len(measurement)):
+        part, white = measurement.rows(rows), whitener[rows]
+        own = white @ equations.registration_design(part, registration)
+        design = np.concatenate([own, of_model.of(rows, white @ equations.transform(part, registration))], axis=2)
+        yield rows, design.reshape(-1, design.shape[2])
+
+
+def residuals(measurement: Measurement, model: ErrorModel, registration: Registration) -> Array:
+    """Observed minus expected `(n, d)`, mm and rad, by the exact kinematics."""
+    effects = model.observation(measurement.machine, measurement.state)
+    result = np.empty((len(measurement), measurement.components))
+    for rows in blocks(len(measurement)):
+        part = measurement.rows(rows)
+        own = Observation(effects.errors[rows], effects.shift[rows])
+        result[rows] = part.counted - equations.expected(part, registration, own)
+    return result

@@ -1,0 +1,110 @@
+"""Rows that do not belong to the rest: found, named and left out, never fitted.
+
+The rule: with d2 the squared Mahalanobis distance of a row's residual by the instrument's covariance, times a robust
+variance factor of the whole (from the median of all d2; at least 1 where the sheet holds), a row is an outlier when so
+large a d2 would turn up in fewer than one of a hundred such measurements of nothing but noise (Bonferroni, chi2 with
+the row's components). While the fit is still on its way, rows count by Huber's weights instead. A station most of whose
+rows are outliers has failed as a whole and is left out.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from scipy import special
+
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.observed_points import seen_points
+from calibration.measurement.registration import Registration
+from calibration.observation import equations
+from kinematics.error_model.model import Observation
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+Variance = Literal["sheet", "estimate"]
+"""Of the instrument's noise: as its sheet says, or that times a factor from the residuals."""
+SIGNIFICANCE = 0.01
+"""Chance that a measurement of n rows without outliers has a row rejected."""
+HUBER = 0.95
+"""Share of good rows that keep their full weight."""
+ASTRAY = 10.0
+"""Rows that miss the nominal machine by 1 mm and so many medians take no part in the first registration."""
+FAILED = 0.5
+"""Share of its rows found to be outliers, beyond which a station has failed."""
+
+
+def robust_factor(distances: Array, components: int, spent: float, least: float) -> float:
+    """Variance factor, at least `least`, that brings the median of squared distances `(n,)` to that of chi2.
+
+    spent: degrees of freedom that the fit took out of the residuals.
+    """
+    scalars = distances.size * components
+    share = float(np.median(distances)) / float(special.chdtri(components, 0.5)) * scalars / max(scalars - spent, 1.0)
+    return max(share, least)
+
+
+def huber_weights(distances: Array, components: int, factor: float) -> Array:
+    """Weights `(n,)` of rows with these squared distances."""
+    limit = special.chdtri(components, 1.0 - HUBER) * factor
+    return np.asarray(np.sqrt(limit / np.maximum(distances, limit)))
+
+
+def outlying(distances: Array, components: int, factor: float) -> np.ndarray:
+    """True `(n,)` for outliers, by the rule."""
+    limit = special.chdtri(components, SIGNIFICANCE / max(len(distances), 1))
+    return np.asarray(distances > limit * factor)
+
+
+def failed_stations(measurement: Measurement, bad: np.ndarray) -> list[str]:
+    """Groups, of several, most of whose rows are bad."""
+    groups = measurement.groups
+    names = np.unique(groups).tolist()
+    return [name for name in names if bad[groups == name].mean() > FAILED] if len(names) > 1 else []
+
+
+def duplicates(measurement: Measurement) -> np.ndarray:
+    """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats.
+
+    One number, as an interferometer reads it to 0.01 um, comes again by chance: without a time such rows are repeats.
+    """
+    if measurement.instrument.components == 1 and measurement.state.time is None:
+        return np.zeros(len(measurement), bool)
+    columns = [measurement.state.positions, measurement.observed, measurement.target_number[:, None]]
+    _, group = np.unique(measurement.groups, return_inverse=True)
+    table = np.concatenate([*columns, group[:, None]], axis=1)
+    if measurement.state.time is not None:
+        table = np.concatenate([table, measurement.state.time[:, None]], axis=1)
+    _, first = np.unique(table, axis=0, return_index=True)
+    copy = np.ones(len(measurement), bool)
+    copy[first] = False
+    return copy
+
+
+def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarray]:
+    """A registration on the nominal machine that gross errors do not spoil, and the rows `(n,)` it trusts."""
+    n = len(measurement)
+    nominal = Observation(np.zeros((n, len(measurement.machine.axes) + 1, 6)), np.zeros((n, 3)))
+    trusted = np.ones(n, bool)
+    for _ in range(10):
+        registration = equations.start(measurement, trusted)
+        missed = np.linalg.norm(measurement.counted - equations.expected(measurement, registration, nominal), axis=1)
+        closer = missed <= max(1.0, ASTRAY * float(np.median(missed)))
+        if np.array_equal(closer, trusted):
+            break
+        trusted = closer
+    return registration, trusted
+
+
+def refuse_lines(measurement: Measurement) -> None:
+    """UserError where a station saw points along one line only: which way is across, nobody knows."""
+    if measurement.instrument.components < 3:
+        return
+    points, groups = seen_points(measurement, None, measurement.tool), measurement.groups
+    for name in np.unique(groups).tolist():
+        mine = points[groups == name]
+        if len(mine) > 2 and np.ptp(mine, axis=0).max() > equations.IN_LINE > equations.width(mine):
+            raise UserError(
+                f"{measurement.source}: station {name} saw points on one line only, and how the instrument is turned "
+                "about it can't be told: errors across would get wrong directions. Measure some points off the line"
+            )

@@ -1,0 +1,72 @@
+"""What a laser tracker can't see: beyond its articulation, its range, or the angle that the reflector takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.observed_points import carried, seen_points
+from calibration.measurement.registration import Registration
+from kinematics.transforms import Array, Pose, turn
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Limits, degrees and mm; None for none."""
+
+    elevation: tuple[float, float] | None = None
+    """Of the beam, from the tracker's x y plane; the virtual calibration paper, Table 3, has -59 ... 79."""
+    incidence: float | None = None
+    """Largest angle between the beam and the axis of the reflector, half of what its maker states as opening."""
+    range_mm: float | None = None
+
+
+class Seen(NamedTuple):
+    """Which rows are in reach `(n,)`, and for what the others are not."""
+
+    rows: np.ndarray
+    notes: tuple[str, ...]
+
+
+def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) -> Seen:
+    """What a tracker sees from where it stands of a measurement yet to be made, at nominal positions.
+
+    Each reflector is mounted so that its axis points to the tracker as well as may be over all its positions.
+    """
+    points = seen_points(measurement, None, measurement.tool)
+    own = Registration(poses).seen(measurement, points)
+    length = np.linalg.norm(own, axis=1)
+    reasons: dict[str, np.ndarray] = {}
+    if reach.elevation is not None:
+        elevation = np.degrees(np.arcsin(own[:, 2] / np.maximum(length, 1e-9)))
+        low, high = reach.elevation
+        reasons[f"elevation not within {low:g}..{high:g} deg"] = (elevation < low) | (elevation > high)
+    if reach.range_mm is not None:
+        reasons[f"farther than {reach.range_mm:g} mm"] = length > reach.range_mm
+    if reach.incidence is not None:
+        angle = _incidence(measurement, poses, points)
+        reasons[f"incidence above {reach.incidence:g} deg"] = angle > reach.incidence
+    seen = ~np.any([*reasons.values(), np.zeros(len(points), bool)], axis=0)
+    notes = [f"{int(rows.sum())} observations left out: {reason}" for reason, rows in reasons.items() if rows.any()]
+    return Seen(seen, tuple(notes))
+
+
+def _incidence(measurement: Measurement, poses: Mapping[str, Pose], points: Array) -> Array:
+    """Angles `(n,)`, degrees, between beam and reflector."""
+    angle, groups = np.empty(len(points)), measurement.groups
+    back = np.swapaxes(carried(measurement), 1, 2)
+    for station, pose in poses.items():
+        origin = pose.inverse().translation[0]
+        beam = origin - points
+        beam /= np.linalg.norm(beam, axis=1, keepdims=True)
+        own = turn(back, beam)
+        for number in range(len(measurement.targets)):
+            rows = (groups == station) & (measurement.target_number == number)
+            axis = own[rows].mean(axis=0) if rows.any() else np.array([0.0, 0.0, 1.0])
+            cosine = own[rows] @ axis / max(float(np.linalg.norm(axis)), 1e-12)
+            angle[rows] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return angle

@@ -1,0 +1,201 @@
+"""From readings and a path to a measurement that every fit takes: alignment, exclusion, reduction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.measurement import AcrossPath, Measurement, with_moves
+from calibration.on_the_fly.alignment import AT_A_TIME, Pass, aligned_pose, nearest
+from calibration.on_the_fly.cells import Cells, cell_numbers, reduced
+from calibration.on_the_fly.coarse_alignment import SAMPLES, rough
+from calibration.on_the_fly.constant_feed import steadiness
+from calibration.on_the_fly.nominal_path import NominalPath, TargetPath, target_path
+from calibration.on_the_fly.readings import Readings
+from calibration.on_the_fly.reduction import Reduction
+from kinematics.state import State
+from kinematics.transforms import Array, Pose, turn
+from kinematics.user_error import UserError
+
+CELL_MM, CORNER_MM = 4.0, 5.0
+MARGIN = 1
+"""Sizes by which bases are finer than the evidence asks for: dense readings see what it tolerates."""
+MOST = 20_000
+"""Cells of a measurement; longer paths have longer ones."""
+
+
+@dataclass(frozen=True)
+class OnTheFly:
+    """A measurement in motion, and how it was made."""
+
+    measurement: Measurement
+    reduction: Reduction
+    ways: Mapping[str, TargetPath]
+    """Of each target, by name."""
+
+
+def on_path(
+    readings: Readings,
+    path: NominalPath,
+    *,
+    cell_mm: float | None = None,
+    corner_mm: float = CORNER_MM,
+    progress: Callable[[str], None] = lambda _: None,
+) -> OnTheFly:
+    """The readings as a measurement: one row a cell of the path, which counts across the path only.
+
+    Every pass is aligned roughly and each station finely (`rough`, `alignment`); readings near corners and at changing
+    speed are left out (`speed`), the others taken together (`cells`). Registration and errors are then fitted jointly,
+    like those of any measurement. UserError for readings that did not follow the path.
+    """
+    names = np.unique(readings.target).tolist()
+    ways = {name: target_path(path, readings.targets[name], readings.stands_on) for name in names}
+    passes = list(readings.passes())
+    length = sum(ways[str(readings.target[rows.start])].length for rows in passes)
+    cell = cell_mm if cell_mm is not None else max(CELL_MM, round(length / MOST, 1))
+    progress("rough alignment")
+    poses: dict[str, Pose] = {}
+    roughly: list[Pass] = []
+    for rows in passes:
+        way, station = ways[str(readings.target[rows.start])], str(readings.station[rows.start])
+        found = rough(way, readings.points[rows], readings.where(rows))
+        roughly.append(Pass(way, readings.points[rows], found.way, 1.5 * way.length / SAMPLES))
+        poses.setdefault(station, found.pose)
+    progress("fine alignment")
+    for station, roughly_posed in poses.items():
+        own = [each for each, rows in zip(roughly, passes, strict=True) if readings.station[rows.start] == station]
+        poses[station] = aligned_pose(roughly_posed, own, f"{readings.source}, station {station}")
+    progress("reduction")
+    parts, feeds, lost, correlated = [], [], np.zeros(3, int), 1.0
+    for each, rows in zip(roughly, passes, strict=True):
+        part, left_out, cells = _reduced_pass(
+            readings, rows, each, poses[str(readings.station[rows.start])], cell, corner_mm
+        )
+        parts.append(part)
+        feeds.append(float(np.median(part.feed)) if len(part.feed) else 0.0)
+        lost += left_out
+        correlated = max(correlated, cells.correlation)
+    taken = _Rows(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    if not len(taken.first):
+        raise UserError(f"{readings.source}: no reading counts: all are close to corners or at changing speed")
+    corners, unsteady, astray = lost.tolist()
+    reduction = Reduction(
+        len(readings), corners, unsteady, astray, len(taken.first), cell, corner_mm, len(passes), tuple(feeds),
+        max(way.length for way in ways.values()) * 1e-3, correlated,
+    )  # fmt: skip
+    return OnTheFly(_measurement(taken, readings, path), reduction, ways)
+
+
+class _Rows(NamedTuple):
+    """Columns of rows to be, one a cell."""
+
+    first: np.ndarray
+    """Number of the first reading `(c,)`."""
+    positions: Array
+    approach: Array
+    velocity: Array
+    time: Array
+    feed: Array
+    temperatures: Array
+    """`(c, sensors)`"""
+    observed: Array
+    directions: Array
+    """Across the path `(c, 2, 3)`."""
+    readings: Array
+    way: Array
+
+
+def _reduced_pass(
+    readings: Readings, rows: slice, each: Pass, pose: Pose, cell_mm: float, corner_mm: float
+) -> tuple[_Rows, np.ndarray, Cells]:
+    """The cells of one pass; numbers of readings left out near corners, at changing speed, astray."""
+    way, deviation = _followed(each, pose)
+    steady = steadiness(each.path, readings.time[rows], way, corner_mm, cell_mm)
+    used = np.flatnonzero(~steady.corner & ~steady.unsteady)
+    sensors = [column[rows] for column in readings.temperatures.values()]
+    columns = np.stack([readings.time[rows], steady.speed, steady.feed, *sensors], axis=1)
+    cells = reduced(cell_numbers(each.path, way[used], cell_mm), way[used], deviation[used], columns[used])
+    place = each.path.at(cells.way)
+    observed = pose.apply(place.points + _perpendicular(cells.deviation, place.tangents))
+    taken = _Rows(
+        rows.start + used[cells.first],
+        each.path.positions_at(cells.way),
+        _approach(each.path, cells.way),
+        each.path.slopes_at(cells.way) * cells.columns[:, 1:2],
+        cells.columns[:, 0],
+        cells.columns[:, 2],
+        cells.columns[:, 3:],
+        observed,
+        across_path(turn(pose.rotation, place.tangents), observed),
+        cells.count / cells.correlation,
+        cells.way,
+    )
+    return taken, np.array([steady.corner.sum(), steady.unsteady.sum(), cells.astray]), cells
+
+
+def _measurement(taken: _Rows, readings: Readings, path: NominalPath) -> Measurement:
+    """The rows of all passes, in the order of acquisition."""
+    first = taken.first
+    run = readings.run[first]
+    _, number = np.unique(run, return_inverse=True)
+    state = State(
+        taken.positions,
+        velocity=taken.velocity,
+        time=taken.time,
+        temperatures={name: taken.temperatures[:, i] for i, name in enumerate(readings.temperatures)},
+        cycle=number.astype(float),
+        station=readings.station[first],
+        target=readings.target[first],
+        observed=taken.observed,
+    )
+    return Measurement(
+        path.machine, readings.instrument, with_moves(state, taken.approach), taken.observed, readings.targets,
+        readings.stands_on, run=run, feed=taken.feed, lines=readings.lines[first], source=readings.source,
+        fingerprint=readings.fingerprint, notes=readings.notes,
+        across=AcrossPath(taken.directions, taken.readings, path.ends, taken.way),
+    )  # fmt: skip
+
+
+def across_path(along: Array, observed: Array) -> Array:
+    """Directions `(n, 2, 3)` across the path: the beam's part across it, and what is square to both.
+
+    On-the-fly paper (1) with its errata; along `(n, 3)` and the observed points `(n, 3)`, which the beam comes to from
+    zero, in the instrument's frame. Where the beam runs along the path any two do.
+    """
+    beam = observed / np.maximum(np.linalg.norm(observed, axis=1, keepdims=True), 1e-12)
+    second = _perpendicular(beam, along)
+    length = np.linalg.norm(second, axis=1, keepdims=True)
+    other = np.eye(3)[np.argmin(np.abs(along), axis=1)]
+    other = _perpendicular(other, along)
+    second = np.where(
+        length > 1e-6, second / np.maximum(length, 1e-12), other / np.linalg.norm(other, axis=1, keepdims=True)
+    )
+    return np.stack([second, np.cross(along, second)], axis=1)
+
+
+def _followed(each: Pass, pose: Pose) -> tuple[Array, Array]:
+    """Ways `(n,)` and deviations across the path `(n, 3)`, mm, of the points of a pass."""
+    way, deviation = np.empty(len(each.way)), np.empty((len(each.way), 3))
+    back = pose.inverse()
+    for start in range(0, len(way), AT_A_TIME):
+        rows = slice(start, start + AT_A_TIME)
+        points = back.apply(each.points[rows])
+        way[rows] = nearest(each.path, points, each.way[rows], each.width)
+        place = each.path.at(way[rows])
+        deviation[rows] = _perpendicular(points - place.points, place.tangents)
+    return way, deviation
+
+
+def _perpendicular(vectors: Array, along: Array) -> Array:
+    return np.asarray(vectors - np.sum(vectors * along, axis=1, keepdims=True) * along)
+
+
+def _approach(path: TargetPath, way: Array) -> Array:
+    """Direction of the last move of each axis `(n, axes)`; 0 where it has not moved yet."""
+    moves = np.sign(np.where(np.abs(path.slopes) > 1e-9, path.slopes, 0.0))
+    moved = np.where(moves != 0.0, np.arange(len(moves))[:, None], 0)
+    last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)
+    return np.asarray(last[np.minimum((way / path.step).astype(int), len(last) - 1)])

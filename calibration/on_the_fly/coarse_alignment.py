@@ -1,0 +1,112 @@
+"""Rough alignment: where the instrument stood, and which point belongs where on the path, from nothing but the points.
+
+Points and path are compared at equal shares of their lengths: start, end and centroid, which the on-the-fly paper
+aligns by (1.2.3), and everything between. So a path that is symmetric, or ends where it began, is no trap, and a place
+that the path passes twice is told by the order. Points are then assigned to the path in order (dynamic time warping),
+and both steps repeated.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.registration import rigid
+from calibration.on_the_fly.nominal_path import TargetPath
+from kinematics.transforms import Array, Pose
+from kinematics.user_error import UserError
+
+BLOCKS = 8000
+"""Points are taken together to so many medians."""
+SAMPLES = 3000
+"""Places on the path that the order is made by."""
+BAND = 0.05
+"""Share of the way by which an assignment may differ from equal shares; of which the lengths may differ."""
+ROUNDS = 4
+
+
+class Rough(NamedTuple):
+    """Of one pass along the path."""
+
+    pose: Pose
+    """From the frame that the instrument stands on to its own."""
+    way: Array
+    """`(n,)`, mm along the path, of each point."""
+
+
+def rough(path: TargetPath, points: Array, where: str) -> Rough:
+    """Alignment of points `(n, 3)`, mm, in the order of time, with the path; UserError, naming `where`, without one."""
+    if len(points) < 10:
+        raise UserError(f"{where}: {len(points)} points are too few to follow a path")
+    centre, medians = _medians(points)
+    kept = _moved(medians, max(path.length / (4.0 * SAMPLES), 0.05))
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(medians[kept], axis=0), axis=1))])
+    length = float(arc[-1])
+    if abs(length / path.length - 1.0) > BAND:
+        raise UserError(
+            f"{where}: the points cover {length / 1e3:.3f} m, the program {path.length / 1e3:.3f} m: record it from "
+            "start to end, once for each value of the columns run, target and station; or is it another program?"
+        )
+    share = np.linspace(0.0, 1.0, SAMPLES + 1)
+    observed = np.stack([np.interp(share * length, arc, column) for column in medians[kept].T], axis=1)
+    nominal = path.at(share * path.length).points
+    pose, partner = rigid(nominal, observed), np.arange(SAMPLES + 1)
+    for _ in range(ROUNDS):
+        before = partner
+        partner = in_order(observed, pose.apply(nominal))
+        pose = rigid(nominal[partner], observed)
+        if np.array_equal(partner, before):
+            break
+    along = np.interp(centre[kept], centre[kept], arc) / length
+    way = np.interp(along, share, partner / SAMPLES * path.length)
+    return Rough(pose, np.interp(np.arange(len(points)), centre[kept], way))
+
+
+def in_order(observed: Array, nominal: Array) -> np.ndarray:
+    """Partners `(n,)` among nominal `(n, 3)` of observed `(n, 3)`: never back, never past two, least sum of squares."""
+    n = len(observed)
+    band = int(BAND * n) + 5
+    offsets = np.arange(-band, band + 1)
+    best = np.where(np.abs(offsets) <= 5, 0.0, np.inf)
+    came = np.zeros((n, len(offsets)), np.int8)
+    for i in range(n):
+        column = i + offsets
+        inside = (column >= 0) & (column < n)
+        away = np.where(inside, np.sum((nominal[np.clip(column, 0, n - 1)] - observed[i]) ** 2, axis=1), np.inf)
+        if i:
+            # offsets count from the diagonal, which itself goes on by one a row
+            steps = np.stack([np.append(best[1:], np.inf), best, np.append(np.inf, best[:-1])])
+            came[i] = np.argmin(steps, axis=0)
+            best = steps[came[i], np.arange(len(offsets))]
+        best = best + away
+    partner = np.empty(n, int)
+    k = int(np.argmin(best))
+    for i in range(n - 1, -1, -1):
+        partner[i] = i + offsets[k]
+        k += 1 - int(came[i, k])
+    return partner
+
+
+def _medians(points: Array) -> tuple[Array, Array]:
+    """Numbers `(b,)` of the middle rows, and medians `(b, 3)`, of points taken together."""
+    size = -(-len(points) // BLOCKS)
+    whole = len(points) // size * size
+    medians = np.median(points[:whole].reshape(-1, size, 3), axis=1)
+    centre = np.asarray(np.arange(len(medians)) * size + (size - 1) / 2.0, float)
+    if size == 1 or whole == len(points):
+        return centre, medians
+    rest = points[whole:]
+    return np.append(centre, whole + (len(rest) - 1) / 2.0), np.append(medians, np.median(rest, axis=0)[None], axis=0)
+
+
+def _moved(points: Array, least: float) -> np.ndarray:
+    """Rows of those that lie further from the one before among them: standing still is no way."""
+    listed = points.tolist()
+    kept, last = [0], listed[0]
+    for i, point in enumerate(listed):
+        if math.dist(point, last) >= least:
+            kept.append(i)
+            last = point
+    return np.array(kept)

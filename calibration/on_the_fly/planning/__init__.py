@@ -1,0 +1,1 @@
+"""Paths for calibration on the fly, and predictions of their results."""

@@ -1,0 +1,174 @@
+"""How well deviations across a path tell the errors in the volume: the noise gain, and what stays hidden.
+
+Noise gain: RMS over the volume of the error of a coordinate of the deviation, after rigid alignment, by noise of 1 um
+(k = 1) in both directions across the path in each cell of it. All six error motions of every axis that moves are
+fitted, the pose of the instrument along with them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+from scipy import linalg
+
+from calibration.measurement.measurement import Target
+from calibration.observation.full_model import BasisChoice
+from kinematics.effects import COMPONENTS, ErrorMotion
+from kinematics.error_model.model import Design, no_errors
+from kinematics.error_transform import place_transform
+from kinematics.forward import tool_point
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array, by_turn
+
+NODE_MM = 50.0
+"""Of the table that error motions of linear axes are written in, at least; long axes have MOST_NODES."""
+MOST_NODES, HARMONICS = 13, 2
+PRIOR = 200.0
+"""um, urad: what error motions may be, so that what a path does not see counts."""
+SAMPLE_MM = 12.0
+"""Places on a move that stand for its cells."""
+GRID, SCATTERED = 9, 600
+"""Places in the volume: a grid of three axes; of more, so many at random."""
+UNSEEN = 1e-9
+"""Share of the best seen direction below which one is not seen."""
+FELT = 1e-3
+"""um in the volume by a prior standard deviation along a hidden direction, below which it is the frame's."""
+
+
+class Gain(NamedTuple):
+    """What a path tells of the volume."""
+
+    noise: float
+    """um per um, RMS over the volume, of what is seen."""
+    worst: float
+    """The same where it is worst."""
+    hidden: int
+    """Directions of the errors that matter in the volume and are not seen."""
+    score: float
+    """As `noise`, with what is hidden in the size of its prior: what a planner makes small."""
+
+
+class Volume:
+    """The errors of a machine in a part of its travel, as one target or several show them along moves."""
+
+    def __init__(
+        self, machine: Machine, ends: Array, targets: Mapping[str, Target], cell_mm: float, corner_mm: float
+    ) -> None:
+        """ends `(2, axes)`, mm and rad; axes whose ends are one position stand there."""
+        self.machine, self.ends, self.cell_mm, self.corner_mm = machine, ends, cell_mm, corner_mm
+        self.tools = [target.position for target in targets.values()]
+        self.model = msgspec.structs.replace(no_errors(machine), effects=tuple(_motions(machine, ends)))
+        self.size = len(self.model.parameters)
+        tips = tool_point(machine, ends, self.tools[0])
+        self._centre = tips.mean(axis=0)
+        self._lever = max(float(np.ptp(tips, axis=0).max()), 1.0)
+        self._grid, self._squares = self._felt()
+
+    def information(self, start: Array, end: Array) -> Array:
+        """J' J `(6 + p, 6 + p)` of a straight move between two positions `(axes,)`, mm and rad, by all targets.
+
+        Registration first, then the parameters in terms of their prior; cells with 1 um of noise.
+        """
+        total = np.zeros((6 + self.size, 6 + self.size))
+        for tool in self.tools:
+            share = np.linspace(0.0, 1.0, 9)[:, None]
+            chords = np.diff(tool_point(self.machine, start + share * (end - start), tool), axis=0)
+            length = float(np.linalg.norm(chords, axis=1).sum())
+            inner = length - 2.0 * self.corner_mm
+            if inner <= 0.0:
+                continue
+            n = max(int(np.ceil(inner / SAMPLE_MM)), 2)
+            at = (self.corner_mm + (np.arange(n) + 0.5) * inner / n) / length
+            rows = self._across(start + at[:, None] * (end - start), end - start, tool)
+            total += rows.T @ rows * (inner / self.cell_mm / n)
+        return total
+
+    def gain(self, information: Array) -> Gain:
+        """What moves tell that have this information together `(6 + p, 6 + p)`."""
+        inner = _without_registration(information)
+        values, vectors = np.linalg.eigh(inner)
+        seen = values > UNSEEN * values[-1]
+        felt = np.linalg.eigvalsh(vectors[:, ~seen].T @ self._squares @ vectors[:, ~seen])
+        covariance = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+        # aligned rows of a place, um, and their variances
+        variances = np.einsum("nip,pq,niq->n", self._grid, covariance, self._grid, optimize=True) / 3.0
+        hidden = int(np.count_nonzero(np.sqrt(np.maximum(felt, 0.0)) > FELT))
+        return Gain(float(np.sqrt(variances.mean())), float(np.sqrt(variances.max())), hidden, self.score(information))
+
+    def score(self, information: Array) -> float:
+        """`Gain.score` alone, which is quick."""
+        posterior = _without_registration(information) + np.eye(self.size)
+        half = linalg.solve_triangular(np.linalg.cholesky(posterior), self._root, lower=True, check_finite=False)
+        return float(np.linalg.norm(half))
+
+    def length(self, start: Array, end: Array) -> float:
+        """mm that the feed counts; degrees where rotary axes move alone."""
+        move = (end - start) / self.machine.scale
+        linear = float(np.linalg.norm(move[~self.machine.rotary]))
+        return linear or float(np.linalg.norm(move))
+
+    def _across(self, positions: Array, direction: Array, tool: tuple[float, float, float]) -> Array:
+        """Rows `(3 n, 6 + p)`, um across the way of a target, by motions of the frame and priors of parameters."""
+        machine, n = self.machine, len(positions)
+        points = tool_point(machine, positions, tool)
+        step = direction * (1e-4 / max(float(np.abs(direction).max()), 1e-12))
+        along = tool_point(machine, positions + step, tool) - tool_point(machine, positions - step, tool)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-15)
+        across = np.eye(3) - along[:, :, None] * along[:, None, :]
+        design = Design(self.model, machine, State(positions), with_instrument=False).of(
+            slice(None), across @ place_transform(machine, positions, tool)[:, :3]
+        )
+        frame = np.concatenate([across, across @ by_turn((points - self._centre) / self._lever)], axis=2)
+        return np.concatenate([frame, design * (PRIOR * 1e3)], axis=2).reshape(3 * n, -1)
+
+    def _felt(self) -> tuple[Array, Array]:
+        """Aligned deviations `(n, 3, p)`, um, at places in the volume by a prior of each parameter; their squares."""
+        machine = self.machine
+        positions = _places(machine, self.ends)
+        points = tool_point(machine, positions, self.tools[0])
+        transform = place_transform(machine, positions, self.tools[0])[:, :3]
+        design = self.model.design(machine, State(positions), transform) * (PRIOR * 1e3)
+        motions = np.concatenate(
+            [np.broadcast_to(np.eye(3), (len(points), 3, 3)), by_turn((points - self._centre) / self._lever)], axis=2
+        ).reshape(-1, 6)
+        columns = design.reshape(-1, self.size)
+        columns = columns - motions @ np.linalg.lstsq(motions, columns, rcond=1e-12)[0]
+        squares = columns.T @ columns / len(columns)
+        values, vectors = np.linalg.eigh(squares)
+        self._root = vectors * np.sqrt(np.maximum(values, 0.0))
+        return columns.reshape(design.shape), squares
+
+
+def _without_registration(information: Array) -> Array:
+    """The information `(p, p)` on the parameters of an instrument whose pose is unknown."""
+    own, mixed = information[:6, :6], information[:6, 6:]
+    inner = information[6:, 6:] - mixed.T @ np.linalg.pinv(own, rcond=1e-12, hermitian=True) @ mixed
+    return np.asarray((inner + inner.T) / 2)
+
+
+def _motions(machine: Machine, ends: Array) -> list[ErrorMotion]:
+    """The error motions of the axes that move."""
+    found = []
+    for axis, (low, high) in zip(machine.axes, (ends / machine.scale).T.tolist(), strict=True):
+        if high > low:
+            nodes = min(max(round((high - low) / NODE_MM) + 1, 3), MOST_NODES)
+            choice = BasisChoice("fourier", HARMONICS) if axis.rotary else BasisChoice("b-spline", nodes)
+            basis = choice.over((low, high))
+            found += [ErrorMotion(each, axis.name, basis, (0.0,) * basis.size) for each in COMPONENTS]  # type: ignore[arg-type]
+    return found
+
+
+def _places(machine: Machine, ends: Array) -> Array:
+    """Positions `(n, axes)` all over the volume."""
+    moving = np.flatnonzero(np.ptp(ends, axis=0) > 0.0)
+    if len(moving) > 3:
+        share = np.random.default_rng(0).uniform(size=(SCATTERED, len(machine.axes)))
+        return np.asarray(ends[0] + share * (ends[1] - ends[0]))
+    ticks = [np.linspace(ends[0, i], ends[1, i], GRID) for i in moving]
+    positions = np.tile(ends[0], (GRID ** len(moving), 1))
+    positions[:, moving] = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, len(moving))
+    return positions

@@ -1,0 +1,162 @@
+"""A path whose deviations across it tell the errors in the volume best: straight moves from boundary to boundary.
+
+Of several random ones of the length that is given, the best is made better by moving, adding and exchanging its
+corners, as long as the noise gain to the volume (`gain`) falls. Corners lie on the boundary of the volume: long moves
+spend little on corners, and the ends of the axes are seen.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.on_the_fly.planning.noise_gain import Gain, Volume
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+STARTS, TRIES = 12, 1500
+"""Random paths, and changes of the best of them that are tried."""
+LARGEST_STEP, SMALLEST_STEP = 0.5, 0.05
+"""Of a corner that is moved, in terms of the travel; from the first try to the last."""
+DECIMALS = 3
+"""Corners are whole um, and thousandths of a degree."""
+SHORTEST = 3
+"""Moves that a path has at least."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A path `m` and what it tells."""
+
+    corners: Array
+    """Positions `(m, axes)`, mm and rad."""
+    length_mm: float
+    gain: Gain
+
+
+class _Draft(NamedTuple):
+    """A path while it is worked on."""
+
+    corners: list[Array]
+    moves: Counter[bytes]
+    """How often each move is made, by its two ends."""
+    parts: dict[bytes, Array]
+    """Information of each move."""
+    total: Array
+
+
+def planned(
+    volume: Volume, length_mm: float, rng: np.random.Generator, progress: Callable[[int], None] = lambda _: None
+) -> Planned:
+    """The best path found, no longer than `length_mm`; the same generator makes the same path.
+
+    `progress` is told of every try. UserError for a length that no path of a few moves has.
+    """
+    maker = _Maker(volume, length_mm, rng)
+    best, score = None, np.inf
+    for _ in range(STARTS):
+        draft = maker.random()
+        own = volume.score(draft.total)
+        if own < score:
+            best, score = draft, own
+        progress(1)
+    assert best is not None
+    for k in range(TRIES):
+        changed = maker.changed(best, LARGEST_STEP * (SMALLEST_STEP / LARGEST_STEP) ** (k / TRIES))
+        own = volume.score(changed.total)
+        if own < score:
+            best, score = changed, own
+        progress(1)
+    corners = np.array(best.corners)
+    return Planned(corners, maker.length(best.corners), volume.gain(best.total))
+
+
+class _Maker:
+    """Makes paths, and others like them."""
+
+    def __init__(self, volume: Volume, length_mm: float, rng: np.random.Generator) -> None:
+        self._volume, self._length, self._rng = volume, length_mm, rng
+        machine = volume.machine
+        self._low, self._high = volume.ends / machine.scale
+        moves = self._high > self._low
+        self._linear = np.flatnonzero(moves & ~machine.rotary)
+        if not len(self._linear):
+            raise UserError(f"machine {machine.name}: no linear axis is left to move along a path")
+
+    def length(self, corners: list[Array]) -> float:
+        """mm"""
+        return sum(self._volume.length(a, b) for a, b in pairwise(corners))
+
+    def random(self) -> _Draft:
+        """A path as long as may be."""
+        corners, length, misses = [self._place()], 0.0, 0
+        while misses < 20:
+            place = self._place()
+            step = self._volume.length(corners[-1], place)
+            if length + step > self._length:
+                misses += 1
+                continue
+            corners.append(place)
+            length += step
+        if len(corners) <= SHORTEST:
+            raise UserError(
+                f"a path of {self._length * 1e-3:.3g} m is too short: not even {SHORTEST} moves across this volume"
+            )
+        return self._draft(corners, None)
+
+    def changed(self, draft: _Draft, size: float) -> _Draft:
+        """The path with one corner moved by about `size` of the travel, put elsewhere or added.
+
+        Where that makes it too long, corners are taken out at random.
+        """
+        rng, corners = self._rng, list(draft.corners)
+        k, how = int(rng.integers(len(corners))), rng.random()
+        if how < 0.6:
+            corners[k] = self._near(corners[k], size)
+        elif how < 0.8:
+            corners[k] = self._place()
+        else:
+            corners.insert(k, self._place())
+        while self.length(corners) > self._length:
+            del corners[int(rng.integers(len(corners)))]
+        return self._draft(corners, draft)
+
+    def _draft(self, corners: list[Array], like: _Draft | None) -> _Draft:
+        """The path through these corners; what it shares with another is not worked out again."""
+        ends = {a.tobytes() + b.tobytes(): (a, b) for a, b in pairwise(corners)}
+        moves = Counter(a.tobytes() + b.tobytes() for a, b in pairwise(corners))
+        known = {} if like is None else like.parts
+        parts = {key: known[key] if key in known else self._volume.information(*ends[key]) for key in moves}
+        if like is None:
+            total = sum((count * parts[key] for key, count in moves.items()), np.zeros(()))
+        else:
+            added, gone = moves - like.moves, like.moves - moves
+            total = like.total + sum(count * parts[key] for key, count in added.items())
+            total = total - sum(count * known[key] for key, count in gone.items())
+        return _Draft(corners, moves, parts, np.asarray(total))
+
+    def _place(self) -> Array:
+        """A random place on the boundary `(axes,)`, mm and rad."""
+        share = self._rng.uniform(size=len(self._low))
+        share[self._rng.choice(self._linear)] = float(self._rng.integers(2))
+        return self._rounded(share)
+
+    def _near(self, place: Array, size: float) -> Array:
+        """A place near another, on the boundary."""
+        span = np.where(self._high > self._low, self._high - self._low, 1.0)
+        share = (place / self._volume.machine.scale - self._low) / span
+        share = np.clip(share + size * self._rng.standard_normal(len(share)), 0.0, 1.0)
+        inner = np.minimum(share, 1.0 - share)[self._linear]
+        if inner.min() > 0.0:
+            nearest = self._linear[np.argmin(inner)]
+            share[nearest] = round(float(share[nearest]))
+        return self._rounded(share)
+
+    def _rounded(self, share: Array) -> Array:
+        place = np.round(self._low + share * (self._high - self._low), DECIMALS)
+        return np.asarray(np.clip(place, self._low, self._high) * self._volume.machine.scale)

@@ -1,0 +1,1 @@
+"""Positions to measure and their order."""

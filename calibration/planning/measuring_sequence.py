@@ -1,0 +1,124 @@
+"""Visits: in which order, from which side, how often and with which targets positions are measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.measurement.measurement import with_moves
+from calibration.measurement.plan import Choices, Plan, Timing, Way
+from calibration.planning.patterns import LARGEST
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+
+def visit(laid: Way, machine: Machine, strategy: str, choices: Choices, asked: int | None, reference: Array) -> Plan:
+    """The plan of positions that a strategy has laid, `reference` `(axes,)` in file units among them."""
+    planned = len(laid.positions) * len(choices.targets) * choices.runs
+    if planned > LARGEST:
+        raise UserError(f"{planned} observations with all targets and runs, more than {LARGEST}")
+    way = _ordered(laid, choices)
+    if choices.references:
+        way = _with_references(way, choices.references, reference)
+    return _finished(way, machine, strategy, choices, asked, len(laid.positions))
+
+
+def _ordered(way: Way, choices: Choices) -> Way:
+    """The way with its approach, shuffled or there and back."""
+    n = len(way.positions)
+    if choices.approach != "any":
+        moves = np.ptp(way.positions, axis=0) > 0
+        side = moves * (1.0 if choices.approach == "positive" else -1.0)
+        way = way._replace(from_side=np.tile(side, (n, 1)))
+    if choices.order == "shuffled":
+        way = way.rows(np.random.default_rng(choices.seed).permutation(n))
+    elif choices.order == "retraced":
+        way = way.rows(np.append(np.arange(n), np.arange(n - 1)[::-1]))
+    return way
+
+
+def _with_references(way: Way, every: int, reference: Array) -> Way:
+    """The way with the reference position at its start, after each `every` positions, and at its end."""
+    n = len(way.positions)
+    at = np.unique(np.append(np.arange(0, n, every), n))
+    axis = None if way.axis is None else np.insert(way.axis, at, way.axis[np.minimum(at, n - 1)])
+    side = (
+        None if way.from_side is None else np.insert(way.from_side, at, way.from_side[0] * (way.axis is None), axis=0)
+    )
+    names = np.insert(way.names.astype(object), at, "REF").astype(str)
+    return Way(np.insert(way.positions, at, reference, axis=0), names, axis, side)
+
+
+def _finished(way: Way, machine: Machine, strategy: str, choices: Choices, asked: int | None, places: int) -> Plan:
+    """The plan of a way: with all runs and targets, and what follows from the order."""
+    index, run, target = _repeated(len(way.positions), choices)
+    way = way.rows(index)
+    positions = way.positions * machine.scale
+    before = None
+    if way.from_side is not None:
+        first = way.from_side.any(axis=1)
+        first &= np.append(True, np.diff(index) != 0) | (run != np.roll(run, 1))  # stays for the other targets
+        start = np.where(first[:, None], (way.positions - way.from_side * choices.overrun) * machine.scale, np.nan)
+        before = start if first.any() else None
+    state = _with_way(State(positions), before)
+    time, minutes = times(machine, positions, before, choices.timing)
+    state = replace(state, time=time, cycle=run - 1.0, target=np.array(list(choices.targets))[target])
+    notes = []
+    if machine.rotary.any() and choices.rotary == "fixed":
+        stands = (f"{a.name} {p:g}" for a, p in zip(machine.axes, way.positions[0], strict=True) if a.rotary)
+        notes.append(f"rotary axes stand still: {', '.join(stands)} deg (--rotary moves them)")
+    return Plan(
+        machine, strategy, state, way.names, run.astype(str), choices.targets, way.axis, before, minutes, asked, places,
+        tuple(notes),
+    )  # fmt: skip
+
+
+def _repeated(n: int, choices: Choices) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Row of the way, number of the run from 1, and number of the target, of every observation."""
+    targets, runs = len(choices.targets), choices.runs
+    if choices.target_order == "alternating":
+        return (
+            np.tile(np.repeat(np.arange(n), targets), runs),
+            np.repeat(np.arange(1, runs + 1), n * targets),
+            np.tile(np.arange(targets), n * runs),
+        )
+    return (
+        np.tile(np.arange(n), runs * targets),
+        np.tile(np.repeat(np.arange(1, runs + 1), n), targets),
+        np.repeat(np.arange(targets), n * runs),
+    )
+
+
+def _with_way(state: State, before: Array | None) -> State:
+    """The state with approach and last moves, from all positions that are passed."""
+    if before is None:
+        return with_moves(state)
+    passed, measured = _passed(state.positions, before)
+    return with_moves(State(passed)).rows(measured)
+
+
+def _passed(positions: Array, before: Array) -> tuple[Array, np.ndarray]:
+    """All positions of the way `(m, axes)`, and the rows `(n,)` among them that are measured."""
+    extra = ~np.isnan(before[:, 0])
+    measured = np.arange(len(positions)) + np.cumsum(extra)
+    passed = np.empty((len(positions) + int(extra.sum()), positions.shape[1]))
+    passed[measured] = positions
+    passed[measured[extra] - 1] = before[extra]
+    return passed, measured
+
+
+def times(machine: Machine, positions: Array, before: Array | None, timing: Timing) -> tuple[Array, float]:
+    """Time `(n,)` of each observation, s, from the first; and minutes in all."""
+    each = timing.point_s if timing.dwell_s is None else timing.dwell_s
+    time = each * np.arange(len(positions))
+    if timing.feed is not None:
+        passed, measured = (positions, np.arange(len(positions))) if before is None else _passed(positions, before)
+        steps = np.diff(passed / machine.scale, axis=0, prepend=passed[:1] / machine.scale)
+        # a control's feed is that of the linear axes together, and of the rotary ones where those stand
+        linear, turned = (np.linalg.norm(steps[:, mask], axis=1) for mask in (~machine.rotary, machine.rotary))
+        way = np.cumsum(np.maximum(linear, turned) / timing.feed * 60.0)[measured]
+        time = time + way - way[0]
+    return np.asarray(time), timing.setup_min + float(time[-1] + each) / 60.0

@@ -1,0 +1,380 @@
+"""Is the measurement what it says it is? Looked at before any model of the machine's errors.
+
+A mistake in writing the data down is one that, undone, makes the nominal machine fit FALLS times better, and about as
+well as machines do (PLAUSIBLE). Errors of a machine of 0.1 mm and 0.1 mrad find nothing here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from calibration.measurement.measurement import Measurement
+from calibration.observation.outliers import duplicates
+from calibration.plausibility.recording_mistakes import (
+    Alternative,
+    alternatives,
+    by_axes,
+    misfit,
+    misplaced,
+    trimmed_rms,
+    worst_rms,
+)
+from calibration.plausibility.repeated_positions import place_numbers
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+FALLS = 5.0
+"""Times that the residual has to fall when a mistake is undone."""
+PLAUSIBLE = 1.0
+"""mm: RMS residual of the nominal machine in data without a mistake."""
+SUSPICIOUS = 0.3
+"""mm: below it no mistake is looked for."""
+HOPELESS = 5.0
+"""mm: a median residual beyond it, which no mistake explains, is no machine's."""
+TIED = 2.0
+"""Mistakes whose undoing fits as well up to this factor can't be told apart."""
+ROWS = 1500
+"""Rows, picked at random, that the mistakes are looked for in."""
+PLACES = 5
+"""Places that every run has to visit before the first one is held against the others."""
+LEAST = 10
+"""Rows that a relation between columns is looked for in."""
+SLOPE = 1e-3
+"""Deviation per travel that no axis has."""
+RELATED = 0.7
+"""Correlation from which two columns are called related."""
+SIGNIFICANCE = 1e-3
+BACK = 0.1
+"""Share of rows that are earlier than the one before, from which the rows are in no order of time."""
+HOT = 200.0
+"""degC that no sensor of a machine tool reads: kelvin, or hundredths."""
+FAR = 1000.0
+"""mm: distance of a target from the tool reference point that is possible on every machine."""
+SMALL = 0.05
+"""Share of their travel below which linear axes that move together are asked for their unit."""
+NOTICED = 1e-3
+"""mm and mrad: a read-back that differs less from the command is not looked at."""
+
+
+class Finding(NamedTuple):
+    """Something about the data."""
+
+    what: str
+    says: str
+    """One sentence, with numbers."""
+    fatal: bool
+    """True where the data can't be used as they are."""
+
+
+def sanity(measurement: Measurement) -> list[Finding]:
+    """What is wrong, or odd, with a measurement; what forbids its use first, and then little else."""
+    copies = duplicates(measurement)
+    own = measurement.rows(np.flatnonzero(~copies))
+    mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
+    odd = [*_copies(measurement, copies)]
+    if measurement.across is None:  # the alignment with the path looks for mistakes of points in motion
+        mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
+    if measurement.across is None and not any(finding.fatal for finding in mistakes):
+        odd += [*_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
+    return sorted([*mistakes, *odd], key=lambda finding: not finding.fatal)
+
+
+def usable(measurement: Measurement) -> list[Finding]:
+    """Anomalies of a measurement; UserError for those that forbid its use."""
+    findings = sanity(measurement)
+    fatal = [finding.says for finding in findings if finding.fatal]
+    if fatal:
+        raise UserError(f"{measurement.source}: {'; '.join(fatal)}")
+    return findings
+
+
+def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
+    if copies.any():
+        where = measurement.where(int(np.argmax(copies)))
+        yield Finding(
+            "copies",
+            f"{copies.sum()} of {len(copies)} rows are copies of earlier ones to the last digit (the first: {where}), "
+            "and count once",
+            False,
+        )
+
+
+def _order(measurement: Measurement) -> Iterator[Finding]:
+    """Rows in no order of time: from which side an axis came is told by the row before."""
+    time = measurement.state.time
+    back = 0 if time is None else int(np.count_nonzero(np.diff(time) < 0.0))
+    if len(measurement) >= LEAST and back > BACK * len(measurement):
+        yield Finding(
+            "order",
+            f"time goes back at {back} of {len(measurement)} rows: they are not in the order of acquisition, which "
+            "tells from which side the axes came; sort them by time",
+            True,
+        )
+
+
+def _temperatures(measurement: Measurement) -> Iterator[Finding]:
+    for name, kelvin in measurement.state.temperatures.items():
+        mean = float(np.mean(kelvin)) + 20.0
+        if mean > HOT:
+            yield Finding(
+                "units", f"temp_{name} reads {mean:.4g} in the mean: temperatures are wanted in degC (kelvin?)", True
+            )
+
+
+def _dead(measurement: Measurement) -> Iterator[Finding]:
+    """Observations that are all the same although the machine moves."""
+    moved = np.ptp(measurement.state.positions, axis=0).any()
+    if moved and len(measurement) >= LEAST and not np.ptp(measurement.observed, axis=0).any():
+        yield Finding(
+            "constant",
+            f"all {len(measurement)} observations are the same although the axes move: the instrument did not measure, "
+            "or the wrong column was read",
+            True,
+        )
+
+
+def _far_targets(measurement: Measurement) -> Iterator[Finding]:
+    """Targets farther from the tool reference point than tools are long: points of one target don't show that."""
+    machine = measurement.machine
+    reach = max(FAR, float(np.ptp(machine.travel, axis=0)[~machine.rotary].max(initial=0.0)))
+    for name, target in measurement.targets.items():
+        away = float(np.linalg.norm(target.position))
+        if target.known and away > reach:
+            yield Finding(
+                "targets",
+                f"target {name} is stated {away:.5g} mm from the tool reference point, farther than {reach:.5g} mm "
+                "(the longest travel, or 1 m): tilts of axes would count with that arm. Mend its position (mm)",
+                True,
+            )
+
+
+def _small_volume(measurement: Measurement) -> Iterator[Finding]:
+    """Several linear axes that all move over a small part of their travel: another unit, or a small volume indeed."""
+    machine = measurement.machine
+    span, travel = np.ptp(measurement.state.positions, axis=0), np.ptp(machine.travel, axis=0)
+    moving = np.flatnonzero((span > 0.0) & ~machine.rotary)
+    if len(moving) > 1 and np.all(span[moving] < SMALL * travel[moving]):
+        names = ", ".join(machine.names[i] for i in moving)
+        share = float(np.max(span[moving] / travel[moving]))
+        yield Finding(
+            "volume",
+            f"{names} move over {100 * share:.2g} % of their travel at most: is the unit of the commands right "
+            "(inch or m)? The calibration holds in this small volume only",
+            False,
+        )
+
+
+def _mistakes(measurement: Measurement) -> Iterator[Finding]:
+    """Mistakes of points, by undoing them one at a time; else stations and whole measurements that fit nowhere."""
+    rows = np.arange(len(measurement))
+    if len(rows) > ROWS:
+        rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
+    some = measurement.rows(rows)
+    missed, _ = misfit(some)
+    before = worst_rms(some, missed)
+    if before < SUSPICIOUS:
+        return
+    for kinds in (alternatives, misplaced):
+        tried = [(worst_rms(other.measurement, misfit(other.measurement)[0]), other) for other in kinds(some)]
+        best = min((after for after, _ in tried), default=np.inf)
+        if best < before / FALLS and best < PLAUSIBLE:
+            yield _mistake(before, [pair for pair in tried if pair[0] <= TIED * best])
+            return
+    lengths = np.linalg.norm(missed, axis=1)
+    if float(np.median(lengths)) > HOPELESS:
+        yield Finding(
+            "unexplained",
+            f"the points miss the commanded positions by {np.median(lengths):.4g} mm (median, instrument registered), "
+            "and no exchange of columns, targets, signs or units explains that: are these points of this machine and "
+            "of these positions?",
+            True,
+        )
+        return
+    yield from _stations(some, lengths)
+
+
+def _mistake(before: float, tied: list[tuple[float, Alternative]]) -> Finding:
+    after, first = min(tied, key=lambda pair: pair[0])
+    words = ", or ".join(other.by for _, other in tied)
+    open_end = "" if len(tied) == 1 else "; these data can't tell which"
+    return Finding(
+        first.what,
+        f"the points miss the commanded positions by {before:.4g} mm RMS, and by {after:.3g} mm {words}{open_end}",
+        True,
+    )
+
+
+def _stations(measurement: Measurement, lengths: Array) -> Iterator[Finding]:
+    """Stations that do not fit in themselves while others do."""
+    groups = measurement.groups
+    sizes = {name: trimmed_rms(lengths[groups == name]) for name in np.unique(groups).tolist()}
+    usual = float(np.median(list(sizes.values())))
+    for name, size in sizes.items():
+        if len(sizes) > 1 and size > max(FALLS * usual, PLAUSIBLE):
+            yield Finding(
+                "station",
+                f"the points of station {name} miss the commanded positions by {size:.3g} mm RMS, those of the others "
+                f"by {usual:.3g} mm: it moved while it measured, or its rows are of other positions",
+                False,
+            )
+
+
+def _readings(measurement: Measurement) -> Iterator[Finding]:
+    """Deviations of an interferometer that grow with the travel as those of no axis."""
+    assert measurement.axis is not None
+    machine = measurement.machine
+    for name in np.unique(measurement.axis).tolist():
+        rows = np.flatnonzero((measurement.axis == name) & measurement.positioning)
+        if not len(rows):
+            continue
+        part, i = measurement.rows(rows), machine.index(name)
+        x, y = _centred(part, part.state.positions[:, [i]])[:, 0], _centred(part, part.observed)[:, 0]
+        if np.ptp(x) <= 0.0:
+            continue
+        slope = float(x @ y / (x @ x))
+        left, all_of_it = float(np.sqrt(np.mean((y - slope * x) ** 2))), float(np.sqrt(np.mean(y**2)))
+        if abs(slope) > SLOPE and left < all_of_it / FALLS:
+            unit = "urad/deg" if machine.axes[i].rotary else "um/mm"
+            per = slope * (1e6 * np.pi / 180.0 if machine.axes[i].rotary else 1e3)
+            yield Finding(
+                "units",
+                f"the deviations of {name} grow by {per:.4g} {unit} along the travel: these are readings instead of "
+                "deviations, or the unit or the sign of one column is wrong",
+                True,
+            )
+
+
+def _clock(measurement: Measurement) -> Iterator[Finding]:
+    """Rows in motion that are observed earlier or later than their positions were noted."""
+    velocity = measurement.state.velocity
+    if velocity is None:
+        return
+    moving = np.flatnonzero(velocity.any(axis=1))
+    if len(moving) < LEAST:
+        return
+    part = measurement.rows(moving)
+    missed, registration = misfit(part)
+    missed, along = _centred(part, missed), by_axes(part, registration)
+    swept = _centred(part, (along @ velocity[moving][:, :, None])[:, :, 0])
+    size = float(np.sum(swept**2))
+    if size <= 0.0:
+        return
+    lag = float(np.sum(swept * missed)) / size
+    before, after = (float(np.sqrt(np.mean(rows**2))) for rows in (missed, missed - lag * swept))
+    with_play = _after_play(part, missed, along * np.sign(velocity[moving])[:, None, :])
+    if after < before / FALLS and after < TIED * with_play:
+        ahead = "later" if lag > 0 else "earlier"
+        causes = "two clocks, or following error" if with_play > TIED * after else "two clocks, following error or play"
+        micro = float(part.per_micro.max())
+        unit = "um" if micro < 1e6 else "urad"
+        yield Finding(
+            "clock",
+            f"rows in motion were observed {abs(lag) * 1e3:.3g} ms {ahead} than their positions were noted: with that "
+            f"lag their residual falls from {before * micro:.4g} to {after * micro:.3g} {unit} RMS ({causes})",
+            before > PLAUSIBLE,
+        )
+
+
+def _after_play(measurement: Measurement, missed: Array, behind: Array) -> float:
+    """RMS of residuals `(n, d)` after a play of each axis, by its derivatives `(n, d, axes)`."""
+    design = np.stack([_centred(measurement, behind[:, :, i]).reshape(-1) for i in range(behind.shape[2])], axis=1)
+    size, *_ = np.linalg.lstsq(design, missed.reshape(-1), rcond=None)
+    return float(np.sqrt(np.mean((missed.reshape(-1) - design @ size) ** 2)))
+
+
+def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
+    """A first run that differs from the later ones at the same places more than they do from each other."""
+    cells = _by_run(measurement)
+    if cells is None:
+        return
+    later = cells[:, 1:]
+    middle = later.mean(axis=1, keepdims=True)
+    k, freedom = later.shape[1], later[:, 0].size
+    first = float(np.mean((cells[:, 0] - middle[:, 0]) ** 2)) / (1.0 + 1.0 / k)
+    rest = float(np.sum((later - middle) ** 2)) / (freedom * (k - 1))
+    if rest > 0.0 and special.fdtrc(freedom, freedom * (k - 1), first / rest) < SIGNIFICANCE and first > FALLS * rest:
+        unit = "um" if float(measurement.per_micro.max()) < 1e6 else "um or urad"
+        yield Finding(
+            "first cycle",
+            f"the first run differs from the later ones by {first**0.5:.3g} {unit} RMS at {len(cells)} places, they "
+            f"from each other by {rest**0.5:.3g}: a first cycle, or a drift that dies down",
+            False,
+        )
+
+
+def _by_run(measurement: Measurement) -> Array | None:
+    """Mean observations `(places, runs, d)`, um and urad, at the places that every run visits; None if too few.
+
+    Runs in the order of acquisition, each of an interferometer less its zero, which nobody knows.
+    """
+    if measurement.run is None:
+        return None
+    names, first, run = np.unique(measurement.run, return_index=True, return_inverse=True)
+    run = np.argsort(np.argsort(first))[run]
+    places = place_numbers(measurement)
+    shape = int(places.max()) + 1, len(names)
+    count, sums = np.zeros(shape), np.zeros((*shape, measurement.observed.shape[1]))
+    np.add.at(count, (places, run), 1.0)
+    np.add.at(sums, (places, run), measurement.observed * measurement.per_micro)
+    shared = count.all(axis=1)
+    if len(names) < 3 or shared.sum() < PLACES:
+        return None
+    cells = np.asarray(sums[shared] / count[shared][:, :, None])
+    if measurement.axis is not None:
+        axis = np.empty(shape[0], measurement.axis.dtype)
+        axis[places] = measurement.axis
+        for name in np.unique(axis[shared]).tolist():
+            cells[axis[shared] == name] -= cells[axis[shared] == name].mean(axis=0)
+    return cells
+
+
+def _read_back(measurement: Measurement) -> Iterator[Finding]:
+    """Read-back positions that differ from the commands, and what that goes with."""
+    if measurement.actual is None:
+        return
+    machine, state = measurement.machine, measurement.state
+    missed, registration = misfit(measurement)
+    along = by_axes(measurement, registration)
+    for i, axis in enumerate(machine.axes):
+        apart = measurement.actual[:, i] - state.positions[:, i]
+        rows = np.isfinite(apart) & along[:, :, i].any(axis=1)
+        rms = float(np.sqrt(np.mean(apart[rows] ** 2))) if rows.any() else 0.0
+        if rows.sum() < LEAST or rms < NOTICED:
+            continue
+        small, unit = (1e6, "urad") if axis.rotary else (1e3, "um")
+        own = np.einsum("nd,nd->n", missed, along[:, :, i])[rows] / np.sum(along[rows, :, i] ** 2, axis=1)
+        says = [f"read-back and command of {axis.name} differ by {rms * small:.3g} {unit} RMS"]
+        slope, r = _related(apart[rows], own)
+        if r > RELATED and 0.5 < slope < 1.5:
+            says.append(f"the observed deviation follows with slope {slope:.2f}: it did not stand where it was told")
+        if state.last_move is not None:
+            slope, r = _related(state.last_move[rows, i], apart[rows])
+            if abs(r) > RELATED:
+                says.append(f"by {slope * 1e6:.3g} ppm of the last move: it had not settled (r = {r:.2f})")
+        if state.velocity is not None and state.velocity[rows, i].any():
+            slope, r = _related(state.velocity[rows, i], apart[rows])
+            if abs(r) > RELATED:
+                says.append(f"by {slope * 1e3:.3g} ms of the velocity: following error, or two clocks (r = {r:.2f})")
+        yield Finding("read-back", "; ".join(says), False)
+
+
+def _related(one: Array, other: Array) -> tuple[float, float]:
+    """Slope of the other on the one, both `(n,)`, and their correlation; zeros where one of them does not vary."""
+    one, other = one - one.mean(), other - other.mean()
+    sizes = float(one @ one), float(other @ other)
+    if min(sizes) <= 0.0:
+        return 0.0, 0.0
+    product = float(one @ other)
+    return product / sizes[0], product / float(np.sqrt(sizes[0] * sizes[1]))
+
+
+def _centred(measurement: Measurement, values: Array) -> Array:
+    """Values `(n, d)` less the mean of what is registered together."""
+    _, group = np.unique(measurement.groups, return_inverse=True)
+    sums = np.zeros((group.max() + 1, values.shape[1]))
+    np.add.at(sums, group, values)
+    return np.asarray(values - (sums / np.bincount(group)[:, None])[group])

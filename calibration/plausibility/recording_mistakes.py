@@ -1,0 +1,212 @@
+"""What may have gone wrong in writing a measurement down: each mistake undone, and how well the points fit then.
+
+Nothing of a machine's errors is asked: the nominal machine is registered to the points as they are, and as they would
+be without the mistake. Only mistakes of points are looked for, those of a tracker or of a part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from calibration.measurement.measurement import Measurement, Target
+from calibration.measurement.observed_points import carried, seen_points, seen_slopes
+from calibration.measurement.registration import Registration
+from calibration.observation.full_model import STILL
+from calibration.observation.normal_equations import residuals
+from calibration.observation.outliers import first_registration
+from kinematics.error_model.model import no_errors
+from kinematics.machine import Vector
+from kinematics.transforms import Array
+
+FACTORS = {25.4: "inch and mm", 1 / 25.4: "inch and mm", 1e3: "m, mm or um", 1e-3: "m, mm or um"}
+"""Mistakes of units, and what was mixed up."""
+NEAR = 5e-3
+"""Share by which a scale may miss one of them."""
+SCALE = 1e-3
+"""Share that no machine is out of scale by."""
+ROUNDS = 8
+"""Largest number of iterations of registering the points and estimating the position of a target from them."""
+TRIMMED = 50
+"""One row of so many, at least one, may be as far off as it likes."""
+
+
+class Alternative(NamedTuple):
+    """A measurement with one mistake undone."""
+
+    what: str
+    """Kind of mistake."""
+    by: str
+    """With what undone, for people: `with columns X and Y exchanged`."""
+    measurement: Measurement
+
+
+def alternatives(measurement: Measurement) -> Iterator[Alternative]:
+    """The measurement with one mistake undone each, those that are told apart by the data or not."""
+    yield from _units(measurement)
+    mirrored = measurement.observed * np.append(-1.0, np.ones(measurement.instrument.components - 1))
+    yield Alternative(
+        "mirrored", "with the points' frame mirrored (left-handed as it is)", replace(measurement, observed=mirrored)
+    )
+    yield from _axes(measurement)
+    yield from _targets(measurement)
+
+
+def misfit(measurement: Measurement) -> tuple[Array, Registration]:
+    """Residuals `(n, d)`, mm and rad, of the nominal machine, and its registration, which gross errors don't spoil."""
+    registration, _ = first_registration(measurement)
+    return residuals(measurement, no_errors(measurement.machine), registration), registration
+
+
+def worst_rms(measurement: Measurement, missed: Array) -> float:
+    """Largest RMS length, mm, of residuals `(n, d)`: of all, and of each target and each station of several rows."""
+    lengths, parts = np.linalg.norm(missed, axis=1), [np.ones(len(missed), bool)]
+    for names in (measurement.target_number, measurement.groups):
+        parts += [names == name for name in np.unique(names).tolist()]
+    return max(trimmed_rms(lengths[part]) for part in parts if part.sum() > 3 or part.all())
+
+
+def trimmed_rms(lengths: Array) -> float:
+    """RMS of lengths `(n,)` but the very largest."""
+    spared = max(len(lengths) // TRIMMED, 1) if len(lengths) > 3 else 0
+    return float(np.sqrt(np.mean(np.sort(lengths)[: len(lengths) - spared] ** 2)))
+
+
+def by_axes(measurement: Measurement, registration: Registration) -> Array:
+    """Derivatives `(n, d, axes)` of what is observed by the positions of the axes, per mm and rad."""
+    if measurement.axis is not None:
+        own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
+        return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
+    slopes = registration.rotations(measurement) @ seen_slopes(measurement, registration.tool(measurement))
+    return np.asarray(slopes[:, : measurement.instrument.components])
+
+
+def _units(measurement: Measurement) -> Iterator[Alternative]:
+    """Points, or linear axes, in another unit; points in any other scale."""
+    scale = _scale(measurement)
+    if scale is not None and abs(scale - 1.0) > SCALE and all(abs(scale / known - 1.0) > NEAR for known in FACTORS):
+        by = f"with the points divided by {scale:.6g} (a scale {100 * (scale - 1):+.3g} % off)"
+        yield Alternative("units", by, replace(measurement, observed=measurement.observed / scale))
+    for factor, mixed in FACTORS.items():
+        by = f"with the points divided by {factor:.6g} ({mixed} mixed up)"
+        yield Alternative("units", by, replace(measurement, observed=measurement.observed / factor))
+        by = f"with the commands of linear axes multiplied by {factor:.6g} ({mixed} mixed up)"
+        linear = np.where(measurement.machine.rotary, 1.0, factor)
+        yield Alternative("units", by, _with_positions(measurement, measurement.state.positions * linear))
+
+
+def _scale(measurement: Measurement) -> float | None:
+    """How many times as far apart as commanded the points lie; None where they lie in one place."""
+    points = seen_points(measurement, None, measurement.tool)[:, : measurement.instrument.components]
+    inner, outer = _spread(measurement, points), _spread(measurement, measurement.observed)
+    if min(inner, outer) <= 0.0:
+        return None
+    scale = outer / inner
+    for _ in range(3):
+        scaled = replace(measurement, observed=measurement.observed / scale)
+        missed, _ = misfit(scaled)
+        there = _centred(measurement, scaled.observed - missed)
+        seen, lengths = _centred(measurement, scaled.observed), np.linalg.norm(missed, axis=1)
+        good = lengths <= 3.0 * np.median(lengths)
+        scale *= float(np.sum(seen[good] * there[good]) / np.sum(there[good] ** 2))
+    return scale if scale > 0.0 else None
+
+
+def _spread(measurement: Measurement, points: Array) -> float:
+    """Median distance, mm, of points `(n, d)` from the middle of their station's."""
+    return float(np.median(np.linalg.norm(_centred(measurement, points), axis=1)))
+
+
+def _centred(measurement: Measurement, values: Array) -> Array:
+    """Values `(n, d)` less the median of their station's."""
+    result, groups = values.copy(), measurement.groups
+    for group in np.unique(groups).tolist():
+        result[groups == group] -= np.median(values[groups == group], axis=0)
+    return result
+
+
+def _axes(measurement: Measurement) -> Iterator[Alternative]:
+    """Columns of axes that were exchanged, turned round, or written in rad."""
+    machine, q = measurement.machine, measurement.state.positions
+    moving = np.flatnonzero(np.ptp(q / machine.scale, axis=0) > STILL).tolist()
+    for i, j in combinations(moving, 2):
+        if machine.rotary[i] == machine.rotary[j]:
+            order = np.arange(q.shape[1])
+            order[[i, j]] = j, i
+            by = f"with columns {machine.names[i]} and {machine.names[j]} exchanged"
+            yield Alternative("axes", by, _with_positions(measurement, q[:, order]))
+    for i in moving:
+        signs = np.where(np.arange(q.shape[1]) == i, -1.0, 1.0)
+        yield Alternative(
+            "sign", f"with the sign of {machine.names[i]} reversed", _with_positions(measurement, q * signs)
+        )
+    turning = [i for i in moving if machine.rotary[i]]
+    for some in ([turning] if len(turning) > 1 else []) + [[i] for i in turning]:
+        names = " and ".join(machine.names[i] for i in some)
+        for factor, by in ((180.0 / np.pi, "read as rad"), (np.pi / 180.0, "turned into degrees once less")):
+            factors = np.where(np.isin(np.arange(q.shape[1]), some), factor, 1.0)
+            yield Alternative("degrees", f"with {names} {by}", _with_positions(measurement, q * factors))
+
+
+def _targets(measurement: Measurement) -> Iterator[Alternative]:
+    """Targets on the tool that were exchanged, or got a wrong sign."""
+    own = {name: target for name, target in measurement.targets.items() if target.known}
+    for one, other in combinations(own, 2):
+        changed = {one: own[other], other: own[one]}
+        yield Alternative("targets", f"with targets {one} and {other} exchanged", _with_targets(measurement, changed))
+    for name, target in own.items():
+        for letter, signs in (("", (-1, -1, -1)), ("x", (-1, 1, 1)), ("y", (1, -1, 1)), ("z", (1, 1, -1))):
+            turned = {name: _turned(target, signs)}
+            by = f"with the sign of {f'{letter} of ' if letter else ''}target {name} reversed"
+            yield Alternative("targets", by, _with_targets(measurement, turned))
+    if len(own) > 1:
+        for letter, signs in (("x y z", (-1, -1, -1)), ("z", (1, 1, -1))):
+            turned = {name: _turned(target, signs) for name, target in own.items()}
+            yield Alternative(
+                "targets", f"with the sign of {letter} of all targets reversed", _with_targets(measurement, turned)
+            )
+
+
+def misplaced(measurement: Measurement) -> Iterator[Alternative]:
+    """Each target on the tool at the position where the points show it, the others as the file states them.
+
+    Any position is allowed, which other mistakes can imitate: to be tried after `alternatives`.
+    """
+    own = {name: target for name, target in measurement.targets.items() if target.known}
+    if len(own) < 2:
+        return
+    for name, target in own.items():
+        other = measurement
+        for _ in range(ROUNDS):
+            missed, registration = misfit(other)
+            rows = measurement.target_number == list(measurement.targets).index(name)
+            directions = (registration.rotations(other) @ carried(other))[rows, : missed.shape[1]]
+            shift, *_ = np.linalg.lstsq(directions.reshape(-1, 3), missed[rows].reshape(-1), rcond=None)
+            x, y, z = np.array(other.targets[name].position) + shift
+            position: Vector = (float(x), float(y), float(z))
+            other = _with_targets(other, {name: replace(target, position=position)})
+        moved = np.linalg.norm(np.array(position) - target.position)
+        by = f"with target {name} at {_mm(position)} instead of {_mm(target.position)}, {moved:.3g} mm away"
+        yield Alternative("targets", by, other)
+
+
+def _mm(position: Vector) -> str:
+    return "(" + ", ".join(f"{value:.5g}" for value in position) + ") mm"
+
+
+def _turned(target: Target, signs: tuple[int, int, int]) -> Target:
+    x, y, z = (sign * value for sign, value in zip(signs, target.position, strict=True))
+    position: Vector = (x, y, z)
+    return replace(target, position=position)
+
+
+def _with_positions(measurement: Measurement, positions: Array) -> Measurement:
+    return replace(measurement, state=replace(measurement.state, positions=positions))
+
+
+def _with_targets(measurement: Measurement, changed: dict[str, Target]) -> Measurement:
+    return replace(measurement, targets={**measurement.targets, **changed})

@@ -1,0 +1,107 @@
+"""Effects as people write them: `backlash:axis=X,width=12`, JSON, or a file of effects; checked against the table."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from kinematics.effects import EFFECTS, Effect
+from kinematics.files import read_input
+from kinematics.machine import Machine
+from kinematics.user_error import UserError
+
+KINDS = {str(effect.__struct_config__.tag): effect for effect in EFFECTS}
+_OPEN, _CLOSED = "[{", "]}"
+
+
+def read_effects(texts: Sequence[str], machine: Machine, option: str = "--effect") -> list[Effect]:
+    """Effects of a machine from texts: `kind:field=value,...`, a JSON object, or the path of a JSON file of them.
+
+    Values are JSON where they can be (numbers, rows `[1, 2]`, objects), and texts otherwise. UserError for what the
+    table of effects, or the machine, does not have; `option` is what the texts were given as.
+    """
+    found: list[Effect] = []
+    for text in texts:
+        where = f"{option} {text}"
+        if text.lstrip().startswith("{"):
+            found.append(_effect(_json(text, where), where))
+        elif text.partition(":")[0] not in KINDS and text.lower().endswith(".json"):
+            found += _from_file(Path(text))
+        else:
+            found.append(_effect(_fields(text, where), where))
+        for effect in found:
+            for axis in effect.axes:
+                if axis not in machine.names:
+                    raise UserError(f"{where}: machine {machine.name} ({machine.chain}) has no axis {axis}")
+    return found
+
+
+def _from_file(path: Path) -> list[Effect]:
+    """Effects of a file: a list of them, or an object with a list `effects`, as a calibration has it."""
+    where = f"file of effects {path}"
+    content = _json(read_input(path, "file of effects"), where)
+    if isinstance(content, dict) and isinstance(content.get("effects"), list):
+        content = content["effects"]
+    if not isinstance(content, list):
+        content = [content]
+    return [_effect(each, where) for each in content]
+
+
+def _fields(text: str, where: str) -> dict[str, Any]:
+    kind, _, rest = text.partition(":")
+    fields: dict[str, Any] = {"kind": kind.strip()}
+    for entry in _split(rest):
+        name, equals, value = entry.partition("=")
+        if not equals:
+            last = list(fields)[-1]
+            lists = "" if last == "kind" else f"; lists are written {last}=[1,2]"
+            raise UserError(f"{where}: {entry.strip()!r} is not of the form field=value{lists}")
+        try:
+            fields[name.strip()] = msgspec.json.decode(value)
+        except msgspec.DecodeError:
+            fields[name.strip()] = value.strip()
+    return fields
+
+
+def _split(text: str) -> list[str]:
+    """Parts between the commas that stand in no bracket."""
+    parts, depth, start = [], 0, 0
+    for i, letter in enumerate(text):
+        depth += (letter in _OPEN) - (letter in _CLOSED)
+        if letter == "," and depth == 0:
+            parts.append(text[start:i])
+            start = i + 1
+    return [*parts, text[start:]] if text.strip() else []
+
+
+def _json(text: str | bytes, where: str) -> Any:
+    try:
+        return msgspec.json.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError) as fault:
+        raise UserError(f"{where}: {fault}") from None
+
+
+def _effect(content: Any, where: str) -> Effect:
+    kind = content.get("kind") if isinstance(content, dict) else None
+    if kind not in KINDS:
+        raise UserError(f"{where}: no effect {kind!r}; there are {', '.join(KINDS)} (docs/effects.md)")
+    # what a calibration file says besides: units are checked where calibrations are read
+    fields = {name: value for name, value in content.items() if name != "units"}
+    try:
+        effect: Effect = msgspec.convert(fields, Effect)
+    except msgspec.ValidationError as fault:
+        names = (field.name for field in msgspec.structs.fields(KINDS[kind]) if field.name not in ("u", "note"))
+        raise UserError(f"{where}: {fault}; {kind} has {', '.join(names)}{_of_lists(str(fault), fields)}") from None
+    return effect
+
+
+def _of_lists(fault: str, fields: Mapping[str, Any]) -> str:
+    """How a list is written, for one that is none."""
+    field = re.search(r"Expected `array`.* at `\$\.(\w+)`", fault)
+    if field is None or isinstance(fields[field[1]], list):
+        return ""
+    return f"; lists are written {field[1]}=[{fields[field[1]]}]"

@@ -1,0 +1,481 @@
+"""Curves through the six error motions of an axis, and its location errors taken out of them.
+
+The curves are fitted to all six at once, weighted by the joint covariance of the points. Degrees of polynomials are
+given, or weighted by Akaike's information criterion (AIC): the Bayesian criterion neglects errors that are smaller than
+the noise of a point, and u would not contain them. The curve is the mean of the curves of all degrees by their weights,
+and their spread is in its u (Buckland, Burnham and Augustin, Biometrics 53, 1997, 603-618).
+
+The gauge of the points (`rigid_motions`) removes from a rotary axis the first harmonic that turns along with the
+component. A polynomial does not contain this harmonic, so polynomials of a rotary axis have such a wobble beside them,
+and both are written as one polynomial of sufficient degree. A rotary axis that turns fully, and was measured over the
+whole turn, has harmonics of the turn instead of polynomials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import Literal, cast
+
+import numpy as np
+from scipy import special
+
+from calibration.single_axis.rigid_motions import RigidMotions
+from kinematics.basis import Basis, BSpline, Harmonics, Interval, Legendre
+from kinematics.effects import COMPONENTS, Component, Effect, ErrorMotion, LocationError, Wobble
+from kinematics.machine import TURN, Axis
+from kinematics.transforms import Array
+from kinematics.turn import columns_of, gap_of, measured_arc
+from kinematics.user_error import UserError
+
+HIGHEST_DEGREE = 15
+"""That is tried, if the positions take it."""
+STEADY = 2.45
+"""Least squares polynomials swing between n evenly spaced positions from a degree of about 2 sqrt(n) on (Dahlquist and
+Bjorck, Numerical Methods, 4.4.3): 8 for 11, 11 for 21."""
+LEAST_WEIGHT = 0.01
+"""Weight of a degree, among those of one curve, below which it is left out."""
+MISFIT = 1e-3
+"""Chance of a chi2 below which a curve is said to miss its points."""
+NO_SCATTER = 1e-6
+"""Share of the largest variance below which a combination of residuals has none."""
+LARGEST_WOBBLE = 100.0
+"""um and urad: no rotary axis in use wobbles by more. Without a bound, a wobble that the polynomials nearly hold grows
+against them."""
+HOLDS = (1e3, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
+"""Standard deviations of the wobble, um and urad, that are tried until it keeps within LARGEST_WOBBLE."""
+HOLDS_A_WOBBLE = 20
+"""Degree of a polynomial that holds one wave of a turn to 1e-9 of its size."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What is fitted to one axis."""
+
+    axis: Axis
+    bases: tuple[Basis, ...]
+    """By component X Y Z A B C."""
+
+    @property
+    def parts(self) -> list[slice]:
+        """Parameters of each curve."""
+        ends = np.cumsum([0, *(basis.size for basis in self.bases)]).tolist()
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    @property
+    def degrees(self) -> tuple[int | None, ...]:
+        """Degrees of the polynomials, or numbers of harmonics; None for tables."""
+        return tuple(_degree(basis) for basis in self.bases)
+
+    @property
+    def wobbles(self) -> tuple[Wobble, ...]:
+        """Radial and tilt wobble that turns with the component; none for tables and harmonics, which contain it."""
+        if not self.axis.rotary or not isinstance(self.bases[0], Legendre):
+            return ()
+        letter = self.axis.error_frame[:, "ABC".index(self.axis.name[0])]
+        along = (letter @ self.axis.unit_direction > 0) == (self.axis.side == "tool")
+        sense: Literal[1, -1] = 1 if along else -1
+        return (
+            Wobble(self.axis.name, "radial", 1, sense, 0.0, 0.0),
+            Wobble(self.axis.name, "tilt", 1, sense, 0.0, 0.0),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return sum(basis.size for basis in self.bases) + 2 * len(self.wobbles)
+
+    def design(self, positions: Array) -> Array:
+        """Matrix `(6n, p)` from the parameters to the error motions at positions `(n,)`, position by position."""
+        rows = np.zeros((len(positions), 6, self.size))
+        for component, (basis, columns) in enumerate(zip(self.bases, self.parts, strict=True)):
+            rows[:, component, columns] = columns_of(self.axis, basis, positions)
+        start = self.parts[-1].stop
+        cos, sin = np.cos(np.deg2rad(positions)), np.sin(np.deg2rad(positions))
+        for k, wobble in enumerate(self.wobbles):
+            own, columns = "ABC".index(self.axis.name[0]), slice(start + 2 * k, start + 2 * k + 2)
+            rows[:, 3 * k + (own + 1) % 3, columns] = np.stack([cos, sin], axis=1)
+            rows[:, 3 * k + (own + 2) % 3, columns] = wobble.sense * np.stack([sin, -cos], axis=1)
+        return rows.reshape(6 * len(positions), -1)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Six curves over one axis' position, mm or degrees; values in um and urad."""
+
+    shape: Shape
+    parameters: Array
+    """`(p,)`, one curve after the other, then the wobble."""
+    estimator: Array
+    """`(p, 6n)`: from the error motions at the positions, um and urad, to the parameters."""
+    best: Curves | None = None
+    """Those of the degrees that AIC finds best, where these curves are a mean over degrees."""
+    spread: Array = field(default_factory=lambda: np.zeros((0, 1, 1)))
+    """`(m, p, 6n)`: each curve less their mean, by the root of its weight, from the error motions at the positions."""
+    unresolved: tuple[int, ...] = ()
+    """Curves that have waves about as short as the positions resolve, and so probably shorter ones as well."""
+
+    @property
+    def degrees(self) -> tuple[int | None, ...]:
+        """Degrees of the polynomials, or numbers of harmonics: given or best by AIC; None of tables."""
+        return (self.best or self).shape.degrees
+
+    def choice_covariance(self, errors: Array, covariance: Array) -> Array:
+        """Covariance `(p, p)` from the choice of degrees; errors `(n, 6)` and their covariance `(6n, 6n)`."""
+        away = self.spread @ errors.reshape(-1) if len(self.spread) else np.zeros((0, len(self.parameters)))
+        spread = np.einsum("mpi,ij,mqj->pq", self.spread, covariance, self.spread, optimize=True)
+        return np.asarray(spread + away.T @ away)
+
+    def design(self, positions: Array) -> Array:
+        """Matrix `(6n, p)` from parameters to the error motions at positions `(n,)`."""
+        return self.shape.design(positions)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Shapes whose degrees differ, and their weights by AIC."""
+
+    best: Shape
+    others: tuple[tuple[tuple[Shape, float], ...], ...] = ()
+    """For each curve without a given degree, its degrees with their weights; the other curves as in the best."""
+    unresolved: tuple[int, ...] = ()
+    """See `Curves.unresolved`: curves of which no degree below the highest two has weight."""
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far a curve misses its points, by the covariance of these."""
+
+    chi2: float
+    freedom: int
+
+    @property
+    def significant(self) -> bool:
+        """More than the points scatter."""
+        return self.freedom > 0 and float(special.chdtrc(self.freedom, self.chi2)) < MISFIT
+
+    @property
+    def widening(self) -> float:
+        """Factor of the curve's standard uncertainty (Birge); 1 where the curve holds its points."""
+        return float(np.sqrt(max(self.chi2 / self.freedom, 1.0))) if self.significant else 1.0
+
+
+@dataclass(frozen=True)
+class AxisModel:
+    """Effects of one axis, and how their parameters come from those of its curves."""
+
+    effects: tuple[Effect, ...]
+    matrix: Array
+    """`(parameters of the effects, p)`."""
+
+
+def tables(axis: Axis, positions: Array, arc: Interval) -> Shape:
+    """Interpolated tables with the measured positions as nodes, closed where the whole turn was measured."""
+    nodes = np.unique(positions)
+    if axis.turns_fully:
+        nodes = arc[0] + np.unique(np.round(np.mod(positions - arc[0], TURN), 6) % TURN)
+        nodes = nodes if gap_of(arc) else np.append(nodes, arc[1])
+    return Shape(axis, (BSpline(tuple(nodes.tolist()), 1),) * 6)
+
+
+def polynomials(
+    axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int], arc: Interval
+) -> Candidates:
+    """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others weighted by AIC.
+
+    A straightness is a line at least, for its slope is the orientation of the axis. Of an axis that turns fully and was
+    measured all round, harmonics: a degree is their number.
+    """
+    least, most = _fewest(axis, arc), _most(axis, arc, len(positions))
+    degrees = least.copy()
+    open_ = []
+    for j, name in enumerate(COMPONENTS):
+        degree = given.get(f"{name}{axis.name}")
+        if degree is None:
+            open_.append(j)
+        elif not least[j] <= degree <= most:
+            raise UserError(
+                f"degree {degree} of E_{name}{axis.name}: {len(positions)} positions take {least[j]} to {most}"
+            )
+        else:
+            degrees[j] = degree
+    steady = most if _closed(axis, arc) else int(STEADY * np.sqrt(len(positions)))
+    highest = max(min(HIGHEST_DEGREE, most - 1, steady), int(least.max()))
+    return _by_aic(_Criterion(axis, arc, positions, motions, max(highest, *degrees)), degrees, open_, least, highest)
+
+
+@dataclass(frozen=True)
+class _Criterion:
+    """Akaike's information criterion of six curves, of degrees up to the highest."""
+
+    axis: Axis
+    arc: Interval
+    positions: Array
+    motions: RigidMotions
+    highest: int
+    known: dict[tuple[int, ...], float] = field(default_factory=dict)
+    """Values that were worked out, by degrees."""
+
+    def shape(self, degrees: Array) -> Shape:
+        """The six curves of some degrees."""
+        kind = Harmonics if _closed(self.axis, self.arc) else Legendre
+        return Shape(self.axis, tuple(kind(self.arc, int(degree)) for degree in degrees))
+
+    @cached_property
+    def widest(self) -> tuple[Shape, Array, Array]:
+        """The curves of the highest degrees, their rows and the right side of these."""
+        weights, shape = self.motions.whitening, self.shape(np.full(6, self.highest))
+        rows = _rows(shape, self.positions, weights, HOLDS[0])
+        return shape, rows, np.append(weights @ self.motions.errors.reshape(-1), np.zeros(len(rows) - len(weights)))
+
+    def __call__(self, degrees: Array) -> float:
+        key = tuple(degrees.tolist())
+        if key not in self.known:
+            self.known[key] = self._value(self.shape(degrees))
+        return self.known[key]
+
+    def _value(self, shape: Shape) -> float:
+        widest, every, observed = self.widest
+        columns = [
+            *(
+                k
+                for part, own in zip(widest.parts, shape.bases, strict=True)
+                for k in range(part.start, part.start + own.size)
+            ),
+            *range(widest.parts[-1].stop, widest.size),
+        ]  # the first functions of a basis are those of one of lower degree
+        rows = every[:, columns]
+        left = observed - rows @ np.linalg.lstsq(rows, observed, rcond=1e-14)[0]
+        return float(left @ left) + 2.0 * shape.size
+
+
+def _by_aic(criterion: _Criterion, degrees: Array, open_: list[int], least: Array, highest: int) -> Candidates:
+    """The shape that no change of one degree makes better, and beside it those of one other degree."""
+    best, changed = criterion(degrees), True
+    while changed:
+        changed = False
+        for j in open_:
+            for other in range(least[j], highest + 1):
+                trial = _with_degree(degrees, j, other)
+                value = criterion(trial) if other != degrees[j] else best
+                if value < best - 1e-9:
+                    best, degrees, changed = value, trial, True
+    trials = [[_with_degree(degrees, j, other) for other in range(least[j], highest + 1)] for j in open_]
+    others = tuple(_weighted(criterion, each) for each in trials)
+    unresolved = [
+        j
+        for j, shapes in zip(open_, others, strict=True)
+        if min(shape.degrees[j] or 0 for shape, _ in shapes) >= max(highest - 1, least[j] + 1)
+    ]
+    return Candidates(criterion.shape(degrees), others, tuple(unresolved))
+
+
+def _with_degree(degrees: Array, component: int, degree: int) -> Array:
+    trial = degrees.copy()
+    trial[component] = degree
+    return trial
+
+
+def _weighted(criterion: _Criterion, trials: list[Array]) -> tuple[tuple[Shape, float], ...]:
+    """Shapes with their Akaike weights, which add to one."""
+    values = np.array([criterion(trial) for trial in trials])
+    weights = np.exp(-0.5 * (values - values.min()))
+    weights = np.where(weights < LEAST_WEIGHT * weights.sum(), 0.0, weights)
+    shares = (weights / weights.sum()).tolist()
+    return tuple((criterion.shape(trial), share) for trial, share in zip(trials, shares, strict=True) if share)
+
+
+def arc_of(axis: Axis, positions: Array) -> Interval:
+    """Measured interval, mm or degrees; for an axis that turns fully, the measured arc of the turn."""
+    return measured_arc(positions) if axis.turns_fully else (float(positions.min()), float(positions.max()))
+
+
+def _closed(axis: Axis, arc: Interval) -> bool:
+    """True where the whole turn was measured."""
+    return axis.turns_fully and not gap_of(arc)
+
+
+def _fewest(axis: Axis, arc: Interval) -> np.ndarray:
+    """Least degree of each of the six curves; across a line that turns, the harmonic that the gauge closes."""
+    if axis.rotary:
+        return np.array([int(_closed(axis, arc) and _across(axis, j)) for j in range(6)])
+    return np.array([int(name in _sideways(axis)) for name in COMPONENTS])
+
+
+def _most(axis: Axis, arc: Interval, n: int) -> int:
+    """Highest degree, or number of harmonics, that n positions determine."""
+    return (n - 1) // 2 if _closed(axis, arc) else n - 1
+
+
+def _across(axis: Axis, component: int) -> bool:
+    """True of shifts along, and turns about, the two directions across the line of a rotary axis."""
+    return component % 3 != "ABC".index(axis.name[0])
+
+
+def _degree(basis: Basis) -> int | None:
+    if isinstance(basis, Harmonics):
+        return basis.order
+    return basis.degree if isinstance(basis, Legendre) else None
+
+
+def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
+    """The curves of least squares through the error motions at positions `(n,)`, mm or degrees; gauge closed."""
+    weights, wobble = motions.whitening, slice(shape.parts[-1].stop, None)
+    for hold in HOLDS:
+        rows = _rows(shape, positions, weights, hold)
+        estimator = np.linalg.lstsq(rows, np.eye(len(rows))[:, : len(weights)], rcond=1e-14)[0] @ weights
+        found = Curves(shape, np.asarray(estimator @ motions.errors.reshape(-1)), estimator)
+        if np.abs(found.parameters[wobble]).max(initial=0.0) <= LARGEST_WOBBLE:
+            break
+    return found
+
+
+def averaged(candidates: Candidates, positions: Array, motions: RigidMotions) -> Curves:
+    """The mean over degrees of the curves through the error motions at positions `(n,)`, mm or degrees."""
+    best = fit(candidates.best, positions, motions)
+    if not candidates.others:
+        return best
+    shape = _widest(candidates)
+    own = _placed(best, shape)
+    estimator, spread = own, []
+    for others in candidates.others:
+        away = [(_placed(fit(other, positions, motions), shape) - own, weight) for other, weight in others]
+        mean = np.sum([weight * each for each, weight in away], axis=0)
+        estimator = estimator + mean
+        spread += [np.sqrt(weight) * (each - mean) for each, weight in away]
+    parameters = np.asarray(estimator @ motions.errors.reshape(-1))
+    return Curves(shape, parameters, estimator, best, np.array(spread), candidates.unresolved)
+
+
+def _widest(candidates: Candidates) -> Shape:
+    """The shape with the highest degree of each curve."""
+    shapes = [candidates.best, *(shape for others in candidates.others for shape, _ in others)]
+    bases = tuple(max((shape.bases[j] for shape in shapes), key=lambda basis: basis.size) for j in range(6))
+    return Shape(candidates.best.axis, bases)
+
+
+def _placed(curves: Curves, shape: Shape) -> Array:
+    """The estimator `(p, 6n)` of curves as one of a shape whose bases begin with theirs."""
+    placed = np.zeros((shape.size, curves.estimator.shape[1]))
+    for part, own in zip(shape.parts, curves.shape.parts, strict=True):
+        placed[part.start : part.start + own.stop - own.start] = curves.estimator[own]
+    placed[shape.parts[-1].stop :] = curves.estimator[curves.shape.parts[-1].stop :]
+    return placed
+
+
+def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
+    """Of each curve at positions `(n,)`, mm or degrees; covariance `(6n, 6n)` of the error motions there."""
+    curves, n = curves.best or curves, len(positions)
+    missing = np.eye(6 * n) - curves.design(positions) @ curves.estimator
+    residuals, scatter = missing @ motions.errors.reshape(-1), missing @ covariance @ missing.T
+    found = []
+    for component, basis in enumerate(curves.shape.bases):
+        left, own = residuals[component::6], scatter[component::6, component::6]
+        variances, directions = np.linalg.eigh(0.5 * (own + own.T))
+        floor = NO_SCATTER * max(variances[-1], covariance[component::6, component::6].max() * NO_SCATTER)
+        used = np.flatnonzero(variances > floor)[-max(n - basis.size, 0) :] if basis.size < n else np.array([], int)
+        chi2 = float(np.sum((directions[:, used].T @ left) ** 2 / variances[used]))
+        found.append(Misfit(chi2, len(used)))
+    return tuple(found)
+
+
+def widening(axis: Axis, effects: tuple[Effect, ...], found: tuple[Misfit, ...]) -> Array:
+    """Factors of the standard uncertainties of all parameters of an axis' effects.
+
+    A location error has that of the worst of the curves across the line. A wobble and the polynomials beside it are
+    widened together, as one error motion: they may be large and cancel.
+    """
+    located = [_across(axis, j) if axis.rotary else name in _sideways(axis) for j, name in enumerate(COMPONENTS)]
+    worst = max(one.widening for one, across in zip(found, located, strict=True) if across)
+    factors = [
+        found[COMPONENTS.index(effect.component)].widening if isinstance(effect, ErrorMotion) else worst
+        for effect in effects
+    ]
+    return np.repeat(factors, [len(effect.parameters) for effect in effects])
+
+
+def _rows(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:
+    """Whitened design, and below it the prior rows of the wobble with standard deviation `hold`, um and urad."""
+    held = np.eye(shape.size)[shape.parts[-1].stop :] / hold
+    return np.concatenate([weights @ shape.design(positions), held])
+
+
+def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotions) -> AxisModel:
+    """Location errors and error motions of an axis; all parameters zero, they are `matrix` times the curves' own.
+
+    A linear axis' orientation is that of the least squares reference lines of its straightness curves; a rotary axis'
+    location that of its axis average line. Both are taken over the measured positions.
+    """
+    values = curves.design(positions)
+    rows, names, left = _linear(axis, positions, values) if not axis.rotary else _rotary(axis, values, motions)
+    taken = np.zeros((6, len(curves.parameters), len(curves.parameters)))
+    for component, (function, amount) in left.items():
+        basis, part = curves.shape.bases[component], curves.shape.parts[component]
+        held = np.linalg.lstsq(columns_of(axis, basis, positions), function, rcond=None)[0]
+        taken[component, part] = np.outer(held, amount)
+    bases, held_together = _with_wobble(curves.shape)
+    matrix = np.concatenate([rows, held_together @ (np.eye(len(curves.parameters)) - taken.sum(axis=0))])
+    effects: list[Effect] = [LocationError(name, axis.name, 0.0) for name in names]
+    for name, basis in zip(COMPONENTS, bases, strict=True):
+        effects.append(ErrorMotion(cast(Component, name), axis.name, basis, (0.0,) * basis.size))
+    return AxisModel(tuple(effects), matrix)
+
+
+def _with_wobble(shape: Shape) -> tuple[tuple[Basis, ...], Array]:
+    """Bases that hold each curve together with its wobble, and the matrix to their parameters from those of the curves.
+
+    A wobble beside polynomials would go on where these are held, outside the measured positions.
+    """
+    if not shape.wobbles:
+        return shape.bases, np.eye(shape.size)
+    low, high = shape.bases[0].interval
+    bases = tuple(
+        Legendre((low, high), max(_degree(basis) or 0, HOLDS_A_WOBBLE)) if _across(shape.axis, j) else basis
+        for j, basis in enumerate(shape.bases)
+    )
+    x = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(101) + 0.5) / 101)
+    values = shape.design(x).reshape(len(x), 6, -1)
+    parts = [np.linalg.lstsq(basis.columns(x), values[:, j], rcond=None)[0] for j, basis in enumerate(bases)]
+    return bases, np.concatenate(parts)
+
+
+def constants_design(curves: Curves) -> Array:
+    """The matrix `(p, 6)` from constants added to the six curves, um and urad, to their parameters."""
+    matrix = np.zeros((len(curves.parameters), 6))
+    for component, (basis, part) in enumerate(zip(curves.shape.bases, curves.shape.parts, strict=True)):
+        x = np.linspace(*basis.interval, 101)
+        matrix[part, component] = np.linalg.lstsq(basis.columns(x), np.ones(101), rcond=None)[0]
+    return matrix
+
+
+def _linear(
+    axis: Axis, positions: Array, values: Array
+) -> tuple[Array, list[Component], dict[int, tuple[Array, Array]]]:
+    """Rows from the curves to the location errors, their names, and what leaves each curve for them."""
+    centred = positions - positions.mean()
+    slope_of = centred / (centred @ centred)
+    along = axis.error_frame.T @ axis.unit_direction
+    slopes = np.einsum("n,njp->jp", slope_of, values.reshape(len(positions), 6, -1)[:, :3])
+    # the line leaves d by angle x d per mm, so angle = d x slope; um/mm are 1000 urad
+    turns = np.cross(along, slopes.T).T * 1e3
+    across = [j for j in range(3) if abs(along[j]) < 0.5]
+    names = [cast(Component, "ABC"[j]) for j in across]
+    return turns[across], names, {j: (positions, slopes[j]) for j in across}
+
+
+def _rotary(
+    axis: Axis, values: Array, motions: RigidMotions
+) -> tuple[Array, list[Component], dict[int, tuple[Array, Array]]]:
+    rows = motions.location @ values
+    across = [j for j in range(6) if j % 3 != "ABC".index(axis.name[0])]
+    names = [cast(Component, COMPONENTS[j]) for j in across]
+    ones = np.ones(len(values) // 6)
+    return rows[across], names, {j: (ones, rows[j]) for j in across}
+
+
+def _sideways(axis: Axis) -> str:
+    """Components of the straightness of a linear axis."""
+    along = axis.error_frame.T @ axis.unit_direction
+    return "".join(letter for letter, share in zip("XYZ", along, strict=True) if abs(share) < 0.5)

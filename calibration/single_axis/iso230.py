@@ -1,0 +1,367 @@
+"""ISO 230-2:2014: positioning of one axis at a time, from repeated runs to target positions in both directions.
+
+At each target i, of n runs in a direction: the mean deviation x_i, the estimator s_i of the standard uncertainty (with
+n - 1), the reversal value B_i = x_i forward - x_i backward, the repeatability R_i = 4 s_i, and that of both directions,
+max(2 s_i forward + 2 s_i backward + |B_i|, R_i forward, R_i backward). Of the axis:
+
+| | |
+|---|---|
+| B, mean B | largest size of the B_i; their mean, signed |
+| E forward, backward, both | range of the mean deviations (systematic deviation) |
+| M | range of the means of both directions |
+| R forward, backward, both | largest R_i |
+| A forward, backward, both | largest x_i + 2 s_i minus smallest x_i - 2 s_i (coverage factor 2) |
+
+The uncertainty of these values from the instrument, U with k = 2, in the way of ISO/TR 230-9, is propagated to first
+order (GUM) from its sheet: u in um of each reading, independent, and u_m in um per m, one scale for the whole test
+(wavelength, alignment, thermal expansion). Each value is a sum of a_c x_c + b_c s_c over cells c (a target in a
+direction, with n_c readings, at p_c in m), those that make the extremes; so
+
+    U = 2 sqrt(u^2 sum(a_c^2 / n_c + b_c^2 / (n_c - 1)) + (u_m sum(a_c p_c))^2)
+
+since a reading moves s by (x - mean) / ((n - 1) s) of its own change. The scale drops out of B and R. What drifts
+between runs is in the s_i and not in U: a sheet does not say it, it takes a drift test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from calibration.measurement.instruments import Interferometer
+from calibration.measurement.measurement import Measurement
+from kinematics.basis import BSpline
+from kinematics.effects import Backlash, ErrorMotion, unit_of
+from kinematics.effects.base import own_component, own_motion
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+FORWARD, BACKWARD = 0, 1
+WAYS = ("forward", "backward")
+ORDER = ("B", "mean", "E", "M", "R", "A")
+"""Of values, by the first word of their symbols."""
+DIGITS = 6
+"""Decimals of a target position, mm or degrees, by which rows belong to one target."""
+RUNS, TARGETS = 5, 5
+"""What ISO 230-2 asks for at least, up to 2 m: runs in each direction, target positions."""
+
+
+class Value(NamedTuple):
+    """A value of the axis with the expanded uncertainty that the instrument gives it."""
+
+    symbol: str
+    title: str
+    value: float
+    U: float
+    """k = 2."""
+
+
+class TableRow(NamedTuple):
+    """One row of an error table."""
+
+    position: float
+    """mm or degrees."""
+    error: float
+    """Mean deviation, um or urad."""
+    u: float
+    """Its standard uncertainty (k = 1): sqrt((s^2 + u^2) / n + (u_m p)^2), s pooled over the axis, p from its first
+    target."""
+    n: int
+
+
+@dataclass(frozen=True)
+class AxisTest:
+    """The readings of one axis by cells, `(2, m)`: forward and backward, and target; um, of a rotary axis urad."""
+
+    axis: str
+    rotary: bool
+    positions: Array
+    """`(m,)`, mm or degrees, ascending."""
+    count: np.ndarray
+    mean: Array
+    """NaN where there is no reading."""
+    spread: Array
+    """Estimator s; NaN of fewer than two readings."""
+    first: float
+    """Target that was measured first, mm or degrees."""
+    u: float
+    """Standard uncertainty of a reading (k = 1)."""
+    u_per_m: float
+    """Of the scale, um per m (k = 1); 0 of a rotary axis."""
+    notes: tuple[str, ...]
+
+    @property
+    def unit(self) -> str:
+        """Of deviations."""
+        return unit_of(self.axis)[0]
+
+    @property
+    def position_unit(self) -> str:
+        """Of targets."""
+        return "deg" if self.rotary else "mm"
+
+    @property
+    def both(self) -> NDArrayBool:
+        """Targets `(m,)` with readings in both directions."""
+        return np.asarray((self.count > 0).all(axis=0))
+
+    @property
+    def reversal(self) -> Array:
+        """B_i `(m,)`, forward minus backward; NaN where a direction is missing."""
+        return np.asarray(self.mean[FORWARD] - self.mean[BACKWARD])
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        """The values of the axis, as far as the readings give them."""
+        found = []
+        for way, name in enumerate(WAYS):
+            cells = np.zeros((2, len(self.positions)), bool)
+            cells[way] = True
+            found += self._ranges(cells, name, f" {name}")
+        if self.both.any():
+            found += self._reversals()
+            found += self._ranges(np.broadcast_to(self.both, (2, len(self.positions))), "", ", both directions")
+        return tuple(sorted(found, key=lambda value: ORDER.index(value.symbol.split()[0])))
+
+    def table(self, way: int) -> tuple[TableRow, ...]:
+        """The error table of one direction, FORWARD or BACKWARD."""
+        u = np.hypot(self._random()[way], self._scale())
+        return tuple(
+            TableRow(float(self.positions[i]), float(self.mean[way, i]), float(u[i]), int(self.count[way, i]))
+            for i in np.flatnonzero(self.count[way]).tolist()
+        )
+
+    def effects(self, machine: Machine) -> tuple[ErrorMotion | Backlash, ...]:
+        """As effects of the machine: a table of the mean of both directions, and the lost motion between them.
+
+        Of one direction only, its table. Uncertainties as in the tables, k = 1.
+        """
+        ways = [way for way in (FORWARD, BACKWARD) if self.count[way].any()]
+        used = (self.count[ways] > 0).all(axis=0)
+        if used.sum() < 2:
+            raise UserError(f"axis {self.axis}: an error table takes at least two targets")
+        _, _, sign = own_motion(machine, self.axis)
+        random = self._random()[ways][:, used]
+        u = np.hypot(np.sqrt((random**2).sum(axis=0)) / len(ways), self._scale()[used])
+        motion = ErrorMotion(
+            component=own_component(self.axis),
+            axis=self.axis,
+            basis=BSpline(tuple(self.positions[used].tolist()), 1),
+            parameters=tuple((sign * self.mean[ways][:, used].mean(axis=0)).tolist()),
+            u=tuple(u.tolist()),
+            note=f"ISO 230-2, {' and '.join(WAYS[way] for way in ways)}",
+        )
+        if len(ways) == 1:
+            return (motion,)
+        width, u_width = -float(self.reversal[used].mean()), float(np.sqrt((random**2).sum())) / int(used.sum())
+        return motion, Backlash(axis=self.axis, width=width, u=(u_width,), note="ISO 230-2, minus mean B")
+
+    def json(self) -> dict[str, Any]:
+        """For programs; units in the keys."""
+        p, e = self.position_unit, self.unit
+        return {
+            "axis": self.axis,
+            "values": {value.symbol: {f"value_{e}": value.value, f"U_{e}": value.U} for value in self.values},
+            "targets": [
+                {
+                    f"position_{p}": float(self.positions[i]),
+                    **{
+                        name: {
+                            f"mean_{e}": _number(self.mean[way, i]),
+                            f"s_{e}": _number(self.spread[way, i]),
+                            "runs": int(self.count[way, i]),
+                        }
+                        for way, name in enumerate(WAYS)
+                    },
+                    f"B_{e}": _number(self.reversal[i]),
+                }
+                for i in range(len(self.positions))
+            ],
+            "notes": list(self.notes),
+        }
+
+    def _reversals(self) -> list[Value]:
+        where = np.flatnonzero(self.both)
+        largest = where[np.argmax(np.abs(self.reversal[where]))]
+        one, every = np.zeros((2, 2, len(self.positions)))
+        one[:, largest] = _size(self.reversal[largest])
+        every[:, where] = np.array([[1.0], [-1.0]]) / len(where)
+        middle = np.zeros((2, len(self.positions)))
+        centres = self.mean[:, where].mean(axis=0)
+        middle[:, where[np.argmax(centres)]] += 0.5
+        middle[:, where[_last_least(centres)]] -= 0.5
+        none = np.zeros_like(one)
+        return [
+            self._value("B", "reversal value", one, none),
+            self._value("mean B", "mean reversal value (forward minus backward)", every, none),
+            self._value("M", "mean bidirectional positioning deviation, range", middle, none),
+        ]
+
+    def _ranges(self, cells: np.ndarray, name: str, title: str) -> list[Value]:
+        """E, R and A over a choice of cells `(2, m)`."""
+        found = []
+        measured = cells & (self.count > 0)
+        if measured.any():
+            mean, none = self._span(measured, self.mean, self.mean), np.zeros(cells.shape)
+            found.append(self._value(f"E {name}".strip(), f"systematic deviation{title}", mean, none))
+        repeated = cells & (self.count > 1)
+        if name == "":
+            repeated &= repeated.all(axis=0)
+        if repeated.any():
+            high, low = self.mean + 2 * self.spread, self.mean - 2 * self.spread
+            mean, spread = self._span(repeated, high, low), np.zeros(cells.shape)
+            spread[_highest(repeated, high)] += 2.0
+            spread[_highest(repeated, -low, last=True)] += 2.0
+            found += [
+                self._repeatability(repeated, name, title),
+                self._value(f"A {name}".strip(), f"accuracy{title}", mean, spread),
+            ]
+        return found
+
+    def _span(self, cells: np.ndarray, high: Array, low: Array) -> Array:
+        """Factors `(2, m)` of the means in the highest minus the lowest."""
+        mean = np.zeros(cells.shape)
+        mean[_highest(cells, high)] += 1.0
+        mean[_highest(cells, -low, last=True)] -= 1.0
+        return mean
+
+    def _repeatability(self, cells: np.ndarray, name: str, title: str) -> Value:
+        mean, spread = np.zeros((2, *cells.shape))
+        where = _highest(cells, self.spread)
+        spread[where] = 4.0
+        if name == "":
+            across = np.where(cells.all(axis=0), 2.0 * self.spread.sum(axis=0) + np.abs(self.reversal), -np.inf)
+            widest = int(np.argmax(across))
+            if across[widest] >= 4.0 * self.spread[where]:
+                spread[:] = 0.0
+                spread[:, widest] = 2.0
+                mean[:, widest] = _size(self.reversal[widest])
+        return self._value(f"R {name}".strip(), f"repeatability{title}", mean, spread)
+
+    def _value(self, symbol: str, title: str, mean: Array, spread: Array) -> Value:
+        """The value with these factors `(2, m)` of the means and of the s, and its U."""
+        used_means, used_spreads = mean != 0, spread != 0
+        value = np.sum(mean[used_means] * self.mean[used_means]) + np.sum(
+            spread[used_spreads] * self.spread[used_spreads]
+        )
+        by_reading = np.sum(mean[used_means] ** 2 / self.count[used_means])
+        by_reading += np.sum(spread[used_spreads] ** 2 / (self.count[used_spreads] - 1))
+        by_scale = self.u_per_m * 1e-3 * float(np.sum(mean * self.positions))
+        U = 2.0 * float(np.hypot(self.u * np.sqrt(by_reading), by_scale))
+        return Value(symbol, title, float(value) + 0.0, U)
+
+    def _pooled(self) -> float:
+        """s of all cells together; 0 where nothing was repeated."""
+        freedom = np.maximum(self.count - 1, 0)
+        squares = np.where(freedom > 0, np.nan_to_num(self.spread) ** 2 * freedom, 0.0).sum()
+        return float(np.sqrt(squares / max(freedom.sum(), 1)))
+
+    def _random(self) -> Array:
+        """Standard uncertainties of the means `(2, m)` from what differs between readings."""
+        return np.asarray(np.sqrt((self._pooled() ** 2 + self.u**2) / np.maximum(self.count, 1)))
+
+    def _scale(self) -> Array:
+        """Standard uncertainties `(m,)` from the scale, counted from the first target."""
+        return np.asarray(self.u_per_m * 1e-3 * np.abs(self.positions - self.first))
+
+
+def evaluate(measurement: Measurement) -> tuple[AxisTest, ...]:
+    """The tests of all axes in interferometer data, in the order of the machine's axes."""
+    if not isinstance(measurement.instrument, Interferometer) or measurement.axis is None:
+        raise UserError(f"{measurement.source}: ISO 230-2 takes data of an interferometer (axis by axis)")
+    measurement = measurement.rows(np.flatnonzero(measurement.positioning))
+    if not len(measurement):
+        raise UserError(f"{measurement.source}: ISO 230-2 takes positioning deviations, and the data have none")
+    assert measurement.axis is not None
+    return tuple(_axis_test(measurement, name) for name in measurement.machine.names if name in measurement.axis)
+
+
+def _axis_test(measurement: Measurement, name: str) -> AxisTest:
+    machine, instrument = measurement.machine, cast(Interferometer, measurement.instrument)
+    rows = np.flatnonzero(measurement.axis == name)
+    column = machine.index(name)
+    axis = machine.axes[column]
+    approach = measurement.state.need("approach", f"ISO 230-2 of {name}")[rows, column]
+    if not np.all(approach):
+        unknown = int(rows[np.argmin(np.abs(approach))])
+        raise UserError(f"{measurement.where(unknown)}: from which direction {name} came to its target is not known")
+    target = np.round(measurement.state.position(machine, name)[rows], DIGITS) + 0.0
+    positions, place = np.unique(target, return_inverse=True)
+    cell = (approach < 0).astype(int), place
+    readings = measurement.observed[rows, 0] / unit_of(name)[1]
+    shape = (2, len(positions))
+    count, total, squares = np.zeros(shape, int), np.zeros(shape), np.zeros(shape)
+    np.add.at(count, cell, 1)
+    np.add.at(total, cell, readings)
+    mean = np.divide(total, count, out=np.full(shape, np.nan), where=count > 0)
+    np.add.at(squares, cell, (readings - mean[cell]) ** 2)
+    spread = np.sqrt(np.divide(squares, count - 1, out=np.full(shape, np.nan), where=count > 1))
+    return AxisTest(
+        name,
+        axis.rotary,
+        positions,
+        count,
+        mean,
+        spread,
+        float(target[0]),
+        instrument.u_um,
+        0.0 if axis.rotary else instrument.u_um_per_m,
+        tuple(_remarks(name, axis.unit, positions, count)),
+    )
+
+
+def _remarks(name: str, unit: str, positions: Array, count: np.ndarray) -> list[str]:
+    """In what the test is not, or not all of, one of ISO 230-2."""
+    ways = [way for way in (FORWARD, BACKWARD) if count[way].any()]
+    remarks = []
+    if len(ways) == 1:
+        remarks.append(f"{name}: {WAYS[ways[0]]} runs only: no reversal value, and nothing of both directions")
+    for way in ways:
+        runs = count[way]
+        without = positions[runs == 0]
+        if len(without):
+            remarks.append(f"{name}: no {WAYS[way]} reading at {_listed(without)} {unit}")
+        if len(set(runs[runs > 0].tolist())) > 1:
+            fewer = positions[(runs > 0) & (runs < runs.max())]
+            remarks.append(f"{name}: fewer than {runs.max()} {WAYS[way]} readings at {_listed(fewer)} {unit}")
+    if count.max() == 1:
+        remarks.append(f"{name}: one run: nothing is known of repeatability (no s, R and A)")
+    elif count[ways].min() < RUNS or len(positions) < TARGETS:
+        least, most = int(count[ways].min()), int(count.max())
+        readings = f"{least} to {most}" if least < most else str(most)
+        remarks.append(
+            f"{name}: {len(positions)} targets, {readings} readings each: "
+            f"ISO 230-2 asks for at least {TARGETS} targets and {RUNS} runs in each direction"
+        )
+    return remarks
+
+
+def _listed(positions: Sequence[float] | Array) -> str:
+    shown = ", ".join(f"{position:g}" for position in positions[:5])
+    return f"{shown}, ... ({len(positions)} targets)" if len(positions) > 5 else shown
+
+
+def _highest(cells: np.ndarray, values: Array, last: bool = False) -> tuple[int, int]:
+    """The cell with the highest value among some; of equal ones the first, or the last."""
+    chosen = np.where(cells, values, -np.inf).reshape(-1)
+    place = len(chosen) - 1 - np.argmax(chosen[::-1]) if last else np.argmax(chosen)
+    way, target = np.unravel_index(place, cells.shape)
+    return int(way), int(target)
+
+
+def _last_least(values: Array) -> int:
+    """The place of the smallest value; of equal ones the last, so that a range of none still is one of two readings."""
+    return len(values) - 1 - int(np.argmin(values[::-1]))
+
+
+def _size(reversal: float) -> Array:
+    """Factors `(2,)` of the means in |B_i|; of one that is zero as well, which noise alone would make differ."""
+    return np.array([1.0, -1.0]) * (-1.0 if reversal < 0 else 1.0)
+
+
+def _number(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)

@@ -1,0 +1,481 @@
+"""Three-point identification: the error motions of each axis from three points P, Q, K on what it moves.
+
+Ellingsdalen (NTNU 2021) 3.1-3.3: three reflectors sit on the spindle for the linear axes, on the table for the rotary
+ones; the tracker stands on the bed; one axis moves at a time. Here, from the bed outward:
+
+    readings -> points in one frame (stations) -> six error motions at each position (rigid_motions)
+             -> curves and location errors (error_curves) -> error model
+
+What lies between the bed and an axis is taken off with the errors found before it, at the positions where it stands;
+so angular errors of X do not end up as squareness of Y. Uncertainties of all parameters come from the points through
+the same equations, with all covariances.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from calibration.fit.acceptance import seen_by, significant_share
+from calibration.measurement.instruments import LaserTracker
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.observed_points import seen_points
+from calibration.plausibility.checks import usable
+from calibration.single_axis import stations
+from calibration.single_axis.error_curves import (
+    Candidates,
+    Curves,
+    Misfit,
+    arc_of,
+    averaged,
+    axis_model,
+    constants_design,
+    misfits,
+    polynomials,
+    tables,
+    widening,
+)
+from calibration.single_axis.rigid_motions import UNITS, RigidMotions, error_design, outward, solve
+from kinematics.basis import Interval
+from kinematics.effects import COMPONENTS, Effect
+from kinematics.error_model.covariance import propagated
+from kinematics.error_model.model import ErrorModel, Provenance, reference
+from kinematics.machine import Axis, Machine
+from kinematics.transforms import IDENTITY, Array, Pose
+from kinematics.user_error import UserError
+
+LEAST_POSITIONS = 3
+"""Of a series."""
+SAME = 1e-7
+"""mm and rad: commanded positions this near are one."""
+IN_LINE = 0.02
+"""Points whose triangle is flatter than this share of its length are taken for one line."""
+
+Kind = Literal["polynomial", "table"]
+Places = dict[tuple[str, tuple[int, ...]], int]
+"""Numbers of points by target and position of all axes, in steps of SAME; axes that do not move it at zero."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How error motions are written."""
+
+    kind: Kind = "polynomial"
+    """Polynomials, or tables interpolated between the measured positions."""
+    degrees: Mapping[str, int] = field(default_factory=dict)
+    """Degrees of polynomials, by name: {"XX": 4}; others weighted by AIC."""
+    arcs: Mapping[str, Interval] = field(default_factory=dict)
+    """Measured ranges by axis, mm or degrees; default: between the end positions, of a turn all but its widest gap."""
+
+
+@dataclass(frozen=True)
+class AxisResult:
+    """What was found of one axis; error motions in um and urad, tool relative to workpiece, in its error frame."""
+
+    axis: Axis
+    positions: Array
+    """`(n,)`, mm or degrees, ascending."""
+    targets: tuple[str, ...]
+    standing: Mapping[str, float]
+    """Where the axes on the same side stood, mm or degrees."""
+    errors: Array
+    """`(n, 6)`, at the positions alone: mean zero of a linear axis, about the axis average line of a rotary one."""
+    covariance: Array
+    """`(6n, 6n)`."""
+    covariance_a: Array
+    """The part of it from the machine's repeatability (Type A)."""
+    location: Array
+    """`(6,)`: location errors of a rotary axis; zero of a linear one."""
+    curves: Curves
+    misfits: tuple[Misfit, ...]
+    """Of the six curves from the points."""
+
+    @property
+    def arc(self) -> Interval:
+        """The measured range, mm or degrees."""
+        return self.curves.shape.bases[0].interval
+
+    @property
+    def u(self) -> Array:
+        """Standard uncertainties `(n, 6)`."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(-1, 6)
+
+    @property
+    def u_a(self) -> Array:
+        """Their part `(n, 6)` from repeatability."""
+        return np.sqrt(np.maximum(np.diag(self.covariance_a), 0.0)).reshape(-1, 6)
+
+    def block(self, component: int) -> Array:
+        """Covariance `(n, n)` of one error motion."""
+        return self.covariance[component::6, component::6]
+
+
+@dataclass(frozen=True)
+class ThreePoints:
+    """All axes that were measured, and their error model."""
+
+    axes: Mapping[str, AxisResult]
+    """By name, from the bed outward, those of the tool first."""
+    model: ErrorModel
+    points: stations.Points
+    notes: tuple[str, ...]
+    significant_share: float
+    """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
+    datums: Mapping[str, Array]
+    """Targets on the bed by name `(3,)`, mm, machine frame: they hold the frame for a later measurement."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One axis moving alone."""
+
+    column: int
+    positions: Array
+    """`(n,)`, mm or rad, ascending."""
+    standing: Array
+    """`(axes,)`, mm and rad."""
+    targets: tuple[str, ...]
+    numbers: np.ndarray
+    """Numbers `(n, k)` of its points."""
+
+
+@dataclass(frozen=True)
+class _Found:
+    """One axis, and how it depends on all points."""
+
+    series: Series
+    motions: RigidMotions
+    curves: Curves
+    by_points: Array
+    """Derivatives `(3kn, 3 points)` of the axis' points, in the frame at its foot, by all points."""
+
+    @property
+    def parameters_by_points(self) -> Array:
+        """Derivatives `(p, 3 points)` of the curves' parameters."""
+        return np.asarray(self.curves.estimator @ self.motions.estimator @ self.by_points)
+
+
+def identify(
+    measurement: Measurement, choice: Choice | None = None, datums: Mapping[str, Array] | None = None
+) -> ThreePoints:
+    """Identify every axis that moves alone through three or more positions with three targets on it.
+
+    The frame is the one in which the targets on the tool lie nearest to where the machine without errors would have
+    them; with `datums`, of an earlier measurement, the one in which the targets on the bed lie nearest to theirs.
+    """
+    _check(measurement)
+    odd = [finding.says for finding in usable(measurement)]
+    return identified(measurement, choice or Choice(), datums, odd)
+
+
+def identified(
+    measurement: Measurement, choice: Choice, datums: Mapping[str, Array] | None = None, odd: Sequence[str] = ()
+) -> ThreePoints:
+    """As `identify`, for usable data; `odd`: notes on their anomalies."""
+    places, number = physical_points(measurement)
+    series = all_series(measurement, places, number)
+    on_bed = {name: number for (name, _), number in places.items() if measurement.targets[name].carrier == "bed"}
+    if datums is None:
+        anchors = _on_tool(measurement, number)
+    else:
+        anchors = {number: datums[name] for name, number in on_bed.items() if name in datums}
+    points = stations.locate(measurement, number, anchors)
+    found: dict[str, _Found] = {}
+    for one in series:
+        _refuse_line(measurement, one, points)
+        found[measurement.machine.axes[one.column].name] = _identify(measurement.machine, one, points, found, choice)
+    _refuse_unknown(choice, found)
+    notes = list(odd) + (
+        [] if points.freedom else ["every point was measured once: no repeatability, u by the specification alone"]
+    )
+    results = {name: _result(measurement.machine, one, points) for name, one in found.items()}
+    notes += [*_missed(results), *_unresolved(results)]
+    model = _model(measurement, found, results, points)
+    return ThreePoints(
+        results,
+        model,
+        points,
+        tuple(notes),
+        significant_share(seen_by(model, measurement)),
+        {name: points.positions[number] for name, number in on_bed.items()},
+    )
+
+
+def _check(measurement: Measurement) -> None:
+    if not isinstance(measurement.instrument, LaserTracker):
+        raise UserError(f"{measurement.source}: three-point identification takes the points of a laser tracker")
+    if measurement.stands_on != "bed":
+        raise UserError(
+            f"{measurement.source}: three-point identification needs the tracker on the bed (stands_on: bed), "
+            "where it sees one axis at a time"
+        )
+
+
+def _side(machine: Machine, carrier: str) -> np.ndarray:
+    """Mask `(axes,)` of the axes that move a target."""
+    side = {"tool": "tool", "table": "workpiece"}.get(carrier)
+    return np.array([axis.side == side for axis in machine.axes])
+
+
+def physical_points(measurement: Measurement) -> tuple[Places, np.ndarray]:
+    """Points by target and position of the axes that move it, and the number `(rows,)` of the one that a row sees."""
+    assert measurement.state.target is not None
+    names = measurement.state.target.astype(str).tolist()
+    rounded = np.round(measurement.state.positions / SAME).astype(int)
+    sides = {name: _side(measurement.machine, target.carrier) for name, target in measurement.targets.items()}
+    places: Places = {}
+    number = [
+        places.setdefault((name, tuple(np.where(sides[name], row, 0).tolist())), len(places))
+        for name, row in zip(names, rounded, strict=True)
+    ]
+    return places, np.array(number)
+
+
+def all_series(measurement: Measurement, places: Places, number: np.ndarray) -> list[Series]:
+    """The series of all axes: of the tool's side, then of the table's, from the bed outward."""
+    machine = measurement.machine
+    columns = range(len(machine.axes))
+    outward_order = [
+        *(i for i in columns if machine.axes[i].side == "tool"),
+        *(i for i in reversed(columns) if machine.axes[i].side != "tool"),
+    ]
+    first = np.unique(number, return_index=True)[1]
+    positions = measurement.state.positions[first]
+    series = [one for i in outward_order if (one := _series(measurement, i, places, positions)) is not None]
+    if not series:
+        raise UserError(
+            f"{measurement.source}: no axis moves alone through {LEAST_POSITIONS} positions or more "
+            "with targets on what it moves"
+        )
+    return series
+
+
+def _series(measurement: Measurement, column: int, places: Places, positions: Array) -> Series | None:
+    """The positions of one axis while the others on its side stand still; None when there are none."""
+    machine = measurement.machine
+    carrier = "tool" if machine.axes[column].side == "tool" else "table"
+    lines: dict[tuple[int, ...], dict[int, dict[str, int]]] = {}
+    for (target, place), number in places.items():
+        if measurement.targets[target].carrier == carrier:
+            standing = (*place[:column], 0, *place[column + 1 :])
+            lines.setdefault(standing, {}).setdefault(place[column], {})[target] = number
+    long = {place: line for place, line in lines.items() if len(line) >= LEAST_POSITIONS}
+    if not long:
+        return None
+    name = machine.axes[column].name
+    if len(long) > 1:
+        raise UserError(
+            f"{measurement.source}: {name} moves along {len(long)} lines; three-point identification takes one "
+            "('ncomp fit' takes all)"
+        )
+    ((_, line),) = long.items()
+    targets = sorted({target for seen in line.values() for target in seen})
+    _refuse_missing(measurement, column, line, targets)
+    numbers = np.array([[line[q][target] for target in targets] for q in sorted(line)])
+    at = positions[numbers[:, 0]]
+    return Series(column, at[:, column], at[0], tuple(targets), numbers)
+
+
+def _refuse_missing(
+    measurement: Measurement, column: int, line: Mapping[int, Mapping[str, int]], targets: Sequence[str]
+) -> None:
+    axis, scale = measurement.machine.axes[column], measurement.machine.scale[column]
+    if len(targets) < 3:
+        raise UserError(
+            f"{measurement.source}: {axis.name} was measured with {len(targets)} target(s) ({', '.join(targets)}); "
+            "its six error motions take three that are not in one line"
+        )
+    for q, seen in sorted(line.items()):
+        missing = [target for target in targets if target not in seen]
+        if missing:
+            raise UserError(
+                f"{measurement.source}: {axis.name} at {q * SAME / scale:.4f} {axis.unit} lacks target "
+                f"{', '.join(missing)}"
+            )
+
+
+def _refuse_line(measurement: Measurement, series: Series, points: stations.Points) -> None:
+    seen = points.positions[series.numbers[0]]
+    spread = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
+    if spread[1] < IN_LINE * spread[0]:
+        raise UserError(
+            f"{measurement.source}: the targets {', '.join(series.targets)} on "
+            f"{measurement.machine.axes[series.column].name} lie in one line, about which no turn can be seen"
+        )
+
+
+def _refuse_unknown(choice: Choice, found: Mapping[str, _Found]) -> None:
+    names = {f"{component}{axis}" for axis in found for component in "XYZABC"}
+    unknown = sorted(set(choice.degrees) - names)
+    if unknown:
+        raise UserError(f"degree of E_{unknown[0]}: no such error motion was measured ({', '.join(found)} were)")
+
+
+def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
+    """Nominal positions of the points on the tool."""
+    nominal = seen_points(measurement, None, measurement.tool)
+    carrier = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
+    return {int(number[row]): nominal[row] for row in np.flatnonzero(carrier == "tool")}
+
+
+def _identify(
+    machine: Machine, series: Series, points: stations.Points, before: Mapping[str, _Found], choice: Choice
+) -> _Found:
+    """One axis, given those between it and the bed."""
+    axis = machine.axes[series.column]
+    at_bed = points.positions[series.numbers.reshape(-1)]
+    feet, foot = _feet(machine, series, before)
+    back = foot.inverse()
+    weights = back.rotation @ points.information[series.numbers.reshape(-1)] @ foot.rotation
+    n, k = series.numbers.shape
+    motions = solve(axis, series.positions, back.apply(at_bed).reshape(n, k, 3), weights.reshape(n, k, 3, 3))
+    by_points = np.zeros((at_bed.size, points.positions.size))
+    for i, number in enumerate(series.numbers.reshape(-1).tolist()):
+        by_points[3 * i : 3 * i + 3, 3 * number : 3 * number + 3] = back.rotation[0]
+    for name, pose in feet.items():
+        by_points -= _by_foot(machine, before[name], series, pose, at_bed, back)
+    positions = series.positions / machine.scale[series.column]
+    curves = averaged(_candidates(axis, positions, motions, choice), positions, motions)
+    return _Found(series, motions, curves, by_points)
+
+
+def _candidates(axis: Axis, positions: Array, motions: RigidMotions, choice: Choice) -> Candidates:
+    arc = choice.arcs.get(axis.name) or arc_of(axis, positions)
+    if choice.kind == "table":
+        return Candidates(tables(axis, positions, arc))
+    return polynomials(axis, positions, motions, choice.degrees, arc)
+
+
+def _feet(machine: Machine, series: Series, before: Mapping[str, _Found]) -> tuple[dict[str, Pose], Pose]:
+    """Poses, seen from the bed, at the feet of the axes in between that are known, and at the foot of this one."""
+    tool_side = machine.axes[series.column].side == "tool"
+    inner = range(series.column) if tool_side else range(len(machine.axes) - 1, series.column, -1)
+    feet, pose = {}, IDENTITY
+    for i in inner:
+        axis = machine.axes[i]
+        if (axis.side == "tool") == tool_side:
+            errors = np.zeros((1, 6))
+            if axis.name in before:
+                feet[axis.name] = pose
+                at = series.standing[[i]] / machine.scale[i]
+                curves = before[axis.name].curves
+                errors = (curves.design(at) @ curves.parameters)[None] * UNITS
+            pose = pose @ outward(axis, series.standing[[i]], errors)
+    return feet, pose
+
+
+def _by_foot(machine: Machine, inner: _Found, series: Series, pose: Pose, at_bed: Array, back: Pose) -> Array:
+    """How far all points move `(3kn, 3 points)` at the foot of this axis by what is known of one further in."""
+    axis, i = machine.axes[inner.series.column], inner.series.column
+    q = series.standing[[i]]
+    moved = error_design(axis, q, pose.inverse().apply(at_bed)[None])[0] * UNITS
+    errors = inner.curves.design(q / machine.scale[i]) @ inner.parameters_by_points
+    return np.asarray((back.rotation @ pose.rotation @ moved).reshape(-1, 6) @ errors)
+
+
+def _missed(results: Mapping[str, AxisResult]) -> list[str]:
+    missed = [
+        f"E_{component}{name} ({one.chi2 / one.freedom:.2g})"
+        for name, result in results.items()
+        for component, one in zip(COMPONENTS, result.misfits, strict=True)
+        if one.significant
+    ]
+    if not missed:
+        return []
+    return [
+        f"{', '.join(missed)}: the curve misses its points by more than they scatter (chi2/dof), u widened by its "
+        "square root; --basis table holds them"
+    ]
+
+
+def _unresolved(results: Mapping[str, AxisResult]) -> Iterator[str]:
+    """A sentence for each axis with error motions that its positions do not resolve."""
+    for name, result in results.items():
+        names = [f"E_{COMPONENTS[j]}{name}" for j in result.curves.unresolved]
+        if names:
+            yield (
+                f"{', '.join(names)}: waves about as short as {len(result.positions)} positions resolve; u does not "
+                f"contain shorter ones, which are probable: measure {name} at {2 * len(result.positions) - 1} positions"
+            )
+
+
+def _result(machine: Machine, found: _Found, points: stations.Points) -> AxisResult:
+    series, motions, by_points = found.series, found.motions, found.motions.estimator @ found.by_points
+    axis, inner = machine.axes[series.column], [a.side == machine.axes[series.column].side for a in machine.axes]
+    positions = series.positions / machine.scale[series.column]
+    covariance = by_points @ points.covariance @ by_points.T
+    return AxisResult(
+        axis,
+        positions,
+        series.targets,
+        {
+            machine.names[i]: float(series.standing[i] / machine.scale[i])
+            for i in np.flatnonzero(inner)
+            if i != series.column
+        },
+        motions.errors,
+        covariance,
+        by_points @ points.repeatability_covariance @ by_points.T,
+        motions.location @ motions.errors.reshape(-1),
+        found.curves,
+        misfits(found.curves, positions, motions, covariance),
+    )
+
+
+def _model(
+    measurement: Measurement,
+    found: Mapping[str, _Found],
+    results: Mapping[str, AxisResult],
+    points: stations.Points,
+) -> ErrorModel:
+    """All effects with their covariance."""
+    from scipy.linalg import block_diag
+
+    machine = measurement.machine
+    carrying = [name for name, one in found.items() if machine.axes[one.series.column].side == "tool"]
+    effects: list[Effect] = []
+    values: list[Array] = []
+    by_points: list[Array] = []
+    chosen: list[Array] = []
+    for name, one in found.items():
+        axis = machine.axes[one.series.column]
+        split = axis_model(axis, one.series.positions / machine.scale[one.series.column], one.curves, one.motions)
+        parameters = one.curves.parameters
+        wider = widening(axis, split.effects, results[name].misfits)[:, None] * split.matrix
+        own = one.parameters_by_points
+        if carrying and name == carrying[-1] and not axis.rotary:
+            shift, shift_by_body = _tool_shift(measurement, one)
+            add = constants_design(one.curves)
+            parameters = parameters + add @ shift
+            own = own + add @ shift_by_body @ one.motions.body_estimator @ one.by_points
+        effects += split.effects
+        values.append(split.matrix @ parameters)
+        by_points.append(wider @ own)
+        choice = one.curves.choice_covariance(one.motions.errors, results[name].covariance)
+        chosen.append(propagated(wider, choice))
+    inputs = {measurement.source: measurement.fingerprint} if measurement.fingerprint else {}
+    made = Provenance("ncomp three-points", datetime.datetime.now(datetime.UTC), "three-point identification", inputs)
+    model = ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
+    every = np.concatenate(by_points)
+    covariance = propagated(every, points.covariance) + block_diag(*chosen)
+    return model.with_parameters(np.concatenate(values), covariance)
+
+
+def _tool_shift(measurement: Measurement, found: _Found) -> tuple[Array, Array]:
+    """Constants `(6,)`, um and urad, of the linear axis next to the tool, and derivatives `(6, 3k)` by its body.
+
+    With all error motions zero in the mean the tool still stands where the targets show it, not where the nominal
+    machine has it; to a rotary table that difference is not one of the zero point.
+    """
+    machine, series = measurement.machine, found.series
+    pose = IDENTITY
+    for i in range(series.column + 1, len(machine.axes)):
+        pose = pose @ outward(machine.axes[i], series.standing[[i]], np.zeros((1, 6)))
+    nominal = np.concatenate([pose.apply(measurement.targets[name].position) for name in series.targets])
+    moved = error_design(machine.axes[series.column], np.zeros(1), nominal[None])[0] * UNITS
+    by_body = np.linalg.pinv(moved.reshape(-1, 6))
+    return by_body @ (found.motions.body - nominal).reshape(-1), by_body

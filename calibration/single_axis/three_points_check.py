@@ -1,0 +1,85 @@
+"""Does a three-point identification predict positions that it has not seen, and better than the nominal machine does?
+
+Positions between the ends of each axis are left out in turn, in all rounds and with all targets, and predicted by an
+identification of the others: neighbours on either side remain, as between the positions of the whole measurement. The
+stations, and the positions of all targets on their carriers, are registered on the others for either model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.fit.acceptance import nominal_residuals, refuse_worse
+from calibration.fit.cross_validation import HeldOut, predicted_by_others
+from calibration.fit.fit import Fit, fit
+from calibration.fit.problem import HELD
+from calibration.measurement.measurement import Measurement
+from calibration.single_axis.three_points import (
+    LEAST_POSITIONS,
+    Choice,
+    ThreePoints,
+    all_series,
+    identified,
+    physical_points,
+)
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+
+APART = 4
+"""Number of blocks of the positions of an axis, in turn: the positions on either side of each one remain."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Residuals of the readings, of the model and of the nominal machine."""
+
+    fit: Fit
+    """The model as it is, registered on all readings."""
+    before: Array
+    """Residuals `(kept, 3)`, mm, of the nominal machine, registered on its own."""
+    held_out: HeldOut | None
+    """None where too few positions lie between others."""
+
+    @property
+    def before_rms_um(self) -> float:
+        """RMS residual of the nominal machine, um, per scalar."""
+        return float(np.sqrt(np.mean((1e3 * self.before) ** 2)))
+
+    @property
+    def before_max_um(self) -> float:
+        """Largest residual of the nominal machine."""
+        return 1e3 * float(np.linalg.norm(self.before, axis=1).max())
+
+
+def check(measurement: Measurement, found: ThreePoints, choice: Choice) -> Check:
+    """The check of an identification of a measurement with this choice; UserError where it is no gain."""
+    free = replace(measurement, targets={name: replace(t, free=True) for name, t in measurement.targets.items()})
+    same = replace(choice, arcs={name: axis.arc for name, axis in found.axes.items()})
+
+    def refit(others: Measurement) -> Fit:
+        return _registered(others, identified(others, same).model)
+
+    whole = _registered(free, found.model)
+    before = nominal_residuals(whole)
+    held = predicted_by_others(free, _blocks(measurement), "positions", refit)
+    refuse_worse(whole, before, held)
+    return Check(whole, before, held)
+
+
+def _registered(measurement: Measurement, model: ErrorModel) -> Fit:
+    """Stations and targets fitted to the model as it is."""
+    return fit(measurement, model, prior=np.full(len(model.parameters), HELD))
+
+
+def _blocks(measurement: Measurement) -> np.ndarray:
+    """Numbers `(rows,)` of blocks of positions: of each axis every fourth one, its ends in none (below zero)."""
+    places, number = physical_points(measurement)
+    block, seen = np.full(len(places), -1), np.zeros(len(places), int)
+    for series in all_series(measurement, places, number):
+        seen[series.numbers] += 1
+        if len(series.positions) > LEAST_POSITIONS:
+            block[series.numbers[1:-1]] = np.arange(len(series.positions) - 2)[:, None] % APART
+    # a point on two lines is needed by the other one
+    return np.asarray(np.where(seen > 1, -1, block)[number])

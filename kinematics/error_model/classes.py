@@ -1,0 +1,97 @@
+"""Compensation classes of ISO/TR 16907: which part of an error model is corrected.
+
+Every effect belongs to one elementary class, by the axis it speaks of and the direction it errs in:
+
+| class | what it holds | axes |
+|---|---|---|
+| L-POS, R-POS | positioning along or about the axis itself (also backlash, pitch, growth) | linear, rotary |
+| L-STR, R-RAX | straightness; radial and axial error motions | linear, rotary |
+| L-SQU, R-POR | squareness; position and orientation of the axis line | linear, rotary |
+| L-ANG, R-ANG | angular error motions; tilt error motions | linear, rotary |
+| SPEC | what the report leaves to the maker: displacement of the tool itself | - |
+
+L-VOL and R-VOL hold all four, L-VOL+ and R-VOL+ the functional orientation (FOR) as well, which the rotary axes must
+correct. Lines "along which" L-POS, L-STR and L-SQU hold are those through the reference points of the axes. The slope
+of a straightness that is not written as a location error counts as straightness. A compensation table in the control
+holds something of all classes at once: it can only be chosen with all of them. Source: thesis, section 2.9.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from kinematics.effects import ControlTable, Effect, LocationError, Racking, Wobble
+from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel
+from kinematics.user_error import UserError
+
+ELEMENTARY = ("L-POS", "L-STR", "L-SQU", "L-ANG", "R-POS", "R-RAX", "R-POR", "R-ANG", "SPEC")
+ORIENTATION = "FOR"
+_NAMES = {
+    "own": ("L-POS", "R-POS"),
+    "across": ("L-STR", "R-RAX"),
+    "line": ("L-SQU", "R-POR"),
+    "turn": ("L-ANG", "R-ANG"),
+}
+_LINEAR, _ROTARY = frozenset(ELEMENTARY[:4]), frozenset(ELEMENTARY[4:8])
+CLASSES: dict[str, frozenset[str]] = {
+    **{name: frozenset((name,)) for name in (*ELEMENTARY, ORIENTATION)},
+    "L-VOL": _LINEAR,
+    "L-VOL+": _LINEAR | {ORIENTATION},
+    "R-VOL": _ROTARY,
+    "R-VOL+": _ROTARY | {ORIENTATION},
+    "THESIS": frozenset(("L-POS", "L-STR", "L-SQU", "R-ANG")),
+}
+"""Elementary classes, and FOR, in each name that a user may say; THESIS is the set of Ellingsdalen 2021."""
+
+
+def class_of(effect: Effect) -> str:
+    """The elementary class of an effect of the machine."""
+    if effect.ACTS_ON != "axis":
+        return "SPEC"
+    axis = effect.axes[0][0]
+    return _NAMES[_part(effect, axis)]["ABC".find(axis) >= 0]
+
+
+def _part(effect: Effect, axis: str) -> str:
+    """What of its axis an effect is an error of."""
+    if isinstance(effect, LocationError):
+        return "line"
+    if isinstance(effect, Wobble):
+        return "across" if effect.motion == "radial" else "turn"
+    own = own_component(axis)
+    component = "C" if isinstance(effect, Racking) else getattr(effect, "component", own)
+    if component == own:
+        return "own"
+    return "turn" if component in "ABC" else "across"
+
+
+def parse_classes(text: str) -> frozenset[str]:
+    """Elementary classes, and FOR, of a list such as `L-VOL,R-POS,FOR`; UserError names one that is none."""
+    chosen: set[str] = set()
+    for name in text.split(","):
+        key = name.strip().upper()
+        if key not in CLASSES:
+            raise UserError(f"--classes {text}: {name.strip()!r} is none of {', '.join(CLASSES)}")
+        chosen |= CLASSES[key]
+    return frozenset(chosen)
+
+
+def select(model: ErrorModel, classes: Iterable[str]) -> ErrorModel:
+    """The model with the effects of these elementary classes only, and their part of the covariance.
+
+    UserError for a part of a model that holds tables in the control.
+    """
+    chosen = set(classes)
+    tables = [effect for effect in model.effects if isinstance(effect, ControlTable)]
+    if tables:
+        whole = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
+        rotary = any(axis[0] in "ABC" for effect in whole for axis in effect.axes)
+        needed = _LINEAR.union(_ROTARY if rotary else (), map(class_of, whole))
+        if needed - chosen:
+            raise UserError(
+                f"--classes: the calibration holds tables in the control ({tables[0].name}, ...), which hold errors "
+                f"of several classes: leave it out, or choose {', '.join(sorted(needed - chosen))} as well"
+            )
+        return model
+    return model.part(lambda effect: class_of(effect) in chosen)

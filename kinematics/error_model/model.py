@@ -1,0 +1,417 @@
+"""ErrorModel: a machine, its effects, fitted parameters and their covariance; what a calibration file holds."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from kinematics.effects import COMPONENTS, INSTRUMENT, Effect, ErrorMotion
+from kinematics.effects.base import Columns, unit_of
+from kinematics.error_model.layout import to_json
+from kinematics.files import fingerprint, read_input, write_whole
+from kinematics.machine import Machine
+from kinematics.state import REFERENCE, TEMPERATURE, State, variable_unit
+from kinematics.transforms import Array, blocks
+from kinematics.turn import beyond, gap_of, spread_beyond
+from kinematics.user_error import UserError
+
+ROUNDING = 1e-9
+"""Positions, mm or degrees, come back from rad with an error far below this."""
+LONGEST_BEND = np.deg2rad(40.0)
+"""rad."""
+VALID_DAYS = 365.0
+"""Validity of a calibration without `valid_days`, days."""
+
+
+class MachineReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The machine that a calibration belongs to; `chain_hash` holds its geometry to account."""
+
+    name: str
+    chain: str
+    chain_hash: str
+
+
+class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where a calibration comes from: tool and version, time, sources and the fingerprints of its inputs.
+
+    Fields that are UNSET stay out of the file and out of the id, so that older files keep theirs.
+    """
+
+    made_by: str
+    made_at: Annotated[datetime.datetime, msgspec.Meta(tz=True)]
+    source: str = ""
+    inputs: dict[str, str] = {}
+    valid_days: Annotated[float, msgspec.Meta(gt=0.0)] | msgspec.UnsetType = msgspec.UNSET
+    """Days from `made_at` for which the calibration holds; without it VALID_DAYS."""
+    temperatures_degC: dict[str, tuple[float, float]] | msgspec.UnsetType = msgspec.UNSET  # noqa: N815  its unit
+    """Lowest and highest temperature of each sensor while the machine was measured, degC."""
+
+
+class Observation(NamedTuple):
+    """What the effects add to an observation."""
+
+    errors: Array
+    """Error motions `(n, axes + 1, 6)`, mm and rad, of the axes and the tool, as the data show them."""
+    shift: Array
+    """Displacement `(n, 3)`, mm, of the observed point in the instrument's frame."""
+
+
+class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Contract 4.4, version 1.
+
+    Effects of the instrument belong to the data: `observation` and `observation_design` have them, whatever says how
+    the machine errs has not.
+    """
+
+    ncomp_calibration: Literal[1] = 1
+    machine: MachineReference
+    provenance: Provenance
+    demonstration: bool = False
+    """True for a calibration that describes no real machine; announced on every run."""
+    effects: tuple[Effect, ...]
+    covariance: tuple[tuple[float, ...], ...] | None = None
+    """Of all parameters in the order of the effects, in their units; None when they are independent with their u."""
+
+    @property
+    def id(self) -> str:
+        """Fingerprint of the content."""
+        return fingerprint(msgspec.json.encode(self))
+
+    @property
+    def parameters(self) -> Array:
+        """All parameters, in the order of the effects and in their units."""
+        return np.array([p for effect in self.effects for p in effect.parameters])
+
+    @property
+    def slices(self) -> tuple[slice, ...]:
+        """Where the parameters of each effect stand among all."""
+        ends = np.cumsum([0, *(len(effect.parameters) for effect in self.effects)]).tolist()
+        return tuple(slice(low, high) for low, high in pairwise(ends))
+
+    def with_parameters(self, values: Array, covariance: Array | None = None) -> ErrorModel:
+        """The model with other parameters `(p,)` and covariance `(p, p)`; without one, each effect keeps its u."""
+        u = None if covariance is None else np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        effects = tuple(
+            effect.with_parameters(values[part].tolist(), effect.u if u is None else u[part].tolist())
+            for effect, part in zip(self.effects, self.slices, strict=True)
+        )
+        rows = None if covariance is None else tuple(map(tuple, covariance.tolist()))
+        return msgspec.structs.replace(self, effects=effects, covariance=rows)
+
+    def age_days(self, now: datetime.datetime) -> float:
+        """Days since the calibration was made."""
+        return (now - self.provenance.made_at).total_seconds() / 86400.0
+
+    @property
+    def valid_days(self) -> float:
+        """Days from `made_at` for which the calibration holds; infinite for a demonstration, which never did."""
+        stated = self.provenance.valid_days
+        if self.demonstration:
+            return math.inf
+        return VALID_DAYS if stated is msgspec.UNSET else float(stated)
+
+    @property
+    def temperatures(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest temperature, degC, for which the calibration was measured, by sensor; where it is known.
+
+        The range of the measurement, and of effects that are functions of a temperature their own.
+        """
+        stated = self.provenance.temperatures_degC
+        known = {} if stated is msgspec.UNSET else dict(stated)
+        for effect in self.effects:
+            for variable, (low, high) in effect.intervals.items():
+                if variable.startswith(TEMPERATURE):
+                    sensor = variable.removeprefix(TEMPERATURE)
+                    least, most = known.get(sensor, (-math.inf, math.inf))
+                    known[sensor] = max(least, low + REFERENCE), min(most, high + REFERENCE)
+        return known
+
+    def part(self, keep: Callable[[Effect], bool]) -> ErrorModel:
+        """The effects that `keep` is true of, with their part of the covariance; the model itself if that is all."""
+        kept = [keep(effect) for effect in self.effects]
+        if all(kept):
+            return self
+        effects = tuple(effect for effect, stays in zip(self.effects, kept, strict=True) if stays)
+        covariance = None
+        if self.covariance is not None:
+            rows = np.repeat(kept, [part.stop - part.start for part in self.slices])
+            covariance = tuple(map(tuple, np.array(self.covariance)[np.ix_(rows, rows)].tolist()))
+        return msgspec.structs.replace(self, effects=effects, covariance=covariance)
+
+    def errors(self, machine: Machine, state: State) -> Array:
+        """Error motions `(n, axes + 1, 6)` of the machine, mm and rad: of the axes in their error frames, of the tool.
+
+        In memory the rows of one error motion lie next to each other.
+        """
+        own = [effect for effect in self.effects if effect.ACTS_ON != "instrument"]
+        return _sum(own, machine, state)[:, :INSTRUMENT]
+
+    def observation(self, machine: Machine, state: State) -> Observation:
+        """What all effects, those of the instrument too, add to observations."""
+        places = _sum(self.effects, machine, state)
+        return Observation(places[:, :INSTRUMENT], places[:, INSTRUMENT, :3])
+
+    def design(self, machine: Machine, state: State, transform: Array) -> Array:
+        """Derivatives `(n, rows, parameters)` of `transform` times the error motions of the machine.
+
+        transform `(n, rows, (axes + 1) * 6)`, as `place_transform`. Columns of the instrument's parameters are zero.
+        """
+        return Design(self, machine, state, with_instrument=False).of(slice(None), transform)
+
+    def observation_design(self, machine: Machine, state: State, transform: Array) -> Array:
+        """Derivatives `(n, rows, parameters)` of `transform` times all that is in `observation`.
+
+        transform `(n, rows, (axes + 1) * 6 + 3)`: behind the columns of the error motions those of the shift of the
+        observed point.
+        """
+        return Design(self, machine, state, with_instrument=True).of(slice(None), transform)
+
+    def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
+        """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
+        design = self.design(machine, state, transform)
+        return self.propagated(design, self.unmeasured_variance(machine, state, transform))
+
+    def propagated(self, design: Array, besides: Array | float = 0.0) -> Array:
+        """Standard uncertainties `(n, rows)` by first order from derivatives `(n, rows, parameters)`.
+
+        besides: variances `(n, rows)` that are added to those of the parameters.
+        """
+        if self.covariance is not None:
+            variance = np.sum(design @ np.array(self.covariance) * design, axis=2)
+        else:
+            u = np.array([v for effect in self.effects for v in effect.uncertainties])
+            variance = np.einsum("nrp,p->nr", design**2, u**2)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + besides))  # below zero by rounding only
+
+    def unmeasured_variance(self, machine: Machine, state: State, transform: Array) -> Array:
+        """Variances `(n, rows)` after `transform` of errors in an arc of a turn that was not measured.
+
+        Each error motion has its typical size there, times `turn.spread_beyond`; they are independent.
+        """
+        variance = np.zeros(transform.shape[:2])
+        for effect in self.effects:
+            if isinstance(effect, ErrorMotion):
+                i = machine.index(effect.axis)
+                if machine.axes[i].turns_fully and gap_of(effect.basis.interval):
+                    size = effect.quantities()[0].typical * unit_of(effect.component)[1]
+                    spread = size * spread_beyond(effect.basis.interval, state.position(machine, effect.axis))
+                    arm = transform[:, :, 6 * i + COMPONENTS.index(effect.component)]
+                    variance += (arm * spread[:, None]) ** 2
+        return variance
+
+    def bend_lengths(self, machine: Machine) -> Array:
+        """How short a way of each axis `(axes,)`, mm and rad, the errors of the machine may bend there and back on.
+
+        Kinematics bends the way of what a rotary axis carries, errors or not: none is longer than LONGEST_BEND there.
+        """
+        lengths = np.where(machine.rotary, LONGEST_BEND, np.inf)
+        for effect in self.effects:
+            for axis, length in effect.bend_lengths.items():
+                i = machine.index(axis)
+                lengths[i] = min(lengths[i], length * machine.scale[i])
+        return lengths
+
+    def outside(self, machine: Machine, state: State) -> dict[tuple[str, str], float]:
+        """Largest distance outside an effect's interval, by the effect's name and the unit; end values are held there.
+
+        Units are mm, deg, s and K; for time and temperatures the name holds the variable behind the effect.
+        """
+        largest = {what: float(excess.max(initial=0.0)) for what, excess in self.excesses(machine, state).items()}
+        return {what: excess for what, excess in largest.items() if excess > ROUNDING}
+
+    def excesses(self, machine: Machine, state: State) -> dict[tuple[str, str], Array]:
+        """Distance of each row `(n,)` from the interval of each effect, 0 inside; names and units as `outside`.
+
+        Of an axis that turns fully: how far along the turn from the arc that was measured.
+        """
+        found: dict[tuple[str, str], Array] = {}
+        for effect in self.effects:
+            for variable, (low, high) in effect.intervals.items():
+                x = state.variable(machine, variable, effect.name)
+                if variable in machine.names and machine.axes[machine.index(variable)].turns_fully:
+                    excess = beyond((low, high), x)
+                else:
+                    excess = np.maximum(np.maximum(low - x, x - high), 0.0)
+                name = effect.name if variable in machine.names else f"{effect.name} in {variable}"
+                where = name, variable_unit(machine, variable)
+                found[where] = np.maximum(excess, found.get(where, 0.0))
+        return found
+
+
+class Design:
+    """Derivatives by the parameters of a model, a block of rows at a time.
+
+    Columns of effects with memory, which depend on the rows before a block, are made from all rows, once. Those of the
+    instrument's parameters are zero without the instrument.
+    """
+
+    def __init__(self, model: ErrorModel, machine: Machine, state: State, *, with_instrument: bool) -> None:
+        self._machine, self._state, self._parameters = machine, state, sum(len(e.parameters) for e in model.effects)
+        self._width = 6 * (len(machine.axes) + 1) + 3 * with_instrument
+        chosen = [
+            (effect, part)
+            for effect, part in zip(model.effects, model.slices, strict=True)
+            if with_instrument or effect.ACTS_ON != "instrument"
+        ]
+        self._now = [(effect, part) for effect, part in chosen if not effect.HAS_MEMORY]
+        self._remembered = [(list(e.columns(machine, state)), part) for e, part in chosen if e.HAS_MEMORY]
+
+    def of(self, rows: slice | np.ndarray, transform: Array) -> Array:
+        """`(n, k, parameters)` at some rows; `transform` `(n, k, width)` as `ErrorModel.design` takes it there."""
+        if transform.shape[2] != self._width:
+            raise ValueError(f"transform has {transform.shape[2]} columns, {self._machine.name} takes {self._width}")
+        state, places = self._state.rows(rows), len(self._machine.axes) + 2
+        design = np.zeros((*transform.shape[:2], self._parameters))
+        for effect, part in self._now:
+            _fill(effect.columns(self._machine, state), transform, places, design[:, :, part])
+        for columns, part in self._remembered:
+            there = (each._replace(values=each.values[rows]) for each in columns)
+            _fill(there, transform, places, design[:, :, part])
+        return design
+
+
+def _fill(columns: Iterable[Columns], transform: Array, places: int, design: Array) -> None:
+    """Write what `transform` makes of the columns of one effect into its part of a design `(n, k, parameters)`."""
+    for i, (place, component, values) in enumerate(columns):
+        arm = transform[:, :, 6 * (place % places) + component, None]
+        if i:
+            design += arm * values[:, None, :]
+        else:
+            np.multiply(arm, values[:, None, :], out=design)
+
+
+def no_errors(machine: Machine) -> ErrorModel:
+    """The machine without errors, made today."""
+    today = datetime.datetime.now(datetime.UTC).replace(hour=0, minute=0, second=0, microsecond=0)
+    made = Provenance("ncomp", today)
+    return ErrorModel(machine=reference(machine), provenance=made, effects=())
+
+
+def reference(machine: Machine) -> MachineReference:
+    """What a calibration of this machine says about it."""
+    return MachineReference(machine.name, machine.chain, machine.chain_hash)
+
+
+def read_model(path: Path, machine: Machine) -> ErrorModel:
+    """The calibration in a file, for use on `machine`; UserError when it is none, or another machine's."""
+    data = read_input(path, "calibration")
+    model = decode_model(data, str(path))
+    if model.machine.chain_hash != machine.chain_hash:
+        raise UserError(
+            f"calibration {path} is of machine {model.machine.name} ({model.machine.chain}), "
+            f"not of {machine.name} ({machine.chain}) with this geometry"
+        )
+    return model
+
+
+def decode_model(data: bytes, source: str) -> ErrorModel:
+    """The calibration in JSON; `source` names it in the UserError for anything that is wrong with it."""
+    try:
+        content = msgspec.json.decode(data, type=dict[str, Any])
+        version = content.get("ncomp_calibration")
+        if version is None:
+            raise UserError(f"calibration {source}: no ncomp calibration (it has no 'ncomp_calibration')")
+        if version != 1 or type(version) is not int:
+            raise UserError(f"calibration {source}: version {version} is not one this ncomp reads (1)")
+        units = _take_units(content)
+        model = msgspec.convert(content, ErrorModel)
+    except msgspec.DecodeError as fault:
+        raise UserError(f"calibration {source}: {fault}{_hint(str(fault), data)}") from None
+    except UnicodeDecodeError:
+        raise UserError(f"calibration {source}: not UTF-8 text") from None
+    _check(model, units, source)
+    return model
+
+
+def _hint(fault: str, data: bytes) -> str:
+    """The expected form, for frequent typing errors."""
+    if "made_at" in fault:
+        return "; expected e.g. 2026-01-31T12:00:00Z"
+    if "malformed" in fault and any(word in data for word in (b"NaN", b"Infinity")):
+        return "; NaN and Infinity are no numbers in JSON"
+    return ""
+
+
+def write_model(model: ErrorModel, path: Path) -> None:
+    """Write the calibration as readable JSON."""
+    write_whole(path, encode_model(model))
+
+
+def encode_model(model: ErrorModel) -> bytes:
+    """The calibration as JSON for people: effects in the order what and where, parameters with units, u, note."""
+    content = msgspec.to_builtins(model)
+    content["effects"] = [_written(effect) for effect in model.effects]
+    return (to_json(content) + "\n").encode()
+
+
+def _written(effect: Effect) -> dict[str, Any]:
+    """An effect as it stands in files: without what it does not have, with the units of its parameters."""
+    fields = {name: value for name, value in msgspec.to_builtins(effect).items() if value is not None}
+    u, note = fields.pop("u"), fields.pop("note")
+    units = _units(effect)
+    values = {name: fields.pop(name) for name in units}
+    return {**fields, **values, "units": units, "u": u, "note": note}
+
+
+def _units(effect: Effect) -> dict[str, str]:
+    return {quantity.name: quantity.unit for quantity in effect.quantities()}
+
+
+def _take_units(content: dict[str, Any]) -> list[Any]:
+    """Take out of a file's effects, and return, what they say of the units of their parameters."""
+    effects = content.get("effects")
+    if not isinstance(effects, list):
+        return []
+    return [effect.pop("units", None) if isinstance(effect, dict) else None for effect in effects]
+
+
+def _sum(effects: Sequence[Effect], machine: Machine, state: State) -> Array:
+    """What effects add at each place `(n, axes + 2, 6)`, mm and rad: the axes, the tool, the observed point."""
+    total = np.moveaxis(np.zeros((len(machine.axes) + 2, 6, len(state))), 2, 0)
+    for rows in blocks(len(state)):
+        part = state.rows(rows)
+        for effect in effects:
+            if not effect.HAS_MEMORY:
+                _add(total[rows], effect, machine, part)
+    for effect in effects:
+        if effect.HAS_MEMORY:
+            _add(total, effect, machine, state)
+    return total
+
+
+def _add(total: Array, effect: Effect, machine: Machine, state: State) -> None:
+    for place, component, values in effect.contributions(machine, state):
+        total[:, place, component] += values
+
+
+def _check(model: ErrorModel, units: list[Any], source: str) -> None:
+    axes = set(model.machine.chain.split()) - {"w", "b", "t"}
+    for effect, said in zip(model.effects, units, strict=True):
+        if not axes.issuperset(effect.axes):
+            raise UserError(f"calibration {source}: {effect.name} is of an axis that {model.machine.chain} lacks")
+        if min(effect.uncertainties, default=0.0) < 0:
+            raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u")
+        if said is not None and said != _units(effect):
+            raise UserError(f"calibration {source}: {effect.name} has units {said}, ncomp reads {_units(effect)}")
+    ranges = model.provenance.temperatures_degC
+    for sensor, (low, high) in {} if ranges is msgspec.UNSET else ranges.items():
+        if low > high:
+            raise UserError(f"calibration {source}: temperatures_degC: {sensor} from {low:g} to {high:g} degC")
+    if model.covariance is None:
+        return
+    n = len(model.parameters)
+    if [len(row) for row in model.covariance] != [n] * n:
+        raise UserError(f"calibration {source}: covariance is not {n} x {n}, one row per parameter")
+    covariance = np.array(model.covariance).reshape(n, n)
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scaled = covariance / np.outer(*[np.where(u > 0, u, 1.0)] * 2)  # parameters differ in unit and size
+    lowest = np.linalg.eigvalsh(scaled).min(initial=0.0)
+    if np.abs(scaled - scaled.T).max(initial=0.0) > 1e-9 or lowest < -1e-9:
+        raise UserError(f"calibration {source}: covariance is not symmetric and positive")

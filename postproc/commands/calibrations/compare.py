@@ -1,0 +1,129 @@
+"""`ncomp compare`: two calibrations of one machine, error motion by error motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from kinematics.user_error import UserError
+from postproc.commands.options.shared import (
+    JsonFile,
+    check_apart,
+    check_either,
+    check_places,
+    machine_names,
+    machine_of,
+    whole_results,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from calibration.evaluation.comparison import Straightness
+    from kinematics.error_model.model import ErrorModel
+    from kinematics.machine import Machine
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp compare before.json after.json --report change.html`\n\n"
+    "`ncomp compare march.json june.json --straightness least-squares --reference X=0 --reference Z=-100 --json -`\n\n"
+    "`ncomp compare old.json new.json --machine mill.toml --tool-mm 150`  a machine that is not shipped"
+)
+
+
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A.json", help="A calibration.")],
+    b: Annotated[Path, typer.Argument(metavar="B.json", help="Another one of the same machine.")],
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            "--machine",
+            "-m",
+            help="Name of the machine, or path of its .toml file; default: the shipped one that A names.",
+            autocompletion=machine_names,
+        ),
+    ] = None,
+    straightness: Annotated[
+        str, typer.Option(metavar="end-point|least-squares", help="The reference straight line.")
+    ] = "end-point",
+    reference: Annotated[
+        list[str] | None,
+        typer.Option(metavar="X=mm", help="Where the errors of an axis are zero; default: its home. Repeatable."),
+    ] = None,
+    tool_mm: Annotated[float, typer.Option("--tool-mm", min=0.0, help="Length of the tool in the volume, mm.")] = 100.0,
+    json: JsonFile = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
+    ] = None,
+) -> None:
+    """Compare two calibrations in the conventions of ISO 230-1: by error motion, squareness, and over the volume.
+
+    Differences are B minus A, U is their expanded uncertainty (k = 2). Positioning and angles are zero at the
+    reference position, straightness lies about its reference line, and its slope is in the squareness; of a rotary
+    axis the means are the location errors. Effects of time, temperature or feed are listed, and not compared.
+    """
+    from calibration.evaluation.comparison import compare as compared
+    from postproc.commands.show.comparison import show
+    from postproc.commands.show.terminal import console
+    from postproc.commands.show.terminal import output as screen
+
+    check_apart({"--json": json, "--report": report})
+    check_places((a, b), (json, report))
+    check_either("--straightness", straightness, ("end-point", "least-squares"))
+    found, models = _read(a, b, machine)
+    names = (str(a), str(b))
+    result = compared(found, models, cast("Straightness", straightness), _references(found, reference or []), tool_mm)
+    with whole_results(json, report) as (results, shown):
+        sources = {
+            letter: {"file": name, "id": model.id, "made_at": model.provenance.made_at.isoformat()}
+            for letter, name, model in zip("ab", names, models, strict=True)
+        }
+        write_json({**sources, **result.json()}, results)
+        if report is not None:
+            from calibration.pages.comparison import comparison_page
+
+            shown.write(comparison_page(result, names, f"ncomp compare {a} {b}"))
+    show(result, names, console if "-" in (json, report) else screen)
+
+
+def _read(a: Path, b: Path, name: str | None) -> tuple[Machine, tuple[ErrorModel, ErrorModel]]:
+    """Both calibrations and their machine; UserError where they are of different ones."""
+    import machines as shipped
+    from kinematics.error_model.model import decode_model, read_model
+    from kinematics.files import read_input
+
+    first, second = (decode_model(read_input(path, "calibration"), str(path)).machine for path in (a, b))
+    if first.chain_hash != second.chain_hash:
+        geometry = " with another geometry" if (first.name, first.chain) == (second.name, second.chain) else ""
+        raise UserError(
+            f"{a} is of machine {first.name} ({first.chain}), {b} of {second.name} ({second.chain}){geometry}: only "
+            "calibrations of one machine can be compared"
+        )
+    if name is None and first.name not in shipped.names():
+        raise UserError(f"{a}: machine {first.name} is not shipped; give its file with --machine FILE.toml")
+    machine = machine_of(name or first.name)
+    return machine, (read_model(a, machine), read_model(b, machine))
+
+
+def _references(machine: Machine, texts: Sequence[str]) -> dict[str, float]:
+    """Reference positions by axis, mm or degrees."""
+    from math import isfinite
+
+    found: dict[str, float] = {}
+    for text in texts:
+        axis, equals, value = (part.strip() for part in text.partition("="))
+        try:
+            position = float(value)
+        except ValueError:
+            position = float("nan")
+        if not equals or not isfinite(position):
+            raise UserError(f"--reference {text}: expected AXIS=POSITION, as in X=0")
+        if axis not in machine.names:
+            raise UserError(f"--reference {text}: {machine.name} ({machine.chain}) has no axis {axis}")
+        if axis in found:
+            raise UserError(f"--reference {text}: {axis} is given twice")
+        found[axis] = position
+    return found

@@ -1,0 +1,323 @@
+"""`ncomp fit`: measured points in, a calibration out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
+from postproc.commands.options.path import (
+    CellLength,
+    CornerLength,
+    PathProgram,
+    ReversalMode,
+    moving_summary,
+    read_on_the_fly,
+    read_path,
+    refuse_plan,
+    refuse_without_path,
+    show_moving,
+)
+from postproc.commands.options.program import DialectName, SetUpZero, ToolLengths, ToolTable, WorkOffsets, setup_of
+from postproc.commands.options.shared import (
+    JsonFile,
+    MachineName,
+    check_either,
+    check_places,
+    machine_of,
+    refuse_one_place,
+    residual_table,
+    show_insignificant,
+    whole_results,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rich.console import Console
+
+    from calibration.fit.calibrate import Calibration
+    from calibration.fit.fit import Fit
+    from calibration.fit.identifiability import Visibility
+    from calibration.on_the_fly.along_path import OnTheFly
+    from kinematics.effects import Effect
+
+BasisText = Annotated[
+    str,
+    typer.Option(
+        "--basis",
+        metavar="auto|KIND:SIZE|X=KIND:SIZE,...",
+        help="How error motions are written: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, "
+        "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
+    ),
+]
+FittedEffects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect",
+        metavar="KIND:FIELD=VALUE,...",
+        help="Another effect of docs/effects.md to fit, from these values: backlash:axis=X,width=0. Repeatable.",
+    ),
+]
+NoiseSource = Annotated[
+    str,
+    typer.Option("--noise", metavar="sheet|estimate", help="Instrument's uncertainty: as stated, or from the data."),
+]
+PriorScale = Annotated[
+    float | None,
+    typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
+]
+
+MANY = 0.05
+"""Share of outliers beyond which they are none."""
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
+    "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
+    "`ncomp fit tracker.csv --machine cframe --effect backlash:axis=X,width=0 -o cal.json`\n\n"
+    "`ncomp fit log.csv --machine gantry --plan plan.csv -o gantry.json`  a tracker's stream: standstills are found\n\n"
+    "`ncomp fit points.csv --machine cframe --path path.nc --reversal constant -o cal.json`  taken on the fly\n\n"
+    "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
+    "`ncomp fit tracker.csv --machine gantry --valid-days 90 -o gantry.json`  refused by `ncomp` when it is older\n\n"
+    "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
+)
+
+ValidDays = Annotated[
+    float | None,
+    typer.Option("--valid-days", metavar="N", min=1.0, max=36500.0, help="Validity of the calibration; default: 365."),
+]
+HoldOut = Annotated[bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")]
+
+
+def fit(
+    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file.")],
+    machine: MachineName,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
+    basis: BasisText = "auto",
+    effect: FittedEffects = None,
+    noise: NoiseSource = "sheet",
+    prior_scale: PriorScale = None,
+    file_format: FormatName = "auto",
+    header: HeaderLines = None,
+    columns: ColumnMapName = None,
+    plan: PlanFile = None,
+    hold_out: HoldOut = True,
+    valid_days: ValidDays = None,
+    path: PathProgram = None,
+    cell_mm: CellLength = None,
+    corner_mm: CornerLength = 5.0,
+    reversal: ReversalMode = "none",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
+    dialect: DialectName = "auto",
+    json: JsonFile = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
+    ] = None,
+) -> None:
+    """Fit the machine's errors to measured points, with uncertainties, and say what the points can't show.
+
+    Error motions of all axes that move, the instrument's position and outliers are found jointly. What the data do not
+    determine is listed by name and keeps the uncertainty of what was expected beforehand.
+    """
+    from calibration.fit.calibrate import calibrate
+    from calibration.on_the_fly.along_path import MARGIN
+    from calibration.on_the_fly.reversals import reversals
+    from calibration.simulation.effect_text import read_effects
+    from postproc.commands.show.terminal import console
+    from postproc.commands.show.terminal import output as screen
+
+    refuse_one_place(json, str(output), "the calibration")
+    check_places((data, plan, path), (output, json, report))
+    check_either("--noise", noise, ("sheet", "estimate"))
+    found_machine = machine_of(machine)
+    effects = read_effects(effect or [], found_machine)
+    taken = None
+    if path is None:
+        given = {"work_offset": work_offset, "tool_length": tool_length, "set_up_zero": set_up_zero or None}
+        refuse_without_path(cell_mm=cell_mm, reversal=reversal, **given)
+        measurement = read_data(data, found_machine, file_format, header, columns, plan)
+    else:
+        refuse_plan(plan)
+        setup = setup_of(found_machine, work_offset, tool_length, tool_table, zero=set_up_zero)
+        nominal = read_path(path, found_machine, dialect, setup)
+        taken = read_on_the_fly(data, nominal, file_format, header, columns, cell_mm, corner_mm)
+        measurement = taken.measurement
+        effects += reversals(measurement, reversal)
+    with console.status("reading") as status:
+        found = calibrate(
+            measurement,
+            basis=basis,
+            margin=0 if taken is None else MARGIN,
+            effects=effects,
+            variance="sheet" if noise == "sheet" else "estimate",
+            prior_scale=prior_scale,
+            hold_out=hold_out,
+            valid_days=valid_days,
+            progress=status.update,
+        )
+    command = f"ncomp fit {data} --machine {machine} --basis {basis} --noise {noise}"
+    _write(found, taken, str(output), json, report, command)
+    to = console if "-" in (json, report) else screen
+    if taken is not None:
+        show_moving(found, taken, to)
+    show(found, to)
+
+
+def _write(
+    found: Calibration, taken: OnTheFly | None, output: str, json: str | None, report: str | None, command: str
+) -> None:
+    """The calibration, the results for programs and the report, all or none."""
+    from calibration.fit.beyond_measured import calibration_file
+
+    with whole_results(json, report, output) as (results, shown, file):
+        file.write(calibration_file(found.model, found.fit.measurement.machine))
+        write_json(summary(found) | moving_summary(found, taken), results)
+        if report is not None:
+            from calibration.pages.fit import fit_page
+
+            shown.write(fit_page(found, command))
+
+
+def summary(found: Calibration) -> dict[str, Any]:
+    """The result for programs."""
+    from kinematics.effects import LocationError
+
+    fitted, seen, held = found.fit, found.visibility, found.held_out
+    measurement = fitted.measurement
+    return {
+        "before": {"rms_um": found.before_rms_um, "max_um": found.before_max_um},
+        "after": {
+            "rms_um": fitted.rms_um,
+            "max_um": fitted.max_um,
+            "chi2_reduced": fitted.chi2_reduced,
+            "p_value": fitted.p_value,
+            "heldout_rms_um": None if held is None else held.rms_um,
+        },
+        "noise_factor": fitted.variance_factor**0.5,
+        "n_observations": fitted.observations,
+        "n_parameters": seen.parameters,
+        "effective_parameters": fitted.effective_parameters,
+        "rank": seen.rank,
+        "rank_registered": seen.rank_registered,
+        "by_convention": seen.by_convention,
+        "not_visible": seen.not_visible,
+        "blind": [
+            {"effects": list(b.effects), "directions": b.directions, "reason": b.reason, "remedy": b.remedy}
+            for b in seen.blind
+        ],
+        "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
+        "prior_scale": found.choice.prior_scale,
+        "log_evidence": fitted.log_evidence,
+        "depends_on": [{"what": s.what, "p_value": s.p_value, "hint": s.hint} for s in found.suspects],
+        "outliers": [measurement.where(int(row)) for row in fitted.outliers],
+        "copies": [measurement.where(int(row)) for row in fitted.copies.nonzero()[0]],
+        "failed_stations": list(fitted.failed),
+        "significant_share": found.significant_share,
+        "u_um": found.seen.json(),
+        "sanity": [{"what": finding.what, "says": finding.says} for finding in found.findings],
+        "locations": {
+            e.name: {"value_urad" if e.angular else "value_um": e.value, "u": e.uncertainties[0]}
+            for e in found.model.effects
+            if isinstance(e, LocationError)
+        },
+        "effects": [
+            {"name": e.name, "parameters": e.by_key(e.parameters), "u": e.by_key(e.uncertainties)}
+            for e in besides(found.model.effects)
+        ],
+        "calibration": found.model.id,
+    }
+
+
+def show(found: Calibration, to: Console) -> None:
+    """The result for people."""
+    from rich.table import Table
+
+    from kinematics.effects import LocationError
+
+    fitted, seen = found.fit, found.visibility
+    measurement = fitted.measurement
+    bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
+    show_insignificant(found.significant_share, to)
+    for finding in found.findings:
+        to.print(f"DATA         {finding.says}")
+    to.print(f"data         {measurement.source}: {len(measurement)} rows, {fitted.observations} observations fitted")
+    to.print(f"model        {seen.parameters} parameters: {bases}; size of errors x {found.choice.prior_scale:g}")
+    to.print(
+        f"rank         {seen.rank} with the instrument's position known, {seen.rank_registered} as it is; "
+        f"{seen.by_convention} directions are the frame's and fixed by convention"
+    )
+    to.print(residual_table((found.before_rms_um, found.before_max_um), fitted, found.held_out))
+    to.print(f"noise        {_noise(fitted)}")
+    to.print(f"uncertainty  {found.seen}")
+    locations = [effect for effect in found.model.effects if isinstance(effect, LocationError)]
+    if locations:
+        lines = Table("location error", "value", "u (k=1)", "", caption="tool relative to workpiece, right-handed")
+        for effect in locations:
+            unit = "urad" if effect.angular else "um"
+            lines.add_row(effect.name, f"{effect.value:.2f}", f"{effect.uncertainties[0]:.2f}", unit)
+        to.print(lines)
+    _show_besides(found.model.effects, to)
+    for (reason, remedy), names in _alike(seen).items():
+        to.print(f"NOT VISIBLE  {', '.join(names)}: {reason}; {remedy}")
+    for suspect in found.suspects:
+        to.print(f"DEPENDS ON   the residuals depend on {suspect.what} (p = {suspect.p_value:.1g}): try {suspect.hint}")
+    if len(fitted.outliers) > MANY * len(measurement):
+        to.print("DOUBTFUL     so many rows disagree that they are no outliers: the model lacks something")
+    _show_left_out(fitted, to)
+
+
+def besides(effects: Iterable[Effect]) -> list[Effect]:
+    """What is neither an error motion nor a location error."""
+    from kinematics.effects import ErrorMotion, LocationError
+
+    return [effect for effect in effects if not isinstance(effect, (ErrorMotion, LocationError))]
+
+
+def _show_besides(effects: Iterable[Effect], to: Console) -> None:
+    from rich.table import Table
+
+    table = Table("other effect", "parameter", "value", "u (k=1)")
+    for effect in besides(effects):
+        for i, (parameter, u) in enumerate(zip(effect.parameter_table, effect.uncertainties, strict=True)):
+            value = effect.parameters[i]
+            table.add_row("" if i else effect.name, f"{parameter.name}, {parameter.unit}", f"{value:.3f}", f"{u:.3f}")
+    if table.row_count:
+        to.print(table)
+
+
+def _alike(seen: Visibility) -> dict[tuple[str, str], list[str]]:
+    """Names of what is not visible, by reason and remedy."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for blind in seen.blind:
+        found.setdefault((blind.reason, blind.remedy), []).append(" + ".join(blind.effects))
+    return found
+
+
+def _noise(fitted: Fit) -> str:
+    if fitted.variance_factor != 1.0:
+        return f"estimated from the data: {fitted.variance_factor**0.5:.3g} times the instrument's sheet"
+    text = f"chi2/dof {fitted.chi2_reduced:.3g} by the instrument's sheet"
+    if fitted.doubtful:
+        return (
+            f"{text} (p = {fitted.p_value:.1g}): the model lacks something, or the sheet promises too much; "
+            f"uncertainties are widened by {fitted.chi2_reduced**0.5:.3g}"
+        )
+    return text
+
+
+def _show_left_out(fitted: Fit, to: Console) -> None:
+    measurement, most = fitted.measurement, 12
+    for what, rows in (("outlier", fitted.outliers), ("copy of an earlier row", fitted.copies.nonzero()[0])):
+        for row in rows[:most]:
+            size = fitted.residual_um[row]
+            to.print(f"left out     {measurement.where(int(row))}: {what}, {size:.1f} um from the rest")
+        if len(rows) > most:
+            to.print(f"left out     ... and {len(rows) - most} more ({what})")
+    for name in fitted.failed:
+        to.print(f"left out     station {name}: most of its rows disagree with all others")

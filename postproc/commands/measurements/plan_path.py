@@ -1,0 +1,142 @@
+"""`ncomp plan --strategy on-the-fly`: a path along which a tracker sees every error, or what a given path sees."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from kinematics.user_error import UserError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from calibration.measurement.plan import Choices, Plan
+    from calibration.on_the_fly.nominal_path import NominalPath
+    from calibration.on_the_fly.planning.predicted_fit import Judged
+    from kinematics.machine import Machine
+
+STRATEGY = "on-the-fly"
+PANEL = "On the fly"
+LENGTH = 12.7
+"""Of a path of which no length is said, in terms of all travels together: 21 m for 600 x 600 x 450 mm."""
+SHOWN = 6
+"""Of what is not visible."""
+
+PathLength = Annotated[
+    float | None,
+    typer.Option(
+        "--length-m", metavar="m", min=0.01, rich_help_panel=PANEL, help="Of the path; default 12.7 x all travels."
+    ),
+]
+PathMinutes = Annotated[
+    float | None,
+    typer.Option(
+        "--minutes",
+        min=0.01,
+        rich_help_panel=PANEL,
+        help="Or how long it takes at the feed; of --optimise, the time there is.",
+    ),
+]
+GivenPath = Annotated[
+    str | None,
+    typer.Option("--path", metavar="PATH.nc", rich_help_panel=PANEL, help="Judge this program instead of making one."),
+]
+
+
+class Length(NamedTuple):
+    """How long the path may be; None and None is the default."""
+
+    length_m: float | None
+    minutes: float | None
+    feed: float
+    """mm/min"""
+
+    def mm(self, travel: float) -> float:
+        """mm; travel: that of all linear axes together, mm."""
+        if self.length_m is not None and self.minutes is not None:
+            raise UserError("either --length-m or --minutes, not both")
+        if self.minutes is not None:
+            return self.minutes * self.feed
+        return LENGTH * travel if self.length_m is None else self.length_m * 1e3
+
+
+def planned_path(machine: Machine, choices: Choices, length: Length) -> NominalPath:
+    """The best path of a length, shown while it is looked for."""
+    from itertools import pairwise
+
+    import numpy as np
+
+    from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM
+    from calibration.on_the_fly.nominal_path import NominalPath
+    from calibration.on_the_fly.planning.noise_gain import Volume
+    from calibration.on_the_fly.planning.path_search import STARTS, TRIES, planned
+    from postproc.commands.show.terminal import progress_of
+
+    ends = _ends(machine, choices)
+    volume = Volume(machine, ends, choices.targets, CELL_MM, CORNER_MM)
+    travel = float(np.ptp(ends[:, ~machine.rotary], axis=0).sum())
+    with progress_of(STARTS + TRIES, "looking for the best path", 0) as progress:
+        found = planned(volume, length.mm(travel), np.random.default_rng(choices.seed), progress)
+    corners = found.corners
+    moves = [volume.length(a, b) for a, b in pairwise(corners)]
+    way = np.concatenate([[0.0], np.cumsum(moves)])
+    return NominalPath(machine, corners, way, np.ones(len(corners), bool), "the planned path")
+
+
+def plan_of_path(path: NominalPath, choices: Choices, feed: float) -> Plan:
+    """The corners of a path, once for each target."""
+    import numpy as np
+
+    from calibration.measurement.measurement import with_moves
+    from calibration.measurement.plan import Plan
+    from kinematics.state import State
+
+    n, names = len(path.positions), list(choices.targets)
+    time = np.concatenate([path.way + k * path.way[-1] for k in range(len(names))]) / feed * 60.0
+    state = State(np.tile(path.positions, (len(names), 1)), time=time, target=np.repeat(names, n))
+    minutes = choices.timing.setup_min + float(path.way[-1]) * len(names) / feed
+    points = np.array([f"C{k}" for k in range(1, n + 1)] * len(names))
+    return Plan(
+        path.machine, STRATEGY, with_moves(state), points, np.full(len(state), "1"), choices.targets, minutes=minutes,
+        places=n,
+    )  # fmt: skip
+
+
+def sentences(path: NominalPath, judged: Judged, feed: float, targets: int) -> list[str]:
+    """What a path is good for, for people."""
+    gain = judged.gain
+    each = f", once for each of {targets} targets" if targets > 1 else ""
+    said = [
+        f"{path.source}: {len(path.positions)} corners, {judged.feed_mm * 1e-3:.2f} m, "
+        f"{judged.feed_mm / feed:.1f} min at {feed:g} mm/min{each}",
+        f"noise gain   {gain.noise:.3f} um in a coordinate of the volume (worst {gain.worst:.3f}) by 1 um in each 4 mm",
+    ]
+    if gain.hidden:
+        number = "1 direction" if gain.hidden == 1 else f"{gain.hidden} directions"
+        said.append(f"HIDDEN       {number} of the errors in the volume can't be seen along this path")
+    if judged.blind_mode is not None:
+        said.append(f"BLIND MODE   {judged.blind_mode}")
+    for blind in judged.not_visible[:SHOWN]:
+        said.append(f"NOT VISIBLE  {blind}")
+    if len(judged.not_visible) > SHOWN:
+        said.append(f"NOT VISIBLE  ... and {len(judged.not_visible) - SHOWN} more")
+    return said
+
+
+def _ends(machine: Machine, choices: Choices) -> np.ndarray:
+    """Ends `(2, axes)`, mm and rad, that the path stays between; axes that do not move stand."""
+    import numpy as np
+
+    from calibration.planning.strategies import limits, need_ends, stand
+
+    if choices.rotary not in ("fixed", "simultaneous"):
+        raise UserError(f"--rotary {choices.rotary}: on the fly rotary axes are fixed or move along (simultaneous)")
+    low, high = limits(machine, choices)
+    standing = stand(machine, choices)
+    for i in range(len(machine.axes)):
+        if machine.rotary[i] and choices.rotary == "fixed":
+            low[i] = high[i] = standing[i]
+        else:
+            need_ends(machine, i, low, high)
+    return np.asarray(np.stack([low, high]) * machine.scale)

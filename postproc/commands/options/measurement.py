@@ -1,0 +1,93 @@
+"""How commands read measured data: their common options, and what is noted on the way."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinematics.user_error import UserError
+
+if TYPE_CHECKING:
+    from calibration.measurement.measurement import Measurement
+    from kinematics.machine import Machine
+
+
+def _formats() -> list[str]:
+    from calibration.measurement.readers import FORMATS
+
+    return list(FORMATS)
+
+
+def _maps() -> list[str]:
+    from calibration.measurement.readers.delimited import map_names
+
+    return map_names()
+
+
+FormatName = Annotated[
+    str,
+    typer.Option(
+        "--format",
+        help="Format of the data: auto, ncomp, rtl, iso230-table, cmm, epics or delimited.",
+        autocompletion=_formats,
+    ),
+]
+HeaderLines = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--header",
+        metavar="KEY=VALUE",
+        help="What the data don't say, by header keys of the measurement file: u_um=0.3, axis=X, target.t1='0 0 -120'. "
+        "Repeatable.",
+    ),
+]
+ColumnMapName = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        metavar="MAP.toml",
+        help="Column map of a delimited export: a file, or spatialanalyzer, polyworks, leica.",
+        autocompletion=_maps,
+    ),
+]
+PlanFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan",
+        metavar="PLAN.csv",
+        help="Axis positions: by the names of points, or at the stands of a tracker's log.",
+    ),
+]
+
+
+def read_data(
+    path: Path,
+    machine: Machine,
+    format: str = "auto",
+    header: list[str] | None = None,
+    columns: str | None = None,
+    plan: Path | None = None,
+) -> Measurement:
+    """The measurement in a file, whose notes are shown."""
+    from calibration.measurement.readers import read_any
+    from postproc.commands.show.terminal import say
+
+    measurement = read_any(path, machine, format, header=header_of(header or []), columns=columns, plan=plan)
+    for note in measurement.notes:
+        say("note", note)
+    return measurement
+
+
+def header_of(lines: list[str]) -> dict[str, str]:
+    """`KEY=VALUE` as a header; UserError for what is none, or stands twice."""
+    header: dict[str, str] = {}
+    for line in lines:
+        key, equals, value = (part.strip() for part in line.partition("="))
+        if not (key and equals and value):
+            raise UserError(f"--header {line}: expected KEY=VALUE, as in u_um=0.3")
+        if key in header:
+            raise UserError(f"--header {line}: {key} is given twice")
+        header[key] = value
+    return header

@@ -1,0 +1,216 @@
+"""What the commands share: their common options, and how they read and write files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+
+import typer
+
+from kinematics.user_error import UserError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from calibration.fit.cross_validation import HeldOut
+    from calibration.fit.fit import Fit
+    from kinematics.error_model.model import ErrorModel
+    from kinematics.machine import Machine
+
+
+def machine_names() -> list[str]:
+    """Of the shipped machines."""
+    import machines as shipped
+
+    return shipped.names()
+
+
+MachineName = Annotated[
+    str,
+    typer.Option("--machine", "-m", help="Name of a machine, or path of its .toml file.", autocompletion=machine_names),
+]
+CalibrationName = Annotated[
+    str | None,
+    typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
+]
+JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
+
+
+def machine_of(name: str) -> Machine:
+    """The machine of that name or file."""
+    import machines as shipped
+
+    return shipped.load(name)
+
+
+def model_of(calibration: str | None, machine: Machine) -> ErrorModel:
+    """The calibration that `--calibration` names; without it the machine's own; UserError when there is none."""
+    import machines as shipped
+    from kinematics.error_model.model import no_errors, read_model
+
+    if calibration == "none":
+        return no_errors(machine)
+    path = Path(calibration) if calibration else shipped.default_calibration(machine)
+    if path is None:
+        raise UserError(
+            f"machine {machine.name} has no calibration of its own: give one with --calibration CAL.json "
+            "('ncomp fit' makes one from measurements), "
+            "or --calibration none"
+        )
+    return read_model(path, machine)
+
+
+def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
+    """UserError when results as JSON and the main output, named `what`, are to go to the same place."""
+    if json == "-" and output == "-":
+        raise UserError(f"--json - and {what} can't both go to standard output; name a file for one")
+    if None not in (json, output) and json != "-" and Path(str(json)).resolve() == Path(str(output)).resolve():
+        raise UserError(f"--json and --output both name {json}")
+
+
+def check_either(option: str, value: str, names: tuple[str, str]) -> None:
+    """UserError for a value of an option that is neither of two names."""
+    if value not in names:
+        raise UserError(f"{option} {value}: {' or '.join(names)}")
+
+
+def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Path | None]) -> None:
+    """Refuse outputs that can't be written, or that would take the place of an input, before any work is done."""
+    read = {Path(str(path)).resolve() for path in inputs if path not in (None, "-")}
+    for output in outputs:
+        if output in (None, "-"):
+            continue
+        path = Path(str(output))
+        if path.resolve() in read:
+            raise UserError(f"{output} is read here: it would be overwritten; name another file")
+        if path.is_dir():
+            raise UserError(f"can't write {output}: Is a directory")
+        if not path.parent.is_dir():
+            why = "Not a directory" if path.parent.exists() else "No such file or directory"
+            raise UserError(f"can't write {output}: {why}")
+
+
+def check_apart(places: Mapping[str, str | None]) -> None:
+    """UserError where two results, by the names of their options, are to go to one place."""
+    seen: dict[str, str] = {}
+    for option, place in places.items():
+        if place is None:
+            continue
+        where = place if place == "-" else str(Path(place).resolve())
+        if where in seen:
+            raise UserError(f"{seen[where]} and {option} both name {place}")
+        seen[where] = option
+
+
+class _Spool:
+    """A result for standard output (`-`), a device or a pipe, or one that nobody asked for (None)."""
+
+    def __init__(self, target: str | None) -> None:
+        import os
+        import tempfile
+
+        from kinematics.files import named_file, writing
+
+        self._target, self._name = target, "standard output" if target in (None, "-") else str(target)
+        with writing(self._name), tempfile.TemporaryFile() as spool:
+            self.file = named_file(os.dup(spool.fileno()), f"{self._name} (through {tempfile.gettempdir()})")
+
+    def complete(self) -> None:
+        """Nothing is sent before all results are whole."""
+        self.file.flush()
+
+    def publish(self) -> None:
+        """Send it all; BrokenPipeError where the reader of standard output has gone."""
+        import shutil
+
+        from kinematics.files import writing
+
+        if self._target is None:
+            return
+        self.file.seek(0)
+        with writing(self._name), self._opened() as stream:
+            shutil.copyfileobj(self.file, stream)
+            stream.flush()
+
+    def _opened(self) -> AbstractContextManager[BinaryIO]:
+        if self._target != "-":
+            return Path(str(self._target)).open("wb")
+        if sys.stdout is None:
+            raise UserError("can't write standard output: it is closed")
+        return nullcontext(sys.stdout.buffer)
+
+    def close(self) -> None:
+        """Give the space back."""
+        with suppress(UserError):
+            self.file.close()
+
+
+@contextmanager
+def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
+    """Files for the results of a command, which come out whole or not at all, and all of them or none.
+
+    `-` is standard output; None is a result that nobody asked for. What can't be taken back - standard output, pipes
+    and devices - is sent when the others are complete on the disk, before they replace existing files.
+    """
+    from kinematics.files import Draft
+
+    with ExitStack() as stack:
+        drafts: list[Draft | _Spool] = []
+        for target in targets:
+            replaced = target is not None and _can_be_replaced(target)
+            drafts.append(stack.enter_context(closing(Draft(Path(str(target))) if replaced else _Spool(target))))
+        yield tuple(draft.file for draft in drafts)
+        for draft in drafts:
+            draft.complete()
+        for draft in sorted(drafts, key=lambda draft: isinstance(draft, Draft)):
+            draft.publish()
+
+
+@contextmanager
+def result(target: str | None) -> Iterator[BinaryIO]:
+    """A file for the one result of a command; None is one that nobody asked for."""
+    with whole_results(target) as (file,):
+        yield file
+
+
+def _can_be_replaced(target: str) -> bool:
+    """True for a file or a new name; names in /dev and /proc denote devices or streams, even if these are files."""
+    path = Path(target)
+    if target == "-" or path.absolute().parts[1:2] in (("dev",), ("proc",)):
+        return False
+    return path.is_file() or path.is_dir() or not path.exists()
+
+
+def write_json(results: dict[str, Any], file: BinaryIO) -> None:
+    """Write results for programs."""
+    import json
+
+    file.write((json.dumps(results, indent=2) + "\n").encode())
+
+
+def residual_table(before: tuple[float, float], after: Fit, held: HeldOut | None) -> Table:
+    """Residuals, um, RMS and largest, of the nominal machine, of the model and of the held-out rows."""
+    from rich.table import Table
+
+    table = Table("residual, um", "RMS", "max")
+    table.add_row("before (nominal machine)", f"{before[0]:.2f}", f"{before[1]:.2f}")
+    table.add_row("after", f"{after.rms_um:.2f}", f"{after.max_um:.2f}")
+    if held is not None:
+        table.add_row(f"held out ({held.blocks} {held.what})", f"{held.rms_um:.2f}", f"{held.max_um:.2f}")
+    return table
+
+
+def show_insignificant(share: float, to: Console) -> None:
+    """A first line for people where most of the correction does not exceed its uncertainty."""
+    from calibration.fit.acceptance import COVERAGE, MOSTLY
+
+    if share < MOSTLY:
+        to.print(
+            f"NOT SIGNIFICANT  at {100 * (1 - share):.0f} % of the measured positions the correction is smaller than "
+            f"{COVERAGE:g} times its standard uncertainty: this calibration hardly improves the machine. Measure more "
+            "positions, or with a more certain instrument"
+        )

@@ -1,0 +1,41 @@
+"""What is simulated, whatever the way through the volume: machine, instrument, faults, and where the results go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from calibration.measurement.instruments import Instrument
+    from calibration.simulation.simulate import Faults
+    from kinematics.effects import Effect
+    from kinematics.error_model.model import ErrorModel
+
+
+class Simulation(NamedTuple):
+    """A virtual machine and a virtual instrument."""
+
+    model: ErrorModel
+    told: Sequence[Effect]
+    """Effects of the model that may name a target or a station."""
+    instrument: Instrument
+    stands_on: Literal["workpiece", "bed"]
+    noise_scale: float
+    faults: Faults
+    temperatures: Mapping[str, tuple[float, float]]
+    """Start and end, K from 20 degC."""
+    seed: int
+    draws: Sequence[np.random.Generator]
+    """Of the truth, the poses, the noise, the faults: one stream each, so that another instrument measures the same
+    machine."""
+    outputs: tuple[str, str | None]
+    """Of the measurement and of the truth."""
+
+
+def streams(seed: int, count: int) -> list[np.random.Generator]:
+    """Independent streams of random numbers."""
+    import numpy as np
+
+    return [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(count)]

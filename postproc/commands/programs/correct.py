@@ -1,0 +1,184 @@
+"""`ncomp correct`, the main job: a program in, its corrected self out."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinematics.user_error import UserError
+from postproc.commands.options.program import (
+    ConditionsLog,
+    Datums,
+    DialectName,
+    Elapsed,
+    NoTravelCheck,
+    Program,
+    SetUpZero,
+    Temperatures,
+    ToolLengths,
+    ToolTable,
+    WorkOffsets,
+    setup_of,
+)
+from postproc.commands.options.shared import (
+    CalibrationName,
+    JsonFile,
+    MachineName,
+    check_apart,
+    check_places,
+    machine_of,
+    model_of,
+    refuse_one_place,
+    whole_results,
+    write_json,
+)
+from postproc.commands.programs.in_place import backup_of, target_of
+
+if TYPE_CHECKING:
+    from kinematics.machine import Machine
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp part.nc --machine dmu50 -o part_c.nc`\n\n"
+    "`ncomp part.h --machine mill.toml --calibration cal.json --work-offset 1=12.5,-80,210 --tool-length T5=96.3 "
+    "-o part_c.h`\n\n"
+    "`ncomp part.nc --machine mill.toml --calibration cal.json --temperature spindle=31.5 --elapsed 3600 "
+    "-o part_c.nc`\n\n"
+    "`ncomp part.nc --machine mill.toml --calibration cal.json --max-correction-um 80 --accept stale,outside "
+    "-o part_c.nc`  although the calibration is old and the part reaches beyond it\n\n"
+    "`ncomp part.nc --machine dmu50 -o part_c.nc --report part.html`  with a page of figures to look at\n\n"
+    "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte"
+)
+
+ClassNames = Annotated[
+    str | None,
+    typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
+]
+Tolerance = Annotated[
+    float,
+    typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would stray farther between their ends."),
+]
+MaxCorrection = Annotated[
+    float | None,
+    typer.Option(
+        "--max-correction-um",
+        metavar="N",
+        min=0.0,
+        max=5000.0,
+        help="Refuse larger corrections of linear axes; default: twice the calibration's largest error, at most 500.",
+    ),
+]
+Accept = Annotated[
+    str | None,
+    typer.Option(
+        "--accept",
+        metavar="NAME,...",
+        help="Go on although it is not plausible: stale, future, temperature, outside, insignificant, worse "
+        "(docs/safety.md).",
+    ),
+]
+
+
+def correct(
+    program: Program,
+    machine: MachineName,
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="OUT.nc", help="Corrected program; default: - for standard output."),
+    ] = None,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="Replace the input; a backup IN.nc.orig stays beside it.")
+    ] = False,
+    calibration: CalibrationName = None,
+    dialect: DialectName = "auto",
+    work_offset: WorkOffsets = None,
+    datum: Datums = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
+    no_travel_check: NoTravelCheck = False,
+    classes: ClassNames = None,
+    tolerance_um: Tolerance = 1.0,
+    temperature: Temperatures = None,
+    elapsed: Elapsed = None,
+    log: ConditionsLog = None,
+    max_correction_um: MaxCorrection = None,
+    accept: Accept = None,
+    unroll: Annotated[
+        bool, typer.Option("--unroll", help="Write loops and calls out: every block as often as it runs.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Correct a program that ncomp has corrected already.")] = False,
+    json: JsonFile = None,
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE.html", help="Page with figures; - for standard output.")
+    ] = None,
+) -> None:
+    """Correct a program: every block end where it should be, by the machine's error model.
+
+    Only coordinate words change; blocks are added where long moves are split and where play is taken up, and a
+    comment that names machine and calibration. What ncomp does not fully understand is refused: exit status 2, no
+    output.
+    """
+    from postproc.commands.show.terminal import progress_of, show_report
+    from postproc.compensation.conditions import make_conditions
+    from postproc.correct.pipeline import Job, Pipeline
+    from postproc.correct.plausibility import parse_accepted
+    from postproc.correct.unroll import unrolled
+    from postproc.dialects import find_dialect
+    from postproc.text.notes import Notes
+    from postproc.text.source import open_source
+
+    target = target_of(program, output, in_place=in_place)
+    refuse_one_place(json, target, "the program")
+    check_apart({"--output": target, "--json": json, "--report": report})
+    check_places((program, calibration, *(tool_table or ()), log), (json, report))
+    check_places((calibration, *(tool_table or ()), log), (target,))
+    accepted = parse_accepted(accept)
+    found = machine_of(machine)
+    model = model_of(calibration, found)
+    chosen = _classes(classes, found)
+    source = open_source(program)
+    known = source.hash
+    setup = setup_of(found, work_offset, tool_length, tool_table, datum, zero=set_up_zero)
+    language = find_dialect(dialect, source.name, source.text_head)
+    if unroll:
+        source = unrolled(source, language, lambda: language.interpreter(found, setup, Notes()))
+    conditions = make_conditions(temperature or (), elapsed, log)
+    job = Job(
+        source,
+        language,
+        found,
+        model,
+        setup,
+        travel_check=not no_travel_check,
+        force=force,
+        classes=chosen,
+        tolerance_um=tolerance_um,
+        conditions=conditions,
+        max_correction_um=max_correction_um,
+        accepted=accepted,
+    )
+    pipeline = Pipeline(job, traced=report is not None)
+    with (
+        progress_of(source.size, "correcting") as progress,
+        backup_of(program, known) if in_place else nullcontext(),
+        whole_results(json, report, target) as (results, page, file),
+    ):
+        done = pipeline.run(file, progress)
+        write_json(done.json(), results)
+        if pipeline.trace is not None:
+            from postproc.commands.show.job_page import job_page
+
+            page.write(job_page(job, done, pipeline.trace, f"ncomp {program} --machine {machine} -o {target}"))
+    show_report(done)
+
+
+def _classes(text: str | None, machine: Machine) -> frozenset[str] | None:
+    from kinematics.error_model.classes import ORIENTATION, parse_classes
+
+    chosen = None if text is None else parse_classes(text)
+    if chosen and ORIENTATION in chosen and not machine.rotary.any():
+        raise UserError(f"--classes {text}: machine {machine.name} has no rotary axis to correct the orientation with")
+    return chosen

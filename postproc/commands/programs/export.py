@@ -1,0 +1,218 @@
+"""`ncomp export`: a calibration as the compensation tables of a control."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from kinematics.user_error import UserError
+from postproc.commands.options.program import (
+    DialectName,
+    SetUpZero,
+    ToolLengths,
+    ToolTable,
+    WorkOffsets,
+    moves_of,
+    setup_of,
+)
+from postproc.commands.options.shared import (
+    CalibrationName,
+    JsonFile,
+    MachineName,
+    check_places,
+    machine_of,
+    model_of,
+    whole_results,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from postproc.control.setup import Setup
+    from postproc.tables.export import Exported
+    from postproc.tables.not_representable import Left
+    from postproc.tables.remaining_error import Places
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp export --machine gantry --calibration cal.json --format linuxcnc -o tables`\n\n"
+    "`ncomp export --machine mill.toml -c cal.json --format siemens-cec --probe X -o probe`  finds out the sign\n\n"
+    "`ncomp export --machine mill.toml -c cal.json --format siemens-cec --sign error --set points=200 -o tables "
+    "--rest rest.json --json -`"
+)
+
+
+def format_names() -> list[str]:
+    """Of the formats that can be written."""
+    from postproc.tables.formats import FORMATS
+
+    return list(FORMATS)
+
+
+FormatName = Annotated[
+    str, typer.Option("--format", help="Format of the tables (docs/tables.md).", autocompletion=format_names)
+]
+SettingTexts = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="What the format asks about the control. Repeatable."),
+]
+SignName = Annotated[
+    str | None,
+    typer.Option("--sign", metavar="error|correction", help="What values are, where no source says so."),
+]
+
+
+def export(
+    machine: MachineName,
+    format: FormatName,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A new folder.")],
+    calibration: CalibrationName = None,
+    sign: SignName = None,
+    settings: SettingTexts = None,
+    tool_mm: Annotated[
+        float, typer.Option("--tool-mm", min=0.0, help="Length of the tool that the tables are made for.")
+    ] = 0.0,
+    probe: Annotated[
+        str | None, typer.Option("--probe", metavar="AXIS", help="Only a table that shows the sign of this axis.")
+    ] = None,
+    rest: Annotated[
+        Path | None, typer.Option("--rest", metavar="REST.json", help="The calibration less what the tables carry.")
+    ] = None,
+    program: Annotated[
+        str | None, typer.Option("--program", metavar="IN.nc", help="Also tell the errors along this program.")
+    ] = None,
+    dialect: DialectName = "auto",
+    work_offset: WorkOffsets = None,
+    tool_length: ToolLengths = None,
+    tool_table: ToolTable = None,
+    set_up_zero: SetUpZero = False,
+    json: JsonFile = None,
+) -> None:
+    """Write a calibration as compensation tables of a control, with a sheet of what they mean and what they leave.
+
+    Tables hold the part of the correction that is a function of what the control knows, with the values and nodes that
+    leave least volumetric error. A program corrected with REST.json does the remainder: nothing is done twice.
+    """
+    from kinematics.error_model.model import encode_model
+    from kinematics.files import whole_folder
+    from postproc.tables.export import export as exported_tables
+    from postproc.tables.export import sign_of
+    from postproc.tables.format import parse_settings
+    from postproc.tables.formats import find_format
+    from postproc.tables.probe import probe as probe_files
+    from postproc.tables.sheet import sheet
+
+    check_places((calibration, program, *(tool_table or ())), (rest, json))
+    _check_folder(output)
+    found = machine_of(machine)
+    form = find_format(format)
+    chosen = parse_settings(form.settings, settings or ())
+    if probe is not None:
+        if (sign, rest, program, json) != (None,) * 4:
+            raise UserError("--probe writes a probe table alone: without --sign, --rest, --program and --json")
+        _write_probe(output, probe_files(found, probe, form, chosen))
+        return
+    meaning = sign_of(form, sign)
+    model = model_of(calibration, found)
+    exported = exported_tables(found, model, form, chosen, meaning, (0.0, 0.0, -tool_mm))
+    setup = setup_of(found, work_offset, tool_length, tool_table, zero=set_up_zero)
+    places = _places(program, dialect, exported, setup)
+    left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
+    if places is not None:
+        errors["program"] = exported.errors_at(places)
+    files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
+    others = whole_results(json, None if rest is None else str(rest))
+    with whole_folder(output, _encoded(files)), others as (results, remainder):
+        write_json(_json(exported, left, errors, list(files)), results)
+        remainder.write(encode_model(exported.rest))
+    _show(exported, left, errors, output, to_screen=json != "-")
+
+
+def _write_probe(output: Path, files: dict[str, str]) -> None:
+    from kinematics.files import write_folder
+    from postproc.commands.show.terminal import say
+
+    write_folder(output, _encoded(files))
+    say("probe", f"read {output / 'probe.md'} before loading anything")
+
+
+def _check_folder(output: Path) -> None:
+    """UserError when the folder can't be made, before any work."""
+    if output.exists() and (not output.is_dir() or any(output.iterdir())):
+        raise UserError(f"can't write {output}: it is not an empty folder; name a new one")
+    if not output.parent.is_dir():
+        raise UserError(f"can't write {output}: its parent is no folder")
+
+
+def _encoded(files: dict[str, str]) -> dict[str, bytes]:
+    return {name: text.encode("utf-8" if name.endswith(".md") else "ascii") for name, text in files.items()}
+
+
+def _places(
+    program: str | None,
+    dialect: str,
+    exported: Exported,
+    setup: Setup,
+) -> Places | None:
+    from postproc.tables.along_program import places_of
+
+    if program is None:
+        return None
+    motions = moves_of(program, dialect, exported.target.machine, setup)
+    places = places_of(motions, exported.target.model)
+    if not len(places.q):
+        raise UserError(f"{program}: no move says where all axes are: nothing to tell errors of")
+    return places
+
+
+def _json(exported: Exported, left: list[Left], errors: dict[str, Any], files: list[str]) -> dict[str, Any]:
+    from postproc.tables.sheet import table_rows
+
+    content = exported.content
+    return {
+        "format": exported.format.name,
+        "machine": exported.target.machine.name,
+        "calibration": exported.whole.id,
+        "demonstration": exported.whole.demonstration,
+        "values_are": content.sign,
+        "sign_confirmed": exported.format.sign is not None,
+        "tool_mm": -float(exported.target.tool[2]),
+        "files": files,
+        "tables": [row._asdict() for row in table_rows(exported)],
+        "errors": errors,
+        "not_carried": [
+            {"error": item.name, "rms_um": None if item.rms_um != item.rms_um else item.rms_um, "why": item.why}
+            for item in left
+        ],
+        "not_carried_orientation_urad": errors["volume"]["tool_axis_urad"]["after_tables"],
+        "datum_shift": {axis: round(value, 7) for axis, value in exported.datum.items()},
+    }
+
+
+def _show(exported: Exported, left: list[Left], errors: dict[str, Any], output: Path, *, to_screen: bool) -> None:
+    from rich.table import Table
+
+    from postproc.commands.show.terminal import console, say
+    from postproc.commands.show.terminal import output as screen
+    from postproc.tables.sheet import STAGES, shift_warning, table_rows
+
+    to = screen if to_screen else console
+    if exported.whole.demonstration:
+        say("demonstration calibration", "it describes no real machine; don't load its tables")
+    warning = shift_warning(exported.datum, errors["volume"]["tool_point_um"])
+    if warning:
+        say("zero shift", warning)
+    carried = Table("table", "points", "from", "to", "largest value", title=f"what {exported.format.name} carries")
+    for row in table_rows(exported):
+        carried.add_row(*row)
+    to.print(carried)
+    for where, numbers in errors.items():
+        table = Table("tool point error, um", "RMS", "95 %", "max", title=f"over the {where}")
+        for stage, sizes in numbers["tool_point_um"].items():
+            table.add_row(STAGES[stage], f"{sizes['rms']:.3f}", f"{sizes['p95']:.3f}", f"{sizes['max']:.3f}")
+        to.print(table)
+    if left:
+        told = ", ".join(item.name if item.rms_um != item.rms_um else f"{item.name} {item.rms_um:.1f}" for item in left)
+        to.print(f"not in the tables (um RMS): {told}")
+    to.print(f"{len(exported.files)} files and sheet.md in {output}; read the sheet before loading them")

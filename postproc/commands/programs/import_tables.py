@@ -1,0 +1,113 @@
+"""`ncomp import`: compensation tables of a control as an error model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kinematics.user_error import UserError
+from postproc.commands.options.shared import MachineName, check_places, machine_of
+from postproc.commands.programs.export import FormatName, SettingTexts, SignName
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from kinematics.effects import Effect
+    from kinematics.error_model.model import ErrorModel
+    from kinematics.machine import Machine
+
+EPILOG = (
+    "Examples:\n\n"
+    "`ncomp import machine.ini comp_x.txt comp_y.txt --machine gantry --format linuxcnc -o in_control.json`\n\n"
+    "`ncomp import tables --machine mill.toml --format siemens-cec --sign error --less-tables-from cal.json "
+    "-o rest.json`"
+)
+
+
+def import_tables(
+    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Tables; a folder stands for its files.")],
+    machine: MachineName,
+    format: FormatName,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.json", help="The error model.")],
+    sign: SignName = None,
+    settings: SettingTexts = None,
+    less_tables_from: Annotated[
+        Path | None,
+        typer.Option("--less-tables-from", metavar="CAL.json", help="Write this calibration less what the tables do."),
+    ] = None,
+    with_tables_to: Annotated[
+        Path | None,
+        typer.Option(
+            "--with-tables-to",
+            metavar="CAL.json",
+            help="Measured with these tables active: write the errors of the machine without them.",
+        ),
+    ] = None,
+) -> None:
+    """Read a control's tables as the errors that they take away.
+
+    A calibration measured without them, less what they do, is what is left for programs to correct; one measured with
+    them active, plus what they do, is the machine itself, from which new tables can be made.
+    """
+    from kinematics.error_model.model import read_model, write_model
+    from postproc.commands.show.terminal import say
+    from postproc.tables.export import sign_of
+    from postproc.tables.format import parse_settings
+    from postproc.tables.formats import find_format
+    from postproc.tables.readers import read_tables
+    from postproc.tables.readers.source import Source
+
+    if less_tables_from is not None and with_tables_to is not None:
+        raise UserError("--less-tables-from and --with-tables-to: one of them")
+    check_places((*files, less_tables_from, with_tables_to), (output,))
+    found = machine_of(machine)
+    form = find_format(format)
+    parse_settings(form.settings, settings or ())
+    said = dict(text.partition("=")[::2] for text in settings or ())
+    texts, prints = _texts(files)
+    effects = read_tables(format, Source(found, texts, sign_of(form, sign), said))
+    joined_to = less_tables_from or with_tables_to
+    base = None if joined_to is None else read_model(joined_to, found)
+    write_model(_model(found, effects, base, -1.0 if less_tables_from else 1.0, form.title, prints), output)
+    say("read", ", ".join(effect.name for effect in effects))
+
+
+def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
+    """Texts and fingerprints by name; of a folder, all but its sheet."""
+    from kinematics.files import fingerprint, read_input
+
+    files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
+    texts, prints = {}, {}
+    for file in files:
+        if file.suffix == ".md" or file.is_dir():
+            continue
+        data = read_input(file, "tables")
+        if file.name in texts:
+            raise UserError(f"{file}: a second file of that name")
+        if b"\0" in data:
+            raise UserError(f"tables {file}: no text")
+        texts[file.name] = data.decode("latin-1")
+        prints[file.name] = fingerprint(data)
+    return texts, prints
+
+
+def _model(
+    machine: Machine, effects: list[Effect], base: ErrorModel | None, sign: float, title: str, prints: dict[str, str]
+) -> ErrorModel:
+    """The tables as an error model, or `sign` times them joined to another."""
+    import datetime
+
+    import msgspec
+
+    from kinematics.error_model.model import ErrorModel, Provenance, reference
+    from postproc.tables.table_model import joined
+
+    if base is None:
+        made = Provenance("ncomp import", datetime.datetime.now(datetime.UTC), title, prints)
+        return ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects))
+    model = joined(base, effects, sign)
+    source = f"{base.provenance.source}; {'with' if sign > 0 else 'less'} {title}".removeprefix("; ")
+    made = msgspec.structs.replace(base.provenance, source=source, inputs=base.provenance.inputs | prints)
+    return msgspec.structs.replace(model, provenance=made)

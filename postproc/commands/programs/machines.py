@@ -1,0 +1,28 @@
+"""`ncomp machines`: the shipped machines, or one machine file."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from postproc.commands.options.shared import machine_of
+
+EPILOG = "Examples:\n\n`ncomp machines`\n\n`ncomp machines dmu50`\n\n`ncomp machines my_mill.toml`"
+
+
+def machines(
+    name: Annotated[str | None, typer.Argument(help="A machine's name, or the path of its .toml file.")] = None,
+) -> None:
+    """List the shipped machines; show one; check a machine file of your own."""
+    import machines as shipped
+    from postproc.commands.show.terminal import output, show_machine
+
+    if name is None:
+        for each in shipped.names():
+            machine = shipped.load(each)
+            output.print(f"{each:<12} {machine.chain:<24} {machine.description}")
+        return
+    machine = machine_of(name)
+    path = shipped.default_calibration(machine)
+    show_machine(machine, "none of its own" if path is None else path.name)

@@ -1,0 +1,81 @@
+"""Figures of a correction: errors and corrections along the program, and the tool path coloured by its error."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calibration.pages import figure
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from postproc.correct.trace import Bins, Ways
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BEFORE, AFTER = "#3465a4", "#cc5500"
+FINE = 200
+"""dpi of paths, which are drawn as pictures: there may be too many pieces for lines of their own."""
+
+
+def error_figure(bins: Bins) -> str:
+    """RMS and largest error of each stretch, before above after, each with its own scale; an SVG."""
+    with figure(9.0, 4.0) as (canvas, drawn):
+        grid = canvas.subplots(2, 1, sharex=True)
+        for k, (place, what, colour) in enumerate(zip(grid, ("before", "after"), (BEFORE, AFTER), strict=True)):
+            if bins.width > 1:
+                _area(place, bins, np.zeros(len(bins)), bins.largest[:, k], colour)
+            place.stairs(bins.rms[:, k], bins.edges, baseline=None, color=colour, linewidth=1)
+            place.set_ylabel(f"{what}, um")
+            place.set_ylim(bottom=0.0)
+        grid[-1].set_xlabel("moves of the program")
+    return drawn[0]
+
+
+def correction_figure(bins: Bins, machine: Machine) -> str:
+    """What was added to each axis that was corrected, or to all linear axes if none was; an SVG."""
+    low, high = bins.corrections
+    changed = np.nan_to_num(np.maximum(np.abs(low), np.abs(high))).max(axis=0) > 0.0
+    shown = [i for i in range(len(machine.axes)) if changed[i] or i in machine.translators]
+    with figure(9.0, 1.3 * len(shown) + 0.3) as (canvas, drawn):
+        grid = canvas.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for place, i in zip(grid, shown, strict=True):
+            _area(place, bins, low[:, i], high[:, i], BEFORE)
+            for values in (low, high) if bins.width > 1 else (high,):
+                place.stairs(values[:, i], bins.edges, baseline=None, color=BEFORE, linewidth=1)
+            place.set_ylabel(f"{machine.names[i]}, {'urad' if machine.rotary[i] else 'um'}")
+        grid[-1].set_xlabel("moves of the program")
+    return drawn[0]
+
+
+def _area(place: Axes, bins: Bins, low: Array, high: Array, colour: str) -> None:
+    place.stairs(high, bins.edges, baseline=low, fill=True, color=colour, alpha=0.25, linewidth=0)
+
+
+def plan_figure(ways: Ways) -> str:
+    """X-Y and X-Z of the tool path, to one scale, coloured by the error before; an SVG."""
+    from matplotlib.collections import LineCollection
+
+    pieces = np.stack([ways.points[:, :-1], ways.points[:, 1:]], axis=2).reshape(-1, 2, 3)
+    width = 2.5 if ways.stride > 1 else 1.0  # dots, where only some moves are left
+    colours = ((ways.errors[:, :-1] + ways.errors[:, 1:]) / 2.0).reshape(-1)
+    with figure(9.0, 4.2) as (canvas, drawn):
+        canvas.set_dpi(FINE)
+        places = canvas.subplots(1, 2)
+        for place, (i, j) in zip(places, ((0, 1), (0, 2)), strict=True):
+            lines = LineCollection(
+                list(pieces[:, :, [i, j]]),
+                array=colours,
+                cmap="viridis",
+                linewidths=width,
+                capstyle="round",
+                rasterized=True,
+            )
+            place.add_collection(lines)
+            place.autoscale()
+            place.set_aspect("equal", "datalim")
+            place.set_xlabel(f"{'xyz'[i]}, mm")
+            place.set_ylabel(f"{'xyz'[j]}, mm")
+        canvas.colorbar(lines, ax=places, label="error before, um", shrink=0.8)
+    return drawn[0]

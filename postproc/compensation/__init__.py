@@ -1,0 +1,1 @@
+"""The error model applied to commanded moves: conditions, datum, deviation and correction."""

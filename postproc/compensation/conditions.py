@@ -1,0 +1,185 @@
+"""The machine's conditions while a program runs: time and temperatures, from options or from a log.
+
+They are those of the moment the program starts, and held over the program.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.files import read_input
+from kinematics.state import REFERENCE, State
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+from postproc.text.number_style import given_number, given_once
+
+ABSOLUTE_ZERO = -273.15
+"""degC."""
+TEMPERATURE = "temp_"
+"""What the column of a temperature begins with."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What, besides positions and directions, errors depend on; without anything, what a cold model needs."""
+
+    elapsed: float | None = None
+    """s since the time zero of thermal effects: since the machine was switched on, or measuring began."""
+    temperatures: Mapping[str, float] = field(default_factory=dict)
+    """By sensor, degC."""
+    past: State | None = None
+    """Up to now, its last row."""
+    log: str = ""
+    """The file that the past comes from."""
+    unread: tuple[str, ...] = ()
+    """Columns of the log that are neither time nor temperature."""
+
+    def state(self, positions: Array, approach: Array | None = None) -> State:
+        """The state at axis positions `(n, axes)`, mm and rad, come to in directions `approach` `(n, axes)`."""
+        n = len(positions)
+        temperatures = {name: np.full(n, value - REFERENCE) for name, value in self.temperatures.items()}
+        return State(
+            positions, approach, time=np.full(n, self.elapsed or 0.0), temperatures=temperatures, past=self.past
+        )
+
+    def states(self, approach: Array | None = None) -> Callable[[Array], State]:
+        """The state by positions, for moves that end in these directions."""
+        return lambda positions: self.state(positions, approach)
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form."""
+        return {"elapsed_s": self.elapsed, "temperatures_degC": dict(self.temperatures), "log": self.log or None}
+
+    def text(self) -> str:
+        """In words, empty when nothing is known."""
+        said = [] if self.elapsed is None else [f"{self.elapsed:g} s after time zero"]
+        said += [f"{name} {value:g} degC" for name, value in self.temperatures.items()]
+        return ", ".join(said) + (", held over the program" if said else "")
+
+    def _in_log(self) -> str:
+        """What the log has, where it lacks something."""
+        if not self.log or self.past is None:
+            return ""
+        names = ["time_s", *(TEMPERATURE + name for name in self.past.temperatures)]
+        return f"; log {self.log} has {', '.join(names)}{_neither(self.unread)}"
+
+    def notes(self, model: ErrorModel) -> list[str]:
+        """What a user should know of how these conditions serve a model; UserError for what it needs and they lack."""
+        of_machine = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
+        used: set[str] = set()
+        settled: list[str] = []
+        for effect in of_machine:
+            used.update(effect.sensors)
+            for sensor in effect.sensors:
+                if sensor not in self.temperatures:
+                    give = f"--temperature {sensor}=degC or --log"
+                    raise UserError(f"{effect.name} needs the temperature {sensor!r}: give {give}{self._in_log()}")
+            if effect.HAS_MEMORY and "time" in effect.needs:
+                settled += [effect.name] if self.past is None else []
+            elif "time" in effect.needs and self.elapsed is None:
+                raise UserError(f"{effect.name} needs the time since its zero: give --elapsed s or --log")
+        logged = () if self.past is None else self.past.temperatures
+        unused = [name for name in self.temperatures if name not in used and name not in logged]
+        notes = [f"temperature {name} was given and no effect uses it" for name in unused]
+        if settled:
+            notes.append(f"{', '.join(settled)}: taken as settled at the temperature given; a --log shows how it came")
+        return notes
+
+
+def make_conditions(
+    temperatures: Iterable[str] = (), elapsed: float | None = None, log: Path | None = None
+) -> Conditions:
+    """The conditions from the options of the command line, which overrule the last row of the log."""
+    if elapsed is not None and not math.isfinite(elapsed):
+        raise UserError(f"--elapsed {elapsed}: not a time")
+    if elapsed is not None and elapsed < 0:
+        raise UserError(f"--elapsed {elapsed:g}: negative")
+    given = given_once(map(parse_temperature, temperatures), "--temperature ")
+    if log is None:
+        return Conditions(elapsed, given)
+    time, columns, unread = _read_log(log)
+    if elapsed is not None:
+        time = time - time[-1] + elapsed
+    for name, value in given.items():
+        columns.setdefault(name, np.full(len(time), value))[-1] = value
+    kelvin = {name: values - REFERENCE for name, values in columns.items()}
+    past = State(np.zeros((len(time), 0)), time=time, temperatures=kelvin)
+    last = {name: float(values[-1]) for name, values in columns.items()}
+    return Conditions(float(time[-1]), last, past, str(log), unread)
+
+
+def parse_temperature(text: str) -> tuple[str, float]:
+    """`spindle=31.5` as sensor and degC; UserError says what is wrong with it."""
+    name, _, value = text.partition("=")
+    if not name.strip() or not value.strip():
+        raise UserError(f"--temperature {text}: expected e.g. spindle=31.5")
+    return name.strip(), degrees(value, f"--temperature {text}")
+
+
+def degrees(text: str, where: str) -> float:
+    """A temperature that a user gave, degC; UserError, beginning with `where`, for what is none."""
+    value = given_number(text, where)
+    if value < ABSOLUTE_ZERO:
+        raise UserError(f"{where}: {value:g} degC is below absolute zero ({ABSOLUTE_ZERO:g})")
+    return value
+
+
+def _neither(names: Sequence[str]) -> str:
+    """On columns of a log that are not read; empty for none."""
+    if not names:
+        return ""
+    verb = "is" if len(names) == 1 else "are"
+    return f"; columns are time_s and temp_NAME; {', '.join(names)} {verb} neither"
+
+
+def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
+    """Times `(n,)`, s, by sensor the temperatures `(n,)`, degC, of a log, and the columns that are neither.
+
+    UserError with line and column.
+    """
+    try:
+        text = read_input(path, "log").decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise UserError(f"log {path}: not UTF-8 text") from None
+    rows = _rows(text, path)
+    line, header = next(rows, (1, []))
+    names = [name.strip() for name in header]
+    temperatures = [i for i, name in enumerate(names) if name.startswith(TEMPERATURE)]
+    unread = tuple(name for name in names if name and name != "time_s" and not name.startswith(TEMPERATURE))
+    for name in ("time_s", *(names[i] for i in temperatures)):
+        if names.count(name) != 1:
+            lacks = _neither(unread) if name not in names else ""
+            raise UserError(f"log {path}:{line}: {names.count(name) or 'no'} column {name}{lacks}")
+    columns = [names.index("time_s"), *temperatures]
+    values = []
+    for line, row in rows:
+        if len(row) != len(names):
+            raise UserError(f"log {path}:{line}: {len(row)} values, the header has {len(names)} columns")
+        places = [f"log {path}:{line}, column {names[i]}" for i in columns]
+        readers = [given_number, *[degrees] * len(temperatures)]
+        values.append([read(row[i], at) for read, i, at in zip(readers, columns, places, strict=True)])
+        if len(values) > 1 and values[-1][0] < values[-2][0]:
+            raise UserError(f"log {path}:{line}, column time_s: runs back")
+    if not values:
+        raise UserError(f"log {path}: no rows")
+    time, *courses = np.array(values).T
+    return time, {names[i].removeprefix(TEMPERATURE): t for i, t in zip(temperatures, courses, strict=True)}, unread
+
+
+def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Line and values of each row; without empty ones, and without comments (#)."""
+    reader = csv.reader(text.splitlines(), strict=True)
+    try:
+        for row in reader:
+            if row and any(value.strip() for value in row) and not row[0].lstrip().startswith("#"):
+                yield reader.line_num, row
+    except csv.Error as fault:
+        raise UserError(f"log {path}:{reader.line_num}: {fault}") from None

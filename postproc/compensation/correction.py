@@ -1,0 +1,155 @@
+"""The correction: the command whose actual pose, under the error model, is the nominal one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.correction import Errors, correct_orientation, correct_position
+from kinematics.error_model.model import ErrorModel
+from kinematics.forward import forward
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.state import State
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.datum import datum_shifts
+from postproc.motion.circles import middle_share
+from postproc.motion.motions import Motions
+from postproc.motion.segments import arc_turned
+
+States = Callable[[Array], State]
+"""The state of the machine at axis positions `(n, axes)`, mm and rad."""
+COLD = Conditions()
+"""What an error model that depends on positions alone needs."""
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Corrected positions of a chunk of moves; positions `(n, axes)` in programmed coordinates, mm and degrees."""
+
+    nominal: Array
+    """Nominal axis positions `(n, axes)`, mm and rad."""
+    corrected: Array
+    """Corrected axis positions `(n, axes)`, mm and rad."""
+    target: Array
+    """Corrected programmed positions."""
+    middle_shift: dict[int, Array]
+    """By row of an arc: corrected minus nominal programmed position `(axes,)` half-way along it."""
+
+
+def correct(
+    motions: Motions,
+    model: ErrorModel,
+    orientation: ErrorModel | None = None,
+    conditions: Conditions = COLD,
+    approach: Array | None = None,
+) -> Correction:
+    """Correct all moves of a chunk: end points, and the middles of arcs.
+
+    Translator axes whose position the program has said in its own frame take the correction of the tool point by
+    `model`; with a model for the orientation, rotary axes that of the tool axis. All others keep the nominal position.
+    The target is the part as it lies: where a work offset was touched off on the machine, its shift is in it, by
+    `model`. approach `(n, axes)`: the direction in which each move comes to its end.
+    """
+    movable = motions.movable
+    nominal = motions.machine_target
+    models, states = (model, orientation), conditions.states(approach)
+    shift = datum_shifts(motions, model, conditions)
+    corrected = corrected_positions(motions.machine, models, states, nominal, motions.tool, movable, shift)
+    rows = sorted(motions.arcs)
+    at_arcs = conditions.states(None if approach is None else approach[rows])
+    middles = _arc_middles(motions, models, at_arcs, movable, rows, shift)
+    return Correction(nominal, corrected, motions.in_program(corrected), middles)
+
+
+def corrected_positions(
+    machine: Machine,
+    models: tuple[ErrorModel, ErrorModel | None],
+    states: States,
+    nominal: Array,
+    tool: Array,
+    movable: NDArrayBool,
+    shift: Array | float = 0.0,
+) -> Array:
+    """Axis positions `(n, axes)`, mm and rad, that put the tool where it nominally is at `nominal` `(n, axes)`.
+
+    By the model of the tool point and, for movable rotary axes, that of the orientation; tool `(n, 3)`, mm. shift
+    `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal position.
+    """
+
+    def errors_of(which: ErrorModel) -> Errors:
+        return lambda q: which.errors(machine, states(q))
+
+    model, orientation = models
+    start = None if orientation is None else correct_orientation(machine, errors_of(orientation), nominal, movable)
+    return correct_position(machine, errors_of(model), nominal, tool, movable, start, shift)
+
+
+class Missed(NamedTuple):
+    """Distances `(n,)` of the actual pose from the wanted one: tool point, um; tool axis, urad."""
+
+    point_um: Array
+    """Error relative to the datum, um: distance from the nominal tool point on the part at its actual position."""
+    axis_urad: Array
+    absolute_um: Array
+    """Absolute error, um: distance from the nominal tool point of the true work offset."""
+    wanted: Array
+    """Nominal tool points `(n, 3)`, mm, workpiece frame."""
+    apart: Array
+    """The absolute error as a vector `(n, 3)`, mm."""
+
+
+def missed(
+    machine: Machine,
+    model: ErrorModel,
+    q: Array,
+    nominal: Array,
+    tool: Array,
+    states: States = State,
+    shift: Array | float = 0.0,
+) -> Missed:
+    """What the machine with errors at `q` misses of the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
+
+    tool `(n, 3)`, mm; exact matrix product. shift `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal
+    position (`datum_shifts`).
+    """
+    actual, wanted = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
+    there = wanted.apply(tool)
+    apart = actual.apply(tool) - there
+    leaning = np.linalg.norm(actual.rotation[:, :, 2] - wanted.rotation[:, :, 2], axis=1)
+    point, absolute = (np.linalg.norm(vector, axis=1) for vector in (apart - shift, apart))
+    return Missed(point * 1e3, leaning * 1e6, absolute * 1e3, there, apart)
+
+
+def _arc_middles(
+    motions: Motions,
+    models: tuple[ErrorModel, ErrorModel | None],
+    states: States,
+    movable: NDArrayBool,
+    rows: list[int],
+    shift: Array,
+) -> dict[int, Array]:
+    if not rows:
+        return {}
+    middles = _middles(motions)
+    nominal = motions.in_machine(middles)
+    corrected = nominal.copy()
+    tool = motions.tool[rows]
+    corrected[rows] = corrected_positions(
+        motions.machine, models, states, nominal[rows], tool, movable[rows], shift[rows]
+    )
+    moved = motions.in_program(corrected) - middles
+    return {row: moved[row] for row in rows}
+
+
+def _middles(motions: Motions) -> Array:
+    """Programmed positions `(n, axes)` in the middle of all moves, of arcs as `middle_share` has it."""
+    middles = motions.along(0.5)
+    for row, arc in motions.arcs.items():
+        share = middle_share(arc_turned(motions, row)) if arc.turns else 0.5
+        if share != 0.5:
+            middles[row] = motions.take(np.array([row])).along(share)[0]
+    return middles

@@ -1,0 +1,98 @@
+"""The datum: where it truly is, when its work offset was touched off on the machine with errors.
+
+A touch-off stores the commanded position W at which the tip was at the true datum D. So W = D - e(W) and
+D = W + e(W), where e is the deviation (actual minus nominal, tool relative to workpiece, workpiece frame) in the pose
+of the touch-off, with the probe's length. The part is fixed to the workpiece frame, so each of its points lies e(W)
+beside its nominal position, in whatever pose it is cut. A correction aims at the nominal tool point plus this shift,
+and an error relative to the datum is e(q) - e(W).
+
+Axes with play are taken in the middle of it at a touch-off; time and temperatures are those of the run. Orientations
+are not shifted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.deviation import exact_deviation
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_transform import place_transform
+from kinematics.inverse import linear_positions
+from kinematics.machine import Machine
+from kinematics.touch_off import TouchOff
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.motion.frames import cartesian
+from postproc.motion.motions import Motions
+
+
+class Poses(NamedTuple):
+    """Nominal poses of touch-offs: axis positions `(k, axes)`, mm and rad; tips `(k, 3)`, mm, as `Motions.tool`."""
+
+    positions: Array
+    tool: Array
+
+
+def poses(machine: Machine, touch_offs: Sequence[TouchOff]) -> Poses:
+    """The poses of the machine in which the tip of the probe is at the position of each touch-off.
+
+    X Y Z of a touch-off are the tip's coordinates in the machine's directions: those of the tool reference point for a
+    probe of length 0. Tables that turn do not move them.
+    """
+    given = np.array([there.position for there in touch_offs], float).reshape(-1, len(machine.axes)) * machine.scale
+    tool = np.array([(0.0, 0.0, -there.length) for there in touch_offs]).reshape(-1, 3)
+    tables = np.array([axis.rotary and axis.side == "workpiece" for axis in machine.axes])
+    upright = np.where(tables, 0.0, given)
+    placed = linear_positions(machine, upright, given[:, cartesian(machine)], tool)
+    return Poses(np.where(machine.rotary, given, placed), tool)
+
+
+def deviations(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOff], conditions: Conditions) -> Array:
+    """True datum minus work offset, D - W = e(W), `(k, 3)`, mm, workpiece frame, by the exact model."""
+    if not model.effects or not touch_offs:
+        return np.zeros((len(touch_offs), 3))
+    q, tool = poses(machine, touch_offs)
+    return exact_deviation(machine, q, model.errors(machine, conditions.state(q, np.zeros_like(q))), tool).position
+
+
+def sensitivities(machine: Machine, model: ErrorModel, touch_offs: Sequence[TouchOff], conditions: Conditions) -> Array:
+    """Derivatives `(k, 3, parameters)` of the deviations at touch-offs by the parameters of the model, first order."""
+    q, tool = poses(machine, touch_offs)
+    return model.design(machine, conditions.state(q, np.zeros_like(q)), place_transform(machine, q, tool)[:, :3])
+
+
+class DatumPrediction(NamedTuple):
+    """What a model predicts of the datum of each row, to be taken off the deviations there."""
+
+    shift: Array
+    """True datum minus work offset `(n, 3)`, mm, workpiece frame."""
+    sensitivity: Array
+    """Its derivatives by the parameters of the model `(n, 3, parameters)`."""
+
+
+def datum_prediction(motions: Motions, model: ErrorModel, conditions: Conditions) -> DatumPrediction | None:
+    """The datum of every row of a chunk, with its sensitivity; 0 for true work offsets, None where all are true."""
+    machine, (touch_offs, which) = motions.machine, touched(motions)
+    if not touch_offs:
+        return None
+    sensitivity = sensitivities(machine, model, touch_offs, conditions)
+    none = np.zeros((1, *sensitivity.shape[1:]))
+    return DatumPrediction(datum_shifts(motions, model, conditions), np.concatenate([sensitivity, none])[which])
+
+
+def touched(motions: Motions) -> tuple[list[TouchOff], np.ndarray]:
+    """The touch-offs of the rows of a chunk, each once, and which is that of each row `(n,)`; -1 for none."""
+    found: dict[TouchOff, int] = {}
+    of_frame = [
+        -1 if frame.touch_off is None else found.setdefault(frame.touch_off, len(found)) for frame in motions.frames
+    ]
+    return list(found), np.array(of_frame, int)[motions.frame]
+
+
+def datum_shifts(motions: Motions, model: ErrorModel, conditions: Conditions) -> Array:
+    """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame; 0 for true offsets."""
+    touch_offs, which = touched(motions)
+    return np.asarray(np.vstack([deviations(motions.machine, model, touch_offs, conditions), np.zeros(3)])[which])

@@ -1,0 +1,100 @@
+"""What a program is judged by: the part of a model that a program can put right, in the directions of its own moves."""
+
+from __future__ import annotations
+
+import bisect
+
+import numpy as np
+
+from kinematics.effects import Effect
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import States
+from postproc.compensation.datum import datum_shifts
+from postproc.motion.motions import Motions
+from postproc.motion.reversals import (
+    INNER,
+    Directions,
+    axes_with_play,
+    dead_band,
+    known_before,
+    turns_inside,
+    ways,
+)
+
+
+def in_a_program(effect: Effect) -> bool:
+    """True for effects of the machine that a corrected program, or less, puts right."""
+    return effect.ACTS_ON != "instrument" and effect.REMEDY != "none"
+
+
+def standing_notes(model: ErrorModel, conditions: Conditions) -> list[str]:
+    """What a user should know of a model under these conditions; UserError for what it needs and they do not give."""
+    beyond = [e.name for e in model.effects if e.ACTS_ON != "instrument" and not in_a_program(e)]
+    left = [f"{', '.join(beyond)}: no program can put that right; left out, of what is predicted too"] if beyond else []
+    return left + conditions.notes(model.part(in_a_program))
+
+
+class Judge:
+    """Follows the moves of one text, chunk after chunk, and says in which state the machine comes to their ends."""
+
+    def __init__(
+        self,
+        model: ErrorModel,
+        machine: Machine,
+        conditions: Conditions,
+        tolerance_um: float,
+        *,
+        written: bool = False,
+    ) -> None:
+        self.axes = axes_with_play(model, machine)
+        self.band = dead_band(machine, tolerance_um)
+        if written:
+            # what was no reversal, there and on the way there, is none after rounding; a take-up is more than that
+            self.band = 2 * self.band + dead_band(machine, 0.0)
+        self._model, self._conditions = model, conditions
+        self._directions = Directions(self.axes, self.band)
+        self.approach: Array | None = None
+        """At the ends of the last chunk `(n, axes)`."""
+        self._along: Array | None = None
+        """Along its moves `(n, shares, axes)`, at INNER and the end, where an axis may turn back within one."""
+
+    def datum_shifts(self, motions: Motions) -> Array:
+        """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame, at the rows of a chunk."""
+        return datum_shifts(motions, self._model, self._conditions)
+
+    def along(self, motions: Motions) -> Array | None:
+        """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without play."""
+        if not self.axes:
+            return None
+        return self._follow(motions, ways(motions, (*INNER, 1.0)))
+
+    def _follow(self, motions: Motions, positions: Array) -> Array:
+        """Directions at positions `(n, shares, axes)` of a chunk, of which the last are its ends."""
+        starts = motions.in_machine(motions.start)
+        along = self._directions.follow_moves(motions, positions, starts, known_before(motions))
+        self.approach, self._along = along[:, -1], along if along.shape[1] > 1 else None
+        return along
+
+    def states(self, motions: Motions, rows: NDArrayBool) -> States:
+        """The state at some rows of a chunk `(n,)`."""
+        if self.axes and len(motions):
+            if turns_inside(motions, self.axes, self.band).any():
+                self.along(motions)
+            else:
+                self._follow(motions, motions.machine_target[:, None])
+        return self.last_states(rows)
+
+    def last_states(self, rows: np.ndarray, share: float = 1.0) -> States:
+        """The same for other rows of the last chunk, as a mask or by their numbers, at a share of their paths."""
+        if self._along is not None:
+            looked_at = bisect.bisect_left((*INNER, 1.0), share)
+            return self._conditions.states(self._along[rows, looked_at])
+        return self._conditions.states(None if self.approach is None else self.approach[rows])
+
+
+def where(approach: Array | None, share: int, rows: np.ndarray) -> Array | None:
+    """Directions at some rows and one share, of those along moves."""
+    return None if approach is None else np.asarray(approach[rows, share])

@@ -1,0 +1,180 @@
+"""The work offsets that a program used: how each was obtained, its true datum, and the true offset to enter instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.forward import tool_point
+from kinematics.inverse import linear_positions
+from kinematics.machine import Machine
+from kinematics.touch_off import Datum, TouchOff
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.datum import deviations, poses
+from postproc.control.setup import NO_OFFSET, Setup
+from postproc.motion.frames import cartesian
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Known
+
+TURNED = 1e-3
+"""degrees"""
+NOTE_TURNED = (
+    "{name} is first used at {at} and taken as touched off elsewhere: --datum {name}=probed@{at} if it was there"
+)
+LISTED = 12
+"""Touch-offs that are listed; a program that sets its work offsets itself may have any number."""
+
+
+@dataclass(frozen=True)
+class UsedDatum:
+    """A touched-off work offset that a program used."""
+
+    touch_off: TouchOff
+    machine: Machine
+    tcp: bool
+    """X Y Z of the work offset are those of the tool point in the workpiece frame."""
+    given: Datum
+    """Datum entry from the user or the machine file."""
+    by_default: bool
+    """True if neither of them gives one."""
+    shift: Array | None = None
+    """True datum minus work offset `(3,)`, mm, workpiece frame; None without an error model."""
+
+    @property
+    def instead(self) -> Array:
+        """The work offset `(3,)`, mm, with which the program cuts the same part when it is called true."""
+        offset = np.array(self.touch_off.offset)[list(cartesian(self.machine))]
+        if self.shift is None:
+            return offset
+        if self.tcp:
+            return np.asarray(offset + self.shift)
+        q, tool = poses(self.machine, [self.touch_off])
+        moved = linear_positions(self.machine, q, tool_point(self.machine, q, tool) + self.shift, tool)
+        return np.asarray(offset + (moved - q)[0, cartesian(self.machine)])
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Texts for the user: how the offset was obtained, and the true datum."""
+        there = self.touch_off
+        order = sorted(range(len(self.machine.names)), key=lambda i: (self.machine.rotary[i], self.machine.names[i]))
+        position = " ".join(f"{self.machine.names[i]} {there.position[i]:g}" for i in order)
+        probe = f"{there.length:g} mm" + ("" if self.given.probe is not None else ", the length of the first tool")
+        default = " (default)" if self.by_default else ""
+        touched = ("datum", f"{there.name}: probed{default} at {position}; probe {probe}")
+        if self.shift is None:
+            return [touched]
+        x, y, z = (f"{1e3 * value:+.1f}" for value in self.shift)
+        new = ", ".join(f"{axis} {value:.4f}" for axis, value in zip("XYZ", self.instead, strict=True))
+        return [
+            touched,
+            ("true datum", f"{there.name} {x} {y} {z} um in x, y, z; with --datum {there.name}=true enter {new}"),
+        ]
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form."""
+        there = self.touch_off
+        return {
+            "work_offset": there.name,
+            "obtained": "probed",
+            "position": dict(zip(self.machine.names, there.position, strict=True)),
+            "probe_mm": there.length,
+            "probe_given": self.given.probe is not None,
+            "true_datum_minus_offset_um": None if self.shift is None else np.round(self.shift * 1e3, 4).tolist(),
+            "true_offset_mm": dict(zip("XYZ", np.round(self.instead, 7).tolist(), strict=True)),
+        }
+
+
+@dataclass
+class UsedDatums:
+    """Gathers the touch-offs of the moves of a program, chunk by chunk."""
+
+    setup: Setup
+    used: list[UsedDatum] = field(default_factory=list)
+    _known: set[TouchOff] = field(default_factory=set)
+    _turned: dict[str, str] = field(default_factory=dict)
+    """Note, by work offset, on rotary axes with another position in its first move than at its touch-off; or none."""
+    _outside: list[str] = field(default_factory=list)
+    """Notes on touch-offs outside the travel, or outside the range of the calibration."""
+
+    def add(self, motions: Motions) -> None:
+        """Add the moves of a chunk with programmed coordinates."""
+        self._look_at_turned(motions)
+        for index in dict.fromkeys(motions.frame[motions.programmed].tolist()):
+            frame = motions.frames[index]
+            there = frame.touch_off
+            if there is None or there in self._known:
+                continue
+            self._known.add(there)
+            given, by_default = self.setup.datum(there.name), self.setup.datum_by_default(there.name)
+            self.used.append(UsedDatum(there, motions.machine, frame.tcp, given, by_default))
+
+    def _look_at_turned(self, motions: Motions) -> None:
+        """Look at the first move of each work offset whose rotary positions at the touch-off nobody has given."""
+        machine, judged = motions.machine, np.flatnonzero(motions.judged)
+        for index in dict.fromkeys(motions.frame[judged].tolist()):
+            frame = motions.frames[index]
+            there = frame.touch_off
+            if there is None or there.name in self._turned:
+                continue
+            row = judged[motions.frame[judged] == index][0]
+            stands = np.array(there.position)
+            known = (motions.known[row] == Known.PROGRAM) & machine.rotary
+            q = np.where(known, motions.target[row] + frame.offset, stands)
+            away = np.flatnonzero(np.abs(q - stands) > TURNED)
+            given = any(machine.names[i] in self.setup.datum(there.name).at for i in np.flatnonzero(machine.rotary))
+            at = ",".join(f"{machine.names[i]}{q[i]:g}" for i in away)
+            self._turned[there.name] = (
+                "" if given or frame.tcp or not at else NOTE_TURNED.format(name=there.name, at=at)
+            )
+
+    def notes(self) -> list[str]:
+        """Notes on touch-offs that the program makes doubtful."""
+        return [*filter(None, self._turned.values()), *self._outside]
+
+    def predict(self, machine: Machine, model: ErrorModel, conditions: Conditions) -> None:
+        """Work out where the true datums are; without effects nothing is known of them.
+
+        A touch-off without a length, of moves before the first tool, is left out where the same has one.
+        """
+        lengths = {there.touch_off.name for there in self.used if there.touch_off.probe is not None}
+        self.used = [u for u in self.used if u.touch_off.probe is not None or u.touch_off.name not in lengths]
+        if model.effects:
+            shifts = deviations(machine, model, [there.touch_off for there in self.used], conditions)
+            self.used = [replace(there, shift=shift) for there, shift in zip(self.used, shifts, strict=True)]
+            for there in self.used[:LISTED]:
+                self._look_outside(machine, model, there.touch_off, conditions)
+
+    def _look_outside(self, machine: Machine, model: ErrorModel, there: TouchOff, conditions: Conditions) -> None:
+        q, _ = poses(machine, [there])
+        for axis, value in zip(machine.axes, q[0] / machine.scale, strict=True):
+            low, high = axis.travel
+            if not low - TURNED <= value <= high + TURNED:
+                self._outside.append(
+                    f"the touch-off of {there.name} takes {axis.name} to {value:.4g} {axis.unit}, outside its travel "
+                    f"{low:g}..{high:g} {axis.unit}: is the work offset, or the length of the probe, the right one?"
+                )
+        beyond = model.outside(machine, conditions.state(q, np.zeros_like(q)))
+        self._outside += [
+            f"at the touch-off of {there.name} {name} is used {excess:.4g} {unit} beyond its calibrated range; its end "
+            "value is held there"
+            for (name, unit), excess in sorted(beyond.items())
+        ]
+
+    def facts(self, offsets: Iterable[str]) -> list[tuple[str, str]]:
+        """All of them in words, and those of some work offsets that are true."""
+        rows = [fact for there in self.used[:LISTED] for fact in there.facts()]
+        if len(self.used) > LISTED:
+            rows.append(("datum", f"{len(self.used) - LISTED} more that the program sets"))
+        return [*rows, *(("datum", f"{name}: true") for name in self._true(offsets))]
+
+    def json(self, offsets: Iterable[str]) -> list[dict[str, Any]]:
+        """The machine-readable form of the same."""
+        listed = [there.json() for there in self.used[:LISTED]]
+        return [*listed, *({"work_offset": name, "obtained": "true"} for name in self._true(offsets))]
+
+    def _true(self, offsets: Iterable[str]) -> list[str]:
+        return [name for name in offsets if name not in NO_OFFSET and not self.setup.datum(name).probed]

@@ -1,0 +1,186 @@
+"""The set-up that a program meets: work offsets and tools from the machine file, tables and options."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Generic, NamedTuple, TypeVar
+
+from kinematics.machine import EVERY_OTHER, Machine
+from kinematics.touch_off import Datum, read_datum
+from kinematics.user_error import UserError
+from postproc.control.tool_table import ToolTable, is_number, shown_tool, tool_key
+from postproc.text.number_style import given_number, given_once
+
+NO_OFFSET = frozenset(("G53", "G500"))
+"""Names of frames that are the machine's own: no work offset."""
+T = TypeVar("T")
+
+
+class Origin(enum.Enum):
+    """Origin of a work offset or a tool length; the value is its text on screens."""
+
+    GIVEN = ""
+    """Options, a table of the control, or the machine file."""
+    PROGRAM = "set by the program"
+    ZERO = "--set-up-zero"
+    ASSUMED = "assumed"
+    """Assumed by the machine file, for all values that are not given."""
+
+
+class Given(NamedTuple, Generic[T]):
+    """A value with its origin."""
+
+    value: T
+    origin: Origin
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Offsets by name and tool lengths by number, as they are before a program runs on one machine.
+
+    Options have priority over a tool table, and a tool table over the machine file. A value that is not given is zero
+    if the user has asked for zero, otherwise the value that the machine file assumes, otherwise missing.
+    """
+
+    machine: Machine
+    work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Given for this run, by name and axis, mm or degrees."""
+    tools: Mapping[str, float] = field(default_factory=dict)
+    """Lengths given for this run, mm, by number or name."""
+    given_tools: frozenset[str] = frozenset()
+    """Numbers of tools whose lengths were given one by one, not in a table."""
+    radii: Mapping[str, float] = field(default_factory=dict)
+    """Tool radii, mm, by number or name; from a table."""
+    datums: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Lines of a datum table by number and axis, mm or degrees."""
+    turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Work offsets that turn the coordinates, by name: degrees about X, Y, Z."""
+    obtained: Mapping[str, Datum] = field(default_factory=dict)
+    """Datum entries of work offsets that are given for this run, by name."""
+    probed: bool = False
+    """All other work offsets were touched off on the machine; otherwise they are true."""
+    zero: bool = False
+    """Work offsets and tool lengths that nobody gave are zero on purpose (--set-up-zero)."""
+
+    def datum(self, name: str) -> Datum:
+        """Datum entry of a work offset; machine coordinates are true."""
+        if name in NO_OFFSET:
+            return Datum(probed=False)
+        everywhere = self.machine.datums.get("default", Datum(self.probed))
+        return self.obtained.get(name, self.machine.datums.get(name, everywhere))
+
+    def datum_by_default(self, name: str) -> bool:
+        """True for a work offset for which neither the user nor the machine file states how it was obtained."""
+        return not {name, "default"} & self.machine.datums.keys() and name not in self.obtained
+
+    def work_offset(self, name: str) -> Given[Mapping[str, float]] | None:
+        """Work offset of a name by axis, mm or degrees; None where nobody gave it."""
+        machine = self.machine
+        return self._given(name, self.work_offsets, machine.work_offsets, machine.offsets_assumed, {})
+
+    def tool_length(self, tool: int | str) -> Given[float] | None:
+        """Length of a tool by number or name, mm, from the tool reference point to the tip; None where not given."""
+        return self._given(tool_key(str(tool)), self.tools, self.machine.tools, self.machine.tools_assumed, 0.0)
+
+    def names_offset(self, name: str) -> bool:
+        """True for a work offset that is given by its own name."""
+        return name in self.work_offsets or name in self.machine.work_offsets
+
+    def names_tool(self, tool: int | str) -> bool:
+        """True for a tool whose length is given by its own number or name."""
+        key = tool_key(str(tool))
+        return key in self.tools or key in self.machine.tools
+
+    def _given(
+        self, name: str, own: Mapping[str, T], of_machine: Mapping[str, T], assumed: bool, zero: T
+    ) -> Given[T] | None:
+        if name in own:
+            return Given(own[name], Origin.GIVEN)
+        if name in of_machine and not assumed:
+            return Given(of_machine[name], Origin.GIVEN)
+        if self.zero:
+            return Given(zero, Origin.ZERO)
+        value = of_machine.get(name, of_machine.get(EVERY_OTHER))
+        return None if value is None else Given(value, Origin.ASSUMED)
+
+    def tool_radius(self, tool: int | str) -> float | None:
+        """Radius of a tool by number or name, mm; None where no table gives it."""
+        return self.radii.get(tool_key(str(tool)))
+
+
+def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float]]:
+    """`G54=10,20,-5` or `G54=10,20,-5,C=30` as name and offsets; UserError says what is wrong with it."""
+    name, _, values = text.partition("=")
+    if not name.strip() or not values.strip():
+        raise UserError(f"--work-offset {text}: expected G54=x,y,z")
+    offsets: dict[str, float] = {}
+    unnamed = 0
+    for i, entry in enumerate(values.split(",")):
+        axis, equals, number = entry.rpartition("=")
+        unnamed += not equals
+        axis = axis.strip().upper() or ("XYZ"[i] if i < 3 else "")
+        if axis not in machine.names:
+            raise UserError(f"--work-offset {text}: no axis {axis or '(fourth value)'} on machine {machine.name}")
+        if axis in offsets:
+            raise UserError(f"--work-offset {text}: {axis} is given twice")
+        offsets[axis] = given_number(number, f"--work-offset {text}")
+    wanted = sum(axis in machine.names for axis in "XYZ")
+    if 0 < unnamed < wanted:
+        raise UserError(
+            f"--work-offset {text}: expected G54=x,y,z, got {unnamed} of {wanted} values (or by name: G54=X=10)"
+        )
+    return "".join(name.split()).upper(), offsets
+
+
+def parse_datum(text: str, machine: Machine) -> tuple[str, Datum]:
+    """`G54=probed@C90,probe=120` as name and datum; UserError with the reason for any other form."""
+    name, equals, obtained = text.partition("=")
+    if not name.strip() or not equals:
+        raise UserError(f"--datum {text}: expected e.g. G54=probed or G54=true")
+    return "".join(name.split()).upper(), read_datum(obtained, machine.names, f"--datum {text}")
+
+
+def parse_tool_length(text: str) -> tuple[str, float]:
+    """`T1=120.5` or `MILL_10=120.5` as number or name and length, mm; UserError with the reason for any other form."""
+    given, _, value = text.rpartition("=")
+    name = tool_key(given)
+    if not name or not value.strip():
+        raise UserError(f"--tool-length {text}: expected T1=mm, or NAME=mm for a tool that has a name")
+    number = name.removeprefix("T")
+    return tool_key(number) if is_number(number) else name, given_number(value, f"--tool-length {text}")
+
+
+def make_setup(
+    machine: Machine,
+    work_offsets: Iterable[str] = (),
+    tool_lengths: Iterable[str] = (),
+    table: ToolTable | None = None,
+    datums: Iterable[str] = (),
+    *,
+    probed: bool = False,
+    zero: bool = False,
+) -> Setup:
+    """The setup from the options of the command line and a tool table; work offsets are true unless `probed`."""
+    table = table or ToolTable()
+    for name, values in table.work_offsets.items():
+        for axis, value in values.items():
+            if axis not in machine.names and value:
+                raise UserError(f"tool table: work offset {name}: no axis {axis} on machine {machine.name}")
+    given = given_once((parse_work_offset(text, machine) for text in work_offsets), "--work-offset ")
+    named = [parse_tool_length(text) for text in tool_lengths]
+    given_once(((shown_tool(tool), length) for tool, length in named), "--tool-length ")
+    lengths = dict(named)
+    return Setup(
+        machine,
+        {**table.work_offsets, **given},
+        {**table.tools, **lengths},
+        given_tools=frozenset(lengths),
+        radii=table.radii,
+        datums=table.datums,
+        turned=table.turned,
+        obtained=given_once((parse_datum(text, machine) for text in datums), "--datum "),
+        probed=probed,
+        zero=zero,
+    )

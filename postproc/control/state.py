@@ -1,0 +1,180 @@
+"""Offsets and tools of the control while one program runs: the set-up, changed by the program, and its use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from kinematics.touch_off import TouchOff, touch_off
+from postproc.control.setup import Origin, Setup
+from postproc.control.tool_table import shown_tool, tool_key
+from postproc.motion.frames import Frame
+from postproc.text.block import Block
+
+
+@dataclass
+class ControlState:
+    """Belongs to one interpreter: every reading of a program begins with a new one."""
+
+    setup: Setup
+    offsets: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Work offsets that the program has set, by name and axis, mm or degrees; other axes are as in the set-up."""
+    fine: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Fine shifts of work offsets, which come on top, by name and axis, mm or degrees."""
+    tools: dict[str, float] = field(default_factory=dict)
+    """Tool lengths that the program has set, mm, by number or name."""
+    radii: dict[str, float] = field(default_factory=dict)
+    """Tool radii that the program has set, mm, by number or name."""
+    wear: dict[str, float] = field(default_factory=dict)
+    """Added to tool lengths by the program, mm, by number."""
+    used_offsets: dict[str, str] = field(default_factory=dict)
+    """Work offsets that a move was programmed in, with their values in words."""
+    used_tools: dict[str, str] = field(default_factory=dict)
+    """Tools that a programmed move was made with, with their lengths, mm, in words."""
+    assumed: dict[str, str] = field(default_factory=dict)
+    """Work offsets and tools among them that the machine file assumes, with their values in words."""
+    _frame: Frame | None = None
+    """The last frame that was looked at."""
+
+    # ---- work offsets
+
+    def enter_offset(self, name: str, values: Mapping[str, float]) -> None:
+        """Set axes of a work offset, mm or degrees."""
+        self.offsets.setdefault(name, {}).update(values)
+
+    def work_offset(self, name: str) -> tuple[float, ...]:
+        """Work offset of every machine axis, mm or degrees: added to a programmed position.
+
+        0 for machine zero, whose name is empty, and where nobody gave it.
+        """
+        values = self._offset_values(name) if name else {}
+        return tuple(values.get(axis, 0.0) for axis in self.setup.machine.names)
+
+    def names_offset(self, name: str) -> bool:
+        """True for a work offset that is given by its own name, or set by the program."""
+        return name in self.offsets or self.setup.names_offset(name)
+
+    def _offset_values(self, name: str) -> dict[str, float]:
+        given = self.setup.work_offset(name)
+        values = {**(given.value if given else {}), **self.offsets.get(name, {})}
+        for axis, shift in self.fine.get(name, {}).items():
+            values[axis] = values.get(axis, 0.0) + shift
+        return values
+
+    def _offset_origin(self, name: str) -> Origin | None:
+        """Origin of a work offset; None if X, Y or Z is not given."""
+        if set("XYZ") & set(self.setup.machine.names) <= self.offsets.get(name, {}).keys():
+            return Origin.PROGRAM
+        given = self.setup.work_offset(name)
+        return given and given.origin
+
+    # ---- tools
+
+    def enter_length(self, tool: int | str, length: float) -> None:
+        """Set the length of a tool, mm."""
+        self.tools[tool_key(str(tool))] = length
+
+    def touch_off(self, name: str) -> TouchOff | None:
+        """The touch-off of a work offset as it is now; None for one that is true."""
+        datum = self.setup.datum(name)
+        return touch_off(name, datum, self.work_offset(name), self.setup.machine) if datum.probed else None
+
+    def tool_length(self, tool: int | str) -> float:
+        """Length of a tool by number or name, mm, from the tool reference point to the tip, with its wear.
+
+        0 where nobody gave it.
+        """
+        key = tool_key(str(tool))
+        given = self.setup.tool_length(key)
+        return self.tools.get(key, given.value if given else 0.0) + self.wear.get(key, 0.0)
+
+    def tool_radius(self, tool: int | str) -> float | None:
+        """Radius of a tool by number or name, mm; None where nothing gives it."""
+        key = tool_key(str(tool))
+        return self.radii.get(key, self.setup.tool_radius(key))
+
+    def knows(self, tool: int | str) -> bool:
+        """True for a tool whose length is given by its own name, or set by the program."""
+        key = tool_key(str(tool))
+        return key in self.tools or self.setup.names_tool(key)
+
+    def _tool_origin(self, key: str) -> Origin | None:
+        """Origin of the length of a tool; None if it is not given."""
+        if key in self.tools:
+            return Origin.PROGRAM
+        given = self.setup.tool_length(key)
+        return given and given.origin
+
+    # ---- the offsets and tools that a program uses
+
+    def use(self, block: Block, frame: Frame | None) -> None:
+        """Register the frame of the last move of a block; Refusal if its offset or tool length is not given."""
+        if frame is None or frame is self._frame:
+            return
+        self._frame = frame
+        offset, tool = frame.work_offset, tool_key(frame.tool_name)
+        if offset and offset not in self.used_offsets:
+            origin, text = self._offset_origin(offset), self._offset_text(offset)
+            self.used_offsets[offset] = _with_origin(text, origin)
+            if origin is None:
+                raise block.refuse(f"work offset {offset} is not given; " + _how(f"--work-offset {offset}=x,y,z"))
+            if origin is Origin.ASSUMED:
+                self.assumed[f"work offset {offset}"] = f"{offset} {text}"
+        if frame.tool_name and tool not in self.used_tools:
+            origin, text, shown = self._tool_origin(tool), f"{self.tool_length(tool):g}", shown_tool(tool)
+            self.used_tools[tool] = _with_origin(text, origin)
+            if origin is None:
+                raise block.refuse(f"length of tool {shown} is not given; " + _how(f"--tool-length {shown}=mm"))
+            if origin is Origin.ASSUMED:
+                self.assumed[f"tool {shown}"] = f"{shown} {text} mm"
+
+    def _offset_text(self, name: str) -> str:
+        return ", ".join(f"{axis} {value:g}" for axis, value in self._offset_values(name).items()) or "0"
+
+    def origins(self, frame: Frame) -> str:
+        """Work offset and tool length that a frame is made of, with their origins, in words; empty for none."""
+        parts = []
+        if name := frame.work_offset:
+            parts.append(f"work offset {name} = {_with_origin(self._offset_text(name), self._offset_origin(name))}")
+        if frame.tool_name:
+            tool = tool_key(frame.tool_name)
+            length = _with_origin(f"{self.tool_length(tool):g} mm", self._tool_origin(tool))
+            parts.append(f"tool {shown_tool(tool)} = {length}")
+        return " and ".join(parts)
+
+    def assumption(self) -> str:
+        """A sentence on the work offsets and tools that are assumed; empty for none."""
+        if not self.assumed:
+            return ""
+        *others, last = self.assumed
+        names = f"{', '.join(others)} and {last}" if others else last
+        options = [f"--{option}" for option in ("work-offset", "tool-length") if _gives(option, self.assumed)]
+        return (
+            f"{names[0].upper()}{names[1:]} {'are' if others else 'is'} assumed: {'; '.join(self.assumed.values())}; "
+            f"give {' / '.join(options)}"
+        )
+
+    def unused(self) -> list[str]:
+        """Notes on work offsets and tool lengths that were given for this run and not used: misspelt, perhaps."""
+        offsets = sorted(self.setup.work_offsets.keys() - self.used_offsets.keys())
+        tools = sorted(self.setup.given_tools - self.used_tools.keys(), key=lambda tool: (len(tool), tool))
+        datums = sorted(self.setup.obtained.keys() - self.used_offsets.keys())
+        return [
+            *(f"work offset {name} was given and is not used" for name in offsets),
+            *(f"the datum of {name} was given and is not used" for name in datums),
+            *(f"tool length {shown_tool(tool)} was given and is not used" for tool in tools),
+        ]
+
+
+def _how(option: str) -> str:
+    return f"give it by {option}, by --tool-table or in the machine file, or take zero on purpose by --set-up-zero"
+
+
+def _gives(option: str, names: Iterable[str]) -> bool:
+    """True where one of the names is a work offset, or a tool, that the option gives."""
+    return any(name.split()[0] == option.partition("-")[0] for name in names)
+
+
+def _with_origin(value: str, origin: Origin | None) -> str:
+    """A value in words with its origin, where that is worth a word."""
+    return f"{value} ({origin.value})" if origin is not None and origin.value else value

@@ -1,0 +1,73 @@
+"""What a table of a control says of the set-up: tools, work offsets, datums."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from kinematics.user_error import UserError
+
+_NUMBER = re.compile(r"\d+(\.\d+)?")
+
+
+@dataclass(frozen=True)
+class ToolTable:
+    """What a table says of the set-up; lengths in mm, angles in degrees."""
+
+    tools: Mapping[str, float] = field(default_factory=dict)
+    """Lengths by tool: its number as text (`5`, `5.1` where tools have indices), or its name in capitals."""
+    work_offsets: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """By name (`G54`, or the number of a preset) and axis."""
+    radii: Mapping[str, float] = field(default_factory=dict)
+    """By tool, as lengths."""
+    datums: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Lines of a datum table, which shift within the work offset, by number and axis."""
+    turned: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Work offsets that turn the coordinates, by name: about X, Y and Z, applied in this order, about fixed axes."""
+
+
+def checked(table: ToolTable, path: Path) -> ToolTable:
+    """The table with its names as programs are read to write them; UserError for what could never be looked up."""
+    numbers = {"tools": table.tools, "radii": table.radii, **table.work_offsets, **table.datums}
+    for name, values in numbers.items():
+        for key, value in values.items():
+            if not math.isfinite(value):
+                raise UserError(f"tool table {path}: {name}: {key}: {value} is not finite")
+    return replace(
+        table,
+        tools={tool_key(tool): length for tool, length in table.tools.items()},
+        radii={tool_key(tool): radius for tool, radius in table.radii.items()},
+        work_offsets={"".join(name.split()).upper(): values for name, values in table.work_offsets.items()},
+    )
+
+
+def tool_key(tool: str) -> str:
+    """A tool as tables name it: `05` is `5`, `mill ` is `MILL`."""
+    text = tool.strip().upper()
+    return text.lstrip("0") or "0" if text.isdecimal() else text
+
+
+def is_number(tool: str) -> bool:
+    """True for a tool number, with an index or without."""
+    return _NUMBER.fullmatch(tool) is not None
+
+
+def shown_tool(key: str) -> str:
+    """A tool as options and messages write it: T5, or its name."""
+    return f"T{key}" if is_number(key) else key
+
+
+def joined(tables: Mapping[Path, ToolTable]) -> ToolTable:
+    """Several tables as one; UserError for what two of them say."""
+    found: dict[str, dict[str, object]] = {}
+    for path, table in tables.items():
+        for name in ("tools", "work_offsets", "radii", "datums", "turned"):
+            values, part = found.setdefault(name, {}), getattr(table, name)
+            twice = sorted(values.keys() & part.keys())
+            if twice:
+                raise UserError(f"tool table {path}: {name.replace('_', ' ')}: {twice[0]} is in another table too")
+            values.update(part)
+    return ToolTable(**found)  # type: ignore[arg-type]

@@ -1,0 +1,30 @@
+"""Tool axes that a program says as vectors: where the rotary axes then stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kinematics.inverse import inverse
+from postproc.motion.frames import in_workpiece, to_machine
+from postproc.motion.recorder import Recorder
+from postproc.text.block import Block
+
+
+def turned_to(block: Block, recorder: Recorder, target: Sequence[float], vector: Sequence[float]) -> dict[int, float]:
+    """Programmed positions, degrees by column, of the rotary axes with the tool along a vector at a programmed target.
+
+    vector: from the tip towards the spindle, in the workpiece frame. Of the solutions the one nearest to where the
+    axes stand. Refusal where there is none.
+    """
+    machine, frame = recorder.machine, recorder.frame
+    if not np.linalg.norm(vector):
+        raise block.refuse("a tool axis of length 0")
+    place = in_workpiece(machine, frame, np.array([target]))
+    start = to_machine(machine, frame, np.array([recorder.position]))[0]
+    found = inverse(machine, place, [vector], frame.tool, start=start)
+    if not np.isfinite(found.q).all():
+        raise block.refuse("a tool axis that the machine does not reach")
+    places = found.q[0] / machine.scale - np.asarray(frame.offset)
+    return {int(axis): float(places[axis]) for axis in np.flatnonzero(machine.rotary)}

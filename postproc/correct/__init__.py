@@ -1,0 +1,1 @@
+"""Correction, check and verification of whole programs."""

@@ -1,0 +1,201 @@
+"""Where axes with play turn back: arcs are cut there, and the play is taken up before the move goes on.
+
+The command is the position without play, plus what the play asks for in the direction of the last move. At a reversal
+that jumps. Before a feed move a block of its own makes the jump, so that the move runs true over its whole length; a
+rapid makes it on its way.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array
+from postproc.compensation.axis_positions import held_shifts
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import correct
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Known
+from postproc.motion.reversals import (
+    INNER,
+    Directions,
+    axes_with_play,
+    dead_band,
+    feeds,
+    known_before,
+    needs_direction,
+    turns_inside,
+    ways,
+)
+from postproc.motion.segments import split, turning_points, with_take_ups
+from postproc.text.block import Block
+from postproc.text.notes import Notes
+from postproc.write.added_blocks import ALONE, START_M
+
+NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
+
+
+class Directed(NamedTuple):
+    """Moves, and the direction `(n, axes)`, -1, 0, 1, in which each comes to its end; None if nothing asks for it."""
+
+    motions: Motions
+    approach: Array | None
+
+
+class TakeUps:
+    """Cuts arcs and inserts take-ups, chunk after chunk."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        models: tuple[ErrorModel, ErrorModel | None],
+        conditions: Conditions,
+        tolerance_um: float,
+        notes: Notes,
+    ) -> None:
+        model, orientation = models
+        self.machine, self.conditions, self.notes = machine, conditions, notes
+        self.axes = axes_with_play(model, machine)
+        self.band = dead_band(machine, tolerance_um)
+        self._plain = model.part(lambda effect: not needs_direction(effect))
+        self._orientation = orientation and orientation.part(lambda effect: not needs_direction(effect))
+        self._directions = Directions(self.axes, self.band)
+        self._shift = np.zeros(len(machine.axes))
+        """Of the last row, corrected minus nominal."""
+
+    def prepare(self, motions: Motions) -> Directed:
+        """The moves of a chunk with all that has to be added; none where no error depends on a direction."""
+        if not self.axes:
+            return Directed(motions, None)
+        motions = split(motions, self._cuts(motions), at_quadrants=True)
+        before = self._directions.last
+        first, last = self._directions_of(motions)
+        return self._with_take_ups(motions, np.vstack([before, last[:-1]]), first, last)
+
+    def _cuts(self, motions: Motions) -> dict[int, list[float]]:
+        """By row of an arc: the shares of its way at which it is to be cut."""
+        cuts: dict[int, list[float]] = {}
+        for row, arc in motions.arcs.items():
+            points = [p for p in turning_points(motions, row) if p[2] > self.band[p[1]]]
+            if not any(axis in self.axes for _, axis, _ in points):
+                continue
+            block = motions.blocks[motions.block[row]]
+            obstacle = _obstacle(motions, row, block)
+            if obstacle:
+                self._note("an arc stays in one piece though an axis turns back in it", obstacle, block)
+                continue
+            # a piece by its radius is no more than a quarter: near half a circle a radius says little
+            every = arc.form.startswith("radius")
+            cuts[row] = [share for share, axis, _ in points if every or axis in self.axes]
+        return cuts
+
+    def _directions_of(self, motions: Motions) -> tuple[Array, Array]:
+        """Directions `(n, axes)` in which moves begin and end, were there no play."""
+        if not len(motions):
+            return np.zeros_like(motions.target), np.zeros_like(motions.target)
+        correction = correct(motions, self._plain, self._orientation, self.conditions)
+        shifts = held_shifts(motions, correction, self._shift)
+        ends = correction.nominal + shifts
+        certain = known_before(motions)
+        winding = turns_inside(motions, self.axes, self.band)
+        before, positions = np.vstack([self._shift, shifts[:-1]]), ends[:, None]
+        if winding.any():
+            share = np.array(INNER)[None, :, None]
+            inner = ways(motions, INNER) + before[:, None] + share * (shifts - before)[:, None]
+            inner[~winding] = np.nan
+            positions = np.concatenate([inner, positions], axis=1)
+        starts = motions.in_machine(motions.start) + before
+        found = self._directions.follow_moves(motions, positions, starts, certain)
+        self._note_returned(motions, found[:, 0])
+        if winding.any():
+            found[~winding] = found[~winding, -1:]
+            self._note_inside(motions, found, winding & feeds(motions))
+        self._shift = shifts[-1]
+        return found[:, 0], found[:, -1]
+
+    def _with_take_ups(self, motions: Motions, before: Array, first: Array, last: Array) -> Directed:
+        self._note_unknown(motions, last)
+        asked = (first != before) & feeds(motions)[:, None]
+        linear = np.zeros(len(self.machine.axes), bool)
+        linear[list(self.machine.translators)] = True
+        others = asked & ~linear
+        coupled = motions.coupled
+        # here an axis of the machine lies across the programmed ones: all of them move, or none
+        together = coupled[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
+        wanted = (asked & linear) | together
+        said = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
+        ready = motions.settled & ~motions.turning & ~np.array([b.alone for b in motions.blocks], bool)[motions.block]
+        ready[[*motions.contours, *motions.polars, *motions.still]] = False
+        for row in np.flatnonzero(motions.timed & wanted.any(axis=1)):
+            ready[row] &= _has_feed(motions.blocks[motions.block[row]])
+        possible = wanted & said & ready[:, None]
+        possible[coupled & (wanted & ~possible).any(axis=1)] = False
+        for row, axis in np.argwhere((asked & linear & ~possible) | others):
+            block = motions.blocks[motions.block[row]]
+            why = (
+                "not an axis that is corrected"
+                if others[row, axis]
+                else ALONE
+                if block.alone
+                else NOT_READY
+                if not ready[row]
+                else "the program has not given its position"
+            )
+            name = self.machine.names[axis]
+            self._note(f"the play of {name} is taken up along a feed move, not before it", why, block)
+        rows = np.flatnonzero(possible.any(axis=1))
+        taken_up = np.where(possible & asked, first, before)[rows]
+        approach = np.insert(last, rows, taken_up, axis=0)
+        return Directed(with_take_ups(motions, rows, possible[rows]), approach)
+
+    def _note_inside(self, motions: Motions, found: Array, winding: NDArrayBool) -> None:
+        turns = winding[:, None] & (found[:, 1:] != found[:, :-1]).any(axis=1)
+        for row, axis in np.argwhere(turns):
+            block = motions.blocks[motions.block[row]]
+            name = self.machine.names[axis]
+            self._note(f"the play of {name} is taken up along a feed move, not before it", "it turns back in it", block)
+
+    def _note_returned(self, motions: Motions, first: Array) -> None:
+        """Say which feed moves turn an axis back that a canned cycle has just taken back to where they start."""
+        returned = self._directions.returned
+        turns = (returned * first < 0.0) & feeds(motions)[:, None]
+        for row, axis in np.argwhere(turns):
+            name = self.machine.names[axis]
+            block = motions.blocks[motions.block[row]]
+            self._note(f"the play of {name} is taken up along a feed move, not before it", "a cycle ends there", block)
+
+    def _note_unknown(self, motions: Motions, approach: Array) -> None:
+        """Say which axes are taken in the middle of their play."""
+        for axis in self.axes:
+            rows = np.flatnonzero(motions.judged & (approach[:, axis] == 0.0))
+            if rows.size:
+                line = motions.blocks[motions.block[rows[0]]].line
+                name = self.machine.names[axis]
+                text = f"{name} taken in the middle of its play until it moves from where the program has put it"
+                self.notes.add(text, line, rows.size)
+
+    def _note(self, what: str, why: str, block: Block) -> None:
+        self.notes.add(f"{what}: {why}; until its end it may be off by the play", block.line)
+
+
+def _obstacle(motions: Motions, row: int, block: Block) -> str:
+    """Why an arc can't be written in pieces, empty when it can."""
+    named = [word.axis for word in motions.words[row]]
+    codes = {word.value or 0.0 for word in block.words if word.address == "M"}
+    obstacles = {
+        ALONE: block.alone,
+        "under TCP its axes are not those of the machine": motions.frames[motions.frame[row]].tcp,
+        "radius compensation follows all its pieces": row in motions.contours,
+        "other axes turn or move with it": any(axis not in motions.machine.translators for axis in named),
+        "an increment from an unknown position": (motions.known[row, named] != Known.PROGRAM).any(),
+        "an M function in its block may run before or after it": not START_M.issuperset(codes),
+        "no F under G93": motions.timed[row] and not _has_feed(block),
+    }
+    return next((obstacle for obstacle, stands in obstacles.items() if stands), "")
+
+
+def _has_feed(block: Block) -> bool:
+    return any(word.address == "F" and word.value for word in block.words)

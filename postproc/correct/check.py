@@ -1,0 +1,177 @@
+"""What correcting a program would do to it, block by block, without doing it; goes on behind what is refused."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from kinematics.machine import Machine
+from postproc.control.setup import Setup
+from postproc.correct.travel import note_outside, refusals_outside
+from postproc.dialects import Dialect, Interpreter
+from postproc.execution import turns
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind
+from postproc.text.block import Block, Refusal
+from postproc.text.block_values import straight
+from postproc.text.flow import Flow
+from postproc.text.line_numbers import ranges
+from postproc.text.notes import Notes
+from postproc.text.source import CHUNK, Source, chunks
+
+
+@dataclass
+class Findings:
+    """What was found; lists of line numbers, a line as often as it runs."""
+
+    dialect: str
+    evidence: str = ""
+    """The reason for this dialect; empty if the user has chosen it."""
+    blocks: int = 0
+    corrected: list[int] = field(default_factory=list)
+    """Moves whose end is put right."""
+    unsaid: list[int] = field(default_factory=list)
+    """Moves at whose end the program has not said yet, in its frame, where all linear axes are."""
+    machine: list[int] = field(default_factory=list)
+    """Moves to machine coordinates, which pass as they are."""
+    not_run: list[int] = field(default_factory=list)
+    """Blocks that a jump leaves out, or that stand behind the end."""
+    refused: list[tuple[int, str, str]] = field(default_factory=list)
+    """Line, text and reason; those behind the first may be its consequences."""
+    notes: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+    """Work offsets and tools that the machine file assumes."""
+    assumption: str = ""
+    """The same in a sentence; empty for none."""
+
+    @property
+    def repeated(self) -> list[int]:
+        """Lines of moves that run more than once."""
+        runs = Counter(self.corrected + self.unsaid + self.machine)
+        return sorted(line for line, times in runs.items() if times > 1)
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form."""
+        return {
+            "dialect": self.dialect,
+            "dialect_evidence": self.evidence,
+            "blocks": self.blocks,
+            "moves": len(self.corrected) + len(self.unsaid) + len(self.machine),
+            "corrected_lines": ranges(self.corrected),
+            "unsaid_lines": ranges(self.unsaid),
+            "machine_coordinate_lines": ranges(self.machine),
+            "repeated_lines": ranges(self.repeated),
+            "not_run_lines": ranges(self.not_run),
+            "refused": [{"line": line, "text": text, "reason": reason} for line, text, reason in self.refused],
+            "assumed": self.assumed,
+            "notes": self.notes,
+        }
+
+    def take(self, motions: Motions) -> None:
+        """Sort in the moves of a chunk."""
+        judged, before = motions.judged.tolist(), -1
+        for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
+            if kind == Kind.PRESET or (kind == Kind.MACHINE and index == before):
+                continue  # the second is what a cycle does behind the move of its block
+            before = index
+            line = motions.blocks[index].line
+            (self.machine if kind == Kind.MACHINE else self.corrected if judged[row] else self.unsaid).append(line)
+
+    def take_travel(self, refusals: Iterable[Refusal]) -> None:
+        """Note moves out of travel: every line once for each axis, however often it runs."""
+        known = {(line, reason.split()[0]) for line, _, reason in self.refused}
+        for refusal in refusals:
+            place = refusal.line, refusal.reason.split()[0]
+            if place not in known:
+                known.add(place)
+                self.refuse(refusal)
+
+    def refuse(self, refusal: Refusal) -> None:
+        """Note a refusal."""
+        self.refused.append((refusal.line, refusal.text, refusal.reason))
+
+
+def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, travel_check: bool = True) -> Findings:
+    """Read a program as the main job would, and look at travel as it would."""
+    notes = Notes()
+    interpreter, findings = dialect.interpreter(machine, setup, notes), Findings(dialect.name, dialect.evidence)
+    state = interpreter.control_state
+
+    def take(motions: Motions) -> None:
+        findings.take(motions)
+        if travel_check:
+            findings.take_travel(refusals_outside(motions, motions.machine_target, "as programmed", state))
+        else:
+            note_outside(motions, motions.machine_target, notes)
+
+    if turns(source, dialect):
+        _walk(source, dialect, interpreter, findings, take)
+    else:
+        for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
+            findings.blocks += len(lines)
+            _read(list(_blocks(lines, dialect, interpreter, findings)), interpreter, findings, take)
+    findings.notes = notes.texts()
+    findings.assumed, findings.assumption = list(state.assumed), state.assumption()
+    return findings
+
+
+def _blocks(
+    lines: Iterable[tuple[int, str]], dialect: Dialect, interpreter: Interpreter, findings: Findings
+) -> Iterator[Block]:
+    for line, text in lines:
+        try:
+            yield dialect.read_block(line, text)
+        except Refusal as refusal:
+            if not interpreter.ended:
+                findings.refuse(refusal)
+
+
+def _read(blocks: list[Block], interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]) -> None:
+    """Read a chunk; behind a block that is refused nothing is known of where the axes are."""
+    while True:
+        done: list[Block] = []
+        try:
+            take(interpreter.read(straight(_noted(blocks, done), interpreter.scope)))
+        except Refusal as refusal:
+            findings.refuse(refusal)
+            take(interpreter.recorder.finish(done))
+            interpreter.recorder.forget(list(range(len(interpreter.recorder.machine.axes))))
+            blocks = blocks[len(done) :]
+        else:
+            return
+
+
+def _noted(blocks: Iterable[Block], done: list[Block]) -> Iterator[Block]:
+    for block in blocks:
+        done.append(block)
+        yield block
+
+
+def _walk(
+    source: Source,
+    dialect: Dialect,
+    interpreter: Interpreter,
+    findings: Findings,
+    take: Callable[[Motions], None],
+) -> None:
+    """A program with jumps: run up to what is refused."""
+    lines = list(dialect.join_lines(source.lines()))
+    findings.blocks = len(lines)
+    blocks = list(_blocks(lines, dialect, interpreter, findings))
+    if findings.refused:
+        return
+    done: list[Block] = []
+    try:
+        blocks = dialect.link(blocks)
+        flow = Flow(blocks, interpreter.scope, dialect.labels, dialect.begins)
+        running = (block for _, block in flow.run(interpreter))
+        take(interpreter.read(_noted(running, done)))
+    except Refusal as refusal:
+        findings.refuse(refusal)
+        take(interpreter.recorder.finish(done))
+        return
+    findings.not_run = [
+        block.line for i, block in enumerate(blocks) if i not in flow.ran and block.kind not in ("blank", "header")
+    ]

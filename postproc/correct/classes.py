@@ -1,0 +1,69 @@
+"""What each compensation class of ISO/TR 16907 would leave of the errors along a program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from kinematics.error_model.classes import CLASSES, ORIENTATION, parse_classes, select
+from kinematics.error_model.model import ErrorModel
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import COLD, correct, missed
+from postproc.compensation.datum import datum_shifts
+from postproc.compensation.predicted_error import Judge, in_a_program
+from postproc.correct.report import Statistic
+from postproc.motion.motions import Motions
+
+CHOICES = (*CLASSES, "L-VOL,R-VOL", "L-VOL+,R-VOL+")
+
+
+@dataclass(frozen=True)
+class Left:
+    """Errors left at block ends when one choice of classes is corrected."""
+
+    choice: str
+    position: Statistic = field(default_factory=Statistic)
+    """Of the tool point, um."""
+    tilt: Statistic = field(default_factory=Statistic)
+    """Of the tool axis, urad."""
+    turning: Statistic = field(default_factory=Statistic)
+    """How far the rotary axes are moved for it, urad."""
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form."""
+        return {
+            "classes": self.choice,
+            "tool_point_um": self.position.json(),
+            "tool_axis_urad": self.tilt.json(),
+            "rotary_axes_moved_urad": self.turning.json(),
+        }
+
+
+def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = COLD) -> list[Left]:
+    """What is left by no correction, each class, and their usual combinations, at the judged moves of a program.
+
+    Choices that need rotary axes are left out on a machine that has none. Directions are those of the nominal moves.
+    """
+    machine, judged, model = motions.machine, motions.judged, model.part(in_a_program)
+    judge = Judge(model, machine, conditions, 1.0)
+    states = judge.states(motions, judged)
+    nominal, tool = motions.machine_target[judged], motions.tool[judged]
+    shift = datum_shifts(motions, model, conditions)[judged]
+    rows = []
+    for choice in ("none", *CHOICES):
+        classes = frozenset() if choice == "none" else parse_classes(choice)
+        needs_rotary = any(name.startswith("R-") or name == ORIENTATION for name in classes)
+        if needs_rotary and not machine.rotary.any():
+            continue
+        orientation = model if ORIENTATION in classes else None
+        correction = correct(motions, select(model, classes), orientation, conditions, judge.approach)
+        commanded = correction.corrected[judged]
+        left = Left(choice)
+        found = missed(machine, model, commanded, nominal, tool, states, shift)
+        left.position.add(found.point_um)
+        left.tilt.add(found.axis_urad)
+        left.turning.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)
+        rows.append(left)
+    return rows

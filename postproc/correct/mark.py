@@ -1,0 +1,148 @@
+"""The mark of a corrected program: the program is not corrected twice, and not confused with that of another set-up."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterable, Sequence
+from importlib.metadata import version
+from typing import IO, NamedTuple
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.files import fingerprint
+from kinematics.machine import Machine
+from kinematics.user_error import UserError
+from postproc.control.state import ControlState
+from postproc.dialects import Dialect
+from postproc.text.block import Block
+from postproc.text.source import ENCODING, Source
+
+_MARK = re.compile(
+    r"NCOMP \d\S* MACHINE \S+ CALIBRATION ([0-9A-F]+)"
+    r"(?: PROGRAM [0-9A-F]+)?(?: SETUP ([0-9A-F]+))?(?: DATUM ([0-9A-F]+))?"
+)
+_PLAIN = re.compile(r"[^A-Z0-9_.-]")
+NAME_LENGTH = 20
+"""Characters of a machine's name in a mark, which has to fit on the lines of old controls."""
+DIGITS = 8
+"""Number of hexadecimal digits of the fingerprints of set-up and datum."""
+DECIMALS = 6
+"""Decimals of mm and degrees in the text of a fingerprint."""
+PARTS = ("calibration", "set-up", "datum")
+"""What a mark holds, by the names that `ncomp verify --accept` takes."""
+
+
+class Mark(NamedTuple):
+    """Fingerprints of the correction of a program, upper case; None if the mark does not contain one."""
+
+    calibration: str
+    setup: str | None = None
+    """Fingerprint of the geometry of the machine and of the work offsets and tools that the program uses."""
+    datum: str | None = None
+    """Fingerprint of the datum entries of these work offsets."""
+
+    def differs(self, here: Mark) -> dict[str, tuple[str, str]]:
+        """Known differences, by the names PARTS: the fingerprint in this mark, and the one here."""
+        pairs = zip(PARTS, self, here, strict=True)
+        return {name: (own, other) for name, own, other in pairs if own and other and own != other}
+
+
+def mark_of(model: ErrorModel, state: ControlState) -> Mark:
+    """The mark for a calibration and the set-up that a program, which has run, has used."""
+    return Mark(model.id.upper(), _short(_setup_lines(state)), _short(_datum_lines(state)))
+
+
+def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, accepted: Iterable[str] = ()) -> str:
+    """The comment line put into a corrected program; upper case and plain, as the oldest control reads it."""
+    name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
+    text = f"NCOMP {version('ncomp')} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
+    named = "".join(f" {what} {value}" for what, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
+    said = ",".join(sorted(accepted)).upper()
+    return dialect.comment.format(text + named + (f" ACCEPTED {said}" if said else "")) + source.line_end
+
+
+def mark_in(text: str) -> Mark | None:
+    """The mark in the text of a block, None where there is none."""
+    match = _MARK.search(text) if "NCOMP" in text else None
+    return Mark(*match.groups()) if match else None
+
+
+def mark_in_program(source: Source) -> Mark | None:
+    """The mark of a corrected program, None when it bears none."""
+    return next((found for _, text in source.lines() if (found := mark_in(text))), None)
+
+
+def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> list[str]:
+    """Notes on differences between the correction of program `name` and `here`; UserError if not accepted."""
+    found = [
+        f"{name} was corrected with another {part}: its mark has {own}, here it is {other}"
+        for part, (own, other) in mark.differs(here).items()
+    ]
+    refused = [part for part in mark.differs(here) if part not in accepted]
+    if refused:
+        raise UserError(
+            f"{'; '.join(found)}: give the calibration, machine, offsets, tool lengths and datums of the correction; "
+            f"--accept {','.join(refused)} continues nevertheless"
+        )
+    return found
+
+
+def mark_place(dialect: Dialect, blocks: Sequence[Block]) -> int | None:
+    """Index of the block before which the mark is inserted: the first after the head.
+
+    That is behind tape mark, program number, BEGIN PGM and the comments around them. None when there is none yet.
+    """
+    return next((i for i, b in enumerate(blocks) if b.kind != "blank" and not dialect.is_head(b)), None)
+
+
+class MarkedOutput:
+    """Writes a program with room for its mark, which is known only when the whole program has run."""
+
+    def __init__(self, out: IO[bytes], rest: IO[bytes]) -> None:
+        self._out, self._rest = out, rest
+        self.has_room = False
+        self._number = ""
+
+    def write(self, texts: Iterable[str]) -> None:
+        """Write lines, behind the room for the mark if there is one."""
+        (self._rest if self.has_room else self._out).writelines(text.encode(ENCODING) for text in texts)
+
+    def leave_room(self, number: str = "") -> None:
+        """The mark comes here, behind the number of its block."""
+        self.has_room, self._number = True, number
+
+    def finish(self, mark: str) -> None:
+        """Write the mark, if there is room for it, and all that comes behind it."""
+        if self.has_room:
+            self._out.write((self._number + mark).encode(ENCODING))
+            self._rest.seek(0)
+            shutil.copyfileobj(self._rest, self._out)
+
+
+def _short(lines: Iterable[str]) -> str:
+    return fingerprint("\n".join(lines).encode())[:DIGITS].upper()
+
+
+def _setup_lines(state: ControlState) -> Iterable[str]:
+    """Parts of the set-up that a program has used, one entry a line, in a fixed order."""
+    setup = state.setup
+    yield setup.machine.chain_hash
+    for name in sorted(state.used_offsets):
+        yield f"{name} {_numbers(state.work_offset(name))} {_numbers(setup.turned.get(name, ()))}"
+    for tool in sorted(state.used_tools):
+        yield f"T{tool} {_numbers((state.tool_length(tool), state.tool_radius(tool) or 0.0))}"
+    for line, values in sorted(setup.datums.items()):
+        yield f"#{line} {' '.join(f'{axis}{_numbers((value,))}' for axis, value in sorted(values.items()))}"
+
+
+def _datum_lines(state: ControlState) -> Iterable[str]:
+    """Datum entries of the work offsets that a program has used, one a line."""
+    for name in sorted(state.used_offsets):
+        datum = state.setup.datum(name)
+        at = " ".join(f"{axis}{_numbers((value,))}" for axis, value in sorted(datum.at.items()))
+        probe = "" if datum.probe is None else _numbers((datum.probe,))
+        yield f"{name} probed @ {at} probe {probe}" if datum.probed else f"{name} true"
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{round(value, DECIMALS) + 0.0:.{DECIMALS}f}" for value in values)

@@ -1,0 +1,383 @@
+"""The main job: an NC program in, the corrected program out, chunk by chunk.
+
+    lines -> blocks -> Motions -> Correction -> edits -> lines
+
+Modal state, the position that the control holds and the statistics carry over from chunk to chunk; memory does not
+grow with the program.
+"""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+
+from kinematics.error_model.classes import ORIENTATION, select
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import COLD, Correction, correct, missed
+from postproc.compensation.datum import datum_prediction
+from postproc.compensation.predicted_error import Judge, in_a_program, standing_notes
+from postproc.compensation.significance import Significance, uncertainties_um
+from postproc.compensation.used_datums import UsedDatums
+from postproc.control.setup import Setup
+from postproc.correct.backlash import TakeUps
+from postproc.correct.mark import MarkedOutput, mark_in, mark_line, mark_of, mark_place
+from postproc.correct.plausibility import REASONS, CorrectionLimit, Guard, Outside, Plausibility
+from postproc.correct.report import Report, Statistic, Straying
+from postproc.correct.rotary_moves import leave_before_turning
+from postproc.correct.splitting import Splitter
+from postproc.correct.trace import Trace
+from postproc.correct.travel import note_outside, refuse_outside
+from postproc.dialects import Dialect
+from postproc.execution import Part, execution, settled
+from postproc.iso.line_length import refuse_lengthened
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind, Known
+from postproc.text.block import Block, Refusal
+from postproc.text.line_numbers import ranges, shortened
+from postproc.text.notes import Notes
+from postproc.text.source import Source
+from postproc.write.block_numbers import BlockNumbers
+from postproc.write.helices import FlatArcs
+from postproc.write.writer import Writer, Written
+
+UNCERTAINTY_ROWS, UNCERTAINTY_STEP = 500, 8
+"""The uncertainty of the prediction is worked out for so many first moves, and then for every eighth."""
+SPOOLED = 1 << 24
+"""Bytes of a program that are kept in memory until its mark is known."""
+BETWEEN = (0.25, 0.5, 0.75)
+"""Shares of the way of a written block at which the error between its ends is predicted."""
+CLOSELY = tuple(i / 32 for i in range(1, 33))
+"""The same where a move may be worse than in the input."""
+ERROR_JUMPS = "its error jumps, or an axis with play turns back in it"
+TURNED_ALONE = "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One program to be corrected for one machine."""
+
+    source: Source
+    dialect: Dialect
+    machine: Machine
+    model: ErrorModel
+    setup: Setup
+    travel_check: bool = True
+    force: bool = False
+    classes: frozenset[str] | None = None
+    """Elementary compensation classes, and FOR, that are corrected; None for all but FOR."""
+    tolerance_um: float = 1.0
+    """Feed moves that would stray farther than this between their ends are split; half of it is no reversal."""
+    conditions: Conditions = COLD
+    """While the program runs."""
+    max_correction_um: float | None = None
+    """Largest correction of a linear axis; None for that of `CorrectionLimit`."""
+    accepted: frozenset[str] = frozenset(REASONS)
+    """Names of implausible conditions that are accepted; the command line accepts none by default."""
+
+
+class Pipeline:
+    """Carries the state between chunks; `run` is its one use."""
+
+    def __init__(self, job: Job, *, traced: bool = False) -> None:
+        self.job = job
+        self.notes = Notes()
+        self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
+        self.orientation = job.classes is not None and ORIENTATION in job.classes
+        self.model = job.model.part(in_a_program)
+        """What is judged; of it, what is corrected."""
+        self.corrected_part = self.model if job.classes is None else select(self.model, job.classes)
+        models = (self.corrected_part, self.model if self.orientation else None)
+        worse = "worse" in job.accepted
+        self.splitter = Splitter(job.machine, models, job.conditions, job.tolerance_um, worse)
+        self.take_ups = TakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
+        self.before = Judge(self.model, job.machine, job.conditions, job.tolerance_um)
+        self.after = Judge(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
+        self._numbers = BlockNumbers(klartext=job.dialect.name == "heidenhain")
+        self.writer = Writer(
+            job.machine,
+            orientation=self.orientation,
+            comment=job.dialect.comment,
+            tolerance_um=job.tolerance_um,
+        )
+        self.report = _new_report(job)
+        self.trace = Trace(job.machine, self.model) if traced else None
+        """For figures; None where nobody asked for them."""
+        self.report.notes = standing_notes(job.model, job.conditions)
+        self.plausibility = Plausibility(job.accepted)
+        self.limit = CorrectionLimit(
+            job.machine, self.model, job.conditions, job.max_correction_um, turns=self.orientation
+        )
+        self.guard = Guard(job.machine, self.plausibility, turns=self.orientation)
+        self._outside = Outside()
+        self._flat_arcs = FlatArcs()
+
+    def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
+        """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
+
+        UserError, located in the program, for what can't be used; `out` is then to be thrown away.
+        """
+        job, report = self.job, self.report
+        if self.model.effects:
+            self.plausibility.check_calibration(job.model, job.conditions, datetime.datetime.now(datetime.UTC))
+        with tempfile.SpooledTemporaryFile(SPOOLED) as rest:
+            marked = MarkedOutput(out, rest)
+            self._run(marked, progress)
+            accepted = self.plausibility.met
+            mark = mark_of(job.model, self.interpreter.control_state)
+            marked.finish(mark_line(job.dialect, job.machine, mark, job.source, accepted))
+        state = self.interpreter.control_state
+        report.work_offsets, report.tools = state.used_offsets, state.used_tools
+        report.assumed, report.assumption = list(state.assumed), state.assumption()
+        report.datums.predict(job.machine, self.model, job.conditions)
+        report.notes += report.datums.notes()
+        report.notes = [*report.notes, *self.notes.texts(), *self._summary()]
+        return report
+
+    def _run(self, out: MarkedOutput, progress: Callable[[int], None]) -> None:
+        """Write the corrected program with room for its mark."""
+        job = self.job
+        out.write([job.source.mark])
+        rehearsal = job.dialect.interpreter(job.machine, job.setup, Notes()) if self.model.effects else None
+        program = execution(job.source, job.dialect, self.interpreter, rehearsal)
+        try:
+            for part in settled(program.parts()):
+                self._put(out, *program.finished(part, self._correct(part)))
+                progress(part.size)
+            self._put(out, *program.rest())
+        except Refusal as refusal:
+            raise refusal.located(job.source.name, job.dialect.evidence) from None
+        self._check_whole()
+
+    def _check_whole(self) -> None:
+        """The checks of plausibility that need all moves: UserError for conditions that are not accepted."""
+        self.plausibility.check_outside(self._outside)
+        if not self.job.model.demonstration:  # its uncertainty is that of no machine
+            self.plausibility.check_significance(self.report.significance)
+        self.report.accepted = self.plausibility.met
+
+    def _summary(self) -> list[str]:
+        """Notes that belong to no line."""
+        unused = self.interpreter.control_state.unused()
+        beyond = [
+            f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
+            for (name, unit), excess in sorted(self._outside.largest.items())
+        ]
+        left = [
+            f"{axes} not corrected: not named since a new frame, a move in machine coordinates or an M function that "
+            f"ncomp does not know (lines {shortened(ranges(lines))})"
+            for axes, lines in self.report.left.items()
+        ]
+        left += self._flat_arcs.notes() + self.guard.notes()
+        return unused + beyond + left + [straying.text(reason) for reason, straying in self.report.straying.items()]
+
+    def _put(self, out: MarkedOutput, blocks: Sequence[Block], texts: list[str]) -> None:
+        """Write corrected blocks of the program, with room for the mark."""
+        job, report = self.job, self.report
+        report.blocks += len(blocks)
+        report.changed_blocks += sum(new != block.text for new, block in zip(texts, blocks, strict=True))
+        if job.dialect.name == "iso":
+            refuse_lengthened(job.machine.control, blocks, texts)
+        numbered = (self._numbers.renumbered(block, text) for block, text in zip(blocks, texts, strict=True))
+        place = mark_place(job.dialect, blocks) if self.model.effects and not out.has_room else None
+        if place is not None:
+            out.write(itertools.islice(numbered, place))
+            out.leave_room(self._numbers.next_number())
+        out.write(numbered)
+
+    def _correct(self, part: Part) -> list[str]:
+        """Texts of a chunk of blocks, corrected."""
+        motions = part.motions
+        job, report, blocks = self.job, self.report, motions.blocks
+        report.moves += int((motions.kind != Kind.PRESET).sum())
+        report.datums.add(motions)
+        if job.travel_check:
+            refuse_outside(motions, motions.machine_target, "as programmed", self.interpreter.control_state)
+        if not self.model.effects:
+            return [block.text for block in blocks]
+        self._refuse_marked(blocks)
+        motions = self.splitter.prepare(motions, part.varied)
+        report.split_moves = self.splitter.moves
+        motions, approach = self.take_ups.prepare(motions)
+        orientation = self.model if self.orientation else None
+        correction = correct(motions, self.corrected_part, orientation, job.conditions, approach)
+        correction = leave_before_turning(motions, correction, self.model, job.conditions, approach, self.notes)
+        limit = self.limit.check(motions, correction.nominal, correction.corrected)
+        report.max_correction_um = max(limit, report.max_correction_um or 0.0)
+        if job.travel_check:
+            refuse_outside(motions, correction.corrected, "after correction", self.interpreter.control_state)
+        else:
+            note_outside(motions, correction.corrected, self.notes)
+        written = self.writer.write(motions, correction, part.places if part.held else None)
+        self._judge(motions, correction, written)
+        report.added_blocks += written.added
+        return written.texts
+
+    def _refuse_marked(self, blocks: Sequence[Block]) -> None:
+        own = self.job.dialect.own
+        for block in blocks:
+            used = own.search(block.text) if own is not None and not self.job.force else None
+            if used is not None:
+                raise block.refuse(f"{used[0].upper()} is one of the variables that corrections are put into")
+            mark = mark_in(block.text)
+            if mark is None:
+                continue
+            calibration = mark.calibration
+            if not self.job.force:
+                raise block.refuse(f"already corrected by ncomp (calibration {calibration}); --force corrects it again")
+            self.notes.add(f"already corrected (calibration {calibration}), corrected again", block.line)
+
+    def _judge(self, motions: Motions, correction: Correction, written: Written) -> None:
+        """Gather what the correction is and what the exact model predicts before and after it."""
+        job, report, own = self.job, self.report, ~motions.inner
+        machine, judged, correctable = job.machine, motions.judged, motions.programmed & own
+        moved, said = written.ends - motions.target, motions.correctable & correctable[:, None]
+        report.corrected += int(((moved != 0.0) & said).any(axis=1).sum())
+        report.not_judged += int((~judged & own).sum())
+        for i in machine.translators:
+            report.correction.setdefault(machine.names[i], Statistic()).add(moved[said[:, i], i] * 1e3)
+        for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
+            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[said[:, i], i]) * 1e6)
+        self._note_assumed(motions, correctable)
+        self._note_left(motions)
+        commanded = written.moves(motions)
+        errors = np.full((len(motions), 2), np.nan)
+        errors[judged] = self._judge_ends(motions, commanded, correction.nominal, judged)
+        self.guard.check_ends(motions, np.flatnonzero(judged), errors[judged])
+        self._judge_between(motions, commanded, errors[:, 0])
+        if judged.any():
+            self._note_turning(motions, correction, written)
+            self._flat_arcs.take(motions, correction, written.ends)
+        if self.trace is not None:
+            self.trace.add(motions, correctable, np.where(said, moved, np.nan), errors)
+            self.trace.add_ways(motions, self.before)
+
+    def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, judged: NDArrayBool) -> Array:
+        """Errors `(judged, 2)`, um, before and after at the ends of judged rows; nominal `(n, axes)`, mm and rad."""
+        job, report, tool = self.job, self.report, motions.tool[judged]
+        machine = job.machine
+        states_before = self.before.states(motions, judged)
+        states_after = self.after.states(commanded, judged)
+        if not judged.any():
+            return np.empty((0, 2))
+        nominal, ends = nominal[judged], motions.in_machine(commanded.target)[judged]
+        shift = self.before.datum_shifts(motions)[judged]
+        before = missed(machine, self.model, nominal, nominal, tool, states_before, shift)
+        after = missed(machine, self.model, ends, nominal, tool, states_after, shift)
+        numbers = report.before.count + np.arange(len(nominal))
+        some = np.flatnonzero((numbers < UNCERTAINTY_ROWS) | (numbers % UNCERTAINTY_STEP == 0))
+        report.before.add(before.point_um)
+        report.after.add(after.point_um)
+        report.absolute_before.add(before.absolute_um)
+        report.absolute_after.add(after.absolute_um)
+        report.tilt_before.add(before.axis_urad)
+        report.tilt_after.add(after.axis_urad)
+        looked_at = motions.bare.take(np.flatnonzero(judged)[some])
+        datum = datum_prediction(looked_at, self.model, job.conditions)
+        whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some], datum)
+        report.uncertainty.add(whole)
+        report.significance.add(before.point_um[some], after.point_um[some], along)
+        lines = np.array([motions.blocks[block].line for block in motions.block[judged]])
+        self._outside.add(self.model.excesses(machine, states_before(nominal)), lines)
+        return np.stack([before.point_um, after.point_um], axis=1)
+
+    def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
+        """Say which moves were corrected although the program had not said yet where an axis stands."""
+        for i, axis in enumerate(self.job.machine.axes):
+            rows = np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED))
+            if rows.size:
+                line = motions.blocks[motions.block[rows[0]]].line
+                text = f"{axis.name} not said by the program yet, taken at its home {axis.home:g}"
+                self.notes.add(text, line, rows.size)
+
+    def _note_left(self, motions: Motions) -> None:
+        """Gather the lines whose moves are not corrected in all axes."""
+        left = motions.left
+        for row in np.flatnonzero(left.any(axis=1)).tolist():
+            names = " ".join(self.job.machine.names[i] for i in np.flatnonzero(left[row]))
+            self.report.left.setdefault(names, []).append(motions.blocks[motions.block[row]].line)
+
+    def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
+        """Say where a feed move of rotary axes alone leaves an error that the next move takes out."""
+        behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
+        for row in np.flatnonzero(motions.turning & (behind * 1e3 > self.job.tolerance_um)):
+            line = motions.blocks[motions.block[row]].line
+            self.notes.add(TURNED_ALONE, line)
+
+    def _judge_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
+        """Along feed moves, where nothing is corrected by itself; errors before at the ends of all rows `(n,)`, um."""
+        rows = motions.known_ways
+        if not rows.any():
+            return
+        judged = motions.judged_ways[rows]
+        if self.trace is not None:
+            self.trace.between_before.add(self._strayed(motions, motions, self.before, rows)[judged])
+        strayed = self._strayed(motions, commanded, self.after, rows)
+        self.report.between_ends.add(strayed[judged])
+        self._guard_between(motions, commanded, before, np.flatnonzero(rows)[judged], strayed[judged])
+        beyond, turning = strayed > self.job.tolerance_um, motions.turning
+        for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
+            block = int(motions.block[row])
+            reason = TURNED_ALONE if turning[row] else self.splitter.whole.get(block, ERROR_JUMPS)
+            self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
+
+    def _guard_between(
+        self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, strayed: Array
+    ) -> None:
+        """Hold programmed moves, whose pieces err by `strayed` `(rows,)`, um, between their ends, to the input.
+
+        In the input no path has a smaller error than its end: moves within that error are not examined further.
+        """
+        ends = np.flatnonzero(~motions.inner)
+        move = np.searchsorted(ends, rows)
+        doubtful = np.zeros(len(ends), bool)
+        doubtful[move[~(strayed <= before[ends[move]])]] = True
+        uneven = np.isin(motions.block[ends], list(self.splitter.uneven))
+        chosen = (doubtful | uneven)[move]
+        if not chosen.any():
+            return
+        rows, move = rows[chosen], move[chosen]
+        errors = np.zeros((len(ends), 2))
+        for column, (moves, judge) in enumerate(((motions, self.before), (commanded, self.after))):
+            np.maximum.at(errors[:, column], move, self._strayed(motions, moves, judge, rows, CLOSELY))
+        found = np.unique(move)
+        self.guard.check_ways(motions, ends[found], errors[found], self.splitter.whole, ERROR_JUMPS)
+
+    def _strayed(
+        self, motions: Motions, commanded: Motions, judge: Judge, rows: np.ndarray, shares: Iterable[float] = BETWEEN
+    ) -> Array:
+        """Largest errors `(rows,)`, um, of commanded moves between their ends; rows as a mask or by their numbers."""
+        tool, shift = motions.tool[rows], judge.datum_shifts(motions)[rows]
+        strayed = np.zeros(len(tool))
+        for share in shares:
+            states = judge.last_states(rows, share)
+            nominal = motions.in_machine(motions.along(share))[rows]
+            actual = motions.in_machine(commanded.along(share))[rows]
+            here = missed(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um
+            strayed = np.maximum(strayed, here)
+        return strayed
+
+
+def _new_report(job: Job) -> Report:
+    model, machine = job.model, job.machine
+    age = model.age_days(datetime.datetime.now(datetime.UTC))
+    calibration = {
+        "id": model.id if model.effects else "none",
+        "made_at": model.provenance.made_at.isoformat(),
+        "age_days": round(age, 2),
+        "made_by": model.provenance.made_by,
+        "demonstration": model.demonstration,
+    }
+    program = {"name": job.source.name, "sha256": job.source.hash, "dialect": job.dialect.name}
+    named = {"name": machine.name, "chain": machine.chain}
+    significance = Significance(job.tolerance_um)
+    datums = UsedDatums(job.setup)
+    return Report(program, named, calibration, datums, conditions=job.conditions, significance=significance)

@@ -1,0 +1,303 @@
+"""Plausibility of a correction: its calibration, its size, where it is used, and whether it improves anything.
+
+An implausible correction is refused with the figure, unless the user has accepted the condition by name.
+"""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.error_model.model import ROUNDING, ErrorModel
+from kinematics.machine import Machine
+from kinematics.state import TEMPERATURE
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import missed
+from postproc.compensation.significance import Significance
+from postproc.motion.frames import Frame
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind
+from postproc.text.line_numbers import ranges, shortened
+
+REASONS: Mapping[str, str] = {
+    "stale": "the calibration is older than its validity (365 days, unless it states its own)",
+    "future": "the calibration is dated in the future",
+    "temperature": "a temperature of this run is outside the range for which the calibration was measured",
+    "outside": "more than 1 % of the evaluated moves end outside the range for which the calibration was measured",
+    "insignificant": "for most moves the predicted improvement is below twice its standard uncertainty (k=2)",
+    "worse": "a move is predicted to be worse than in the input",
+}
+"""Conditions that are refused, by the name that `--accept` takes."""
+CLOCKS = datetime.timedelta(minutes=10)
+"""A calibration may be dated so far ahead: clocks differ."""
+OUTSIDE_SHARE = 0.01
+"""Share of the evaluated moves that may end outside the measured range."""
+MOST = 0.5
+"""Share of the moves worth correcting beyond which their improvement must be significant."""
+TURNING_HINT = (
+    ": rotary axes turn at feed, and the linear axes keep the correction from before; turn at rapid (G0), or move X, Y "
+    "or Z in this block"
+)
+HIGHEST_UM = 500.0
+"""No correction is larger than this unless the user sets the limit."""
+MOST_LINES = 1000
+"""Largest number of lines with moves outside the measured range that are kept for the message."""
+ENDLESS_MM = 1000.0
+"""Stretch of a linear axis without limits over which the largest error is looked for, mm."""
+UNSEEN_UM = 1e-4
+"""A move that is worse by less is not counted."""
+SAMPLES = 4096
+"""Positions over the travel of the machine at which the largest error is looked for."""
+
+
+def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozenset[str]:
+    """Names of `--accept`, separated by commas; UserError, with the list of names, for any other."""
+    names = [name.strip().lower() for name in (text or "").split(",")] if text is not None else []
+    for name in names:
+        if name not in allowed:
+            raise UserError(f"--accept {text}: no name {name!r}; the names are {', '.join(allowed)}")
+    return frozenset(names)
+
+
+@dataclass
+class Plausibility:
+    """Refuses conditions that are not accepted, and stores accepted ones, by name, with the figure."""
+
+    accepted: frozenset[str] = frozenset()
+    met: dict[str, str] = field(default_factory=dict)
+    """Accepted conditions that were met: the figure, by name."""
+
+    def meet(self, name: str, found: str) -> None:
+        """Something that is not plausible: UserError unless its name is accepted."""
+        if name not in self.accepted:
+            raise UserError(f"{found}; --accept {name} continues nevertheless")
+        self.met.setdefault(name, found)
+
+    def check_calibration(self, model: ErrorModel, conditions: Conditions, now: datetime.datetime) -> None:
+        """The age of a calibration, and the temperatures of the run against its range."""
+        age = model.age_days(now)
+        made = f"calibration {model.id} is dated {model.provenance.made_at.isoformat(' ', 'minutes')}"
+        if age > model.valid_days:
+            self.meet("stale", f"{made}: it is {age:.0f} days old and valid for {model.valid_days:g} days")
+        if model.provenance.made_at - now > CLOCKS and not model.demonstration:
+            self.meet("future", f"{made}, {-age:.3g} days ahead of this computer's clock")
+        for sensor, (low, high) in sorted(model.temperatures.items()):
+            value = conditions.temperatures.get(sensor)
+            if value is not None and not low - ROUNDING <= value <= high + ROUNDING:
+                measured = f"the calibration was measured from {low:g} to {high:g} degC"
+                self.meet("temperature", f"temperature {sensor} is {value:g} degC; {measured}")
+
+    def check_outside(self, outside: Outside) -> None:
+        """Once all moves are known."""
+        if outside.share > OUTSIDE_SHARE:
+            self.meet("outside", outside.text())
+
+    def check_significance(self, significance: Significance) -> None:
+        """Once all moves are known."""
+        if significance.unsure > MOST * significance.worthwhile:
+            self.meet("insignificant", significance.text())
+
+
+@dataclass
+class Outside:
+    """Gathers evaluated moves that end outside the range for which a calibration is known."""
+
+    moves: int = 0
+    outside: int = 0
+    lines: list[int] = field(default_factory=list)
+    """Lines of the first MOST_LINES moves outside."""
+    largest: dict[tuple[str, str], float] = field(default_factory=dict)
+    """Largest excess by effect and unit, as `ErrorModel.outside`."""
+
+    def add(self, excesses: Mapping[tuple[str, str], Array], lines: Array) -> None:
+        """Add the excesses of moves `(n,)`, as from `ErrorModel.excesses`, and their lines in the program."""
+        self.moves += len(lines)
+        beyond = np.zeros(len(lines), bool)
+        for what, excess in excesses.items():
+            if excess.max(initial=0.0) > ROUNDING:
+                self.largest[what] = max(float(excess.max()), self.largest.get(what, 0.0))
+                if f" in {TEMPERATURE}" not in what[0]:
+                    beyond |= excess > ROUNDING
+        self.outside += int(beyond.sum())
+        self.lines += lines[beyond][: MOST_LINES - len(self.lines)].tolist()
+
+    @property
+    def share(self) -> float:
+        """Share of the evaluated moves that end outside."""
+        return self.outside / self.moves if self.moves else 0.0
+
+    def text(self) -> str:
+        """The figure, with lines."""
+        return (
+            f"{self.outside} of {self.moves} evaluated moves ({self.share:.1%}) end outside the range for which "
+            f"the calibration was measured (lines {shortened(ranges(self.lines))})"
+        )
+
+
+class Guard:
+    """Holds every evaluated move to its error in the input.
+
+    It may be worse by no more than the rounding of its words, in multiples of `rounding_mm`: once at its end; along a
+    straight move twice, for that is how far it may bend before it is split; along an arc four times, for the rounding
+    of its centre moves a nearly full circle by as much as two of its ends.
+    """
+
+    def __init__(self, machine: Machine, plausibility: Plausibility, *, turns: bool) -> None:
+        rounding = machine.rounding_mm + (machine.turned_mm if turns else 0.0)
+        self._rounding_um, self._plausibility = rounding * 1e3, plausibility
+        self._lines: list[int] = []
+        self._largest = (0.0, 0.0)
+        self._worse = 0
+        self._rounded: dict[str, tuple[int, float]] = {}
+        """How many moves are worse by their rounding, and by how much, um, by where that is."""
+
+    def check_ends(self, motions: Motions, rows: np.ndarray, errors: Array) -> None:
+        """Errors `(k, 2)`, um, before and after at the ends of some rows `(k,)` of a chunk.
+
+        Refusal at the first that is worse by more than its rounding, unless that is accepted.
+        """
+        self._check(motions, rows, errors, np.full(len(rows), self._rounding_um), "at its end", {})
+
+    def check_ways(
+        self, motions: Motions, rows: np.ndarray, errors: Array, reasons: Mapping[int, str], otherwise: str
+    ) -> None:
+        """The largest errors `(k, 2)`, um, before and after along moves that end at some rows `(k,)`.
+
+        Refusal as by `check_ends`, with the reason, by block, why a move is not split.
+        """
+        factors = np.where(motions.kind[rows] == Kind.ARC, 4.0, 2.0)
+        hints = {int(block): f": {reasons.get(int(block), otherwise)}" for block in motions.block[rows]}
+        self._check(motions, rows, errors, factors * self._rounding_um, "between its ends", hints)
+
+    def _check(
+        self,
+        motions: Motions,
+        rows: np.ndarray,
+        errors: Array,
+        limits: Array,
+        where: str,
+        hints: Mapping[int, str],
+    ) -> None:
+        """Refusal, with the hint of its block, at the first move that is worse by more than its limit `(k,)`, um."""
+        before, after = errors.T
+        excess = after - before
+        rounded = (excess > UNSEEN_UM) & (excess <= limits)
+        if rounded.any():
+            count, largest = self._rounded.get(where, (0, 0.0))
+            self._rounded[where] = count + int(rounded.sum()), max(largest, float(excess[rounded].max()))
+        for i in np.flatnonzero(excess > limits).tolist():
+            row = int(rows[i])
+            block = motions.blocks[motions.block[row]]
+            found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
+            if "worse" not in self._plausibility.accepted:
+                hint = TURNING_HINT if motions.turning[row] else hints.get(int(motions.block[row]), "")
+                raise block.refuse(f"{found}{hint}; --accept worse continues nevertheless")
+            self._add(block.line, float(before[i]), float(after[i]))
+
+    def notes(self) -> list[str]:
+        """How many moves are worse than in the input by their rounding."""
+        return [
+            f"{count} moves are predicted to be worse than in the input {where.replace('its', 'their')} by at most "
+            f"{largest:.2g} um, the rounding of their words"
+            for where, (count, largest) in self._rounded.items()
+        ]
+
+    def _add(self, line: int, before: float, after: float) -> None:
+        self._worse += 1
+        self._lines += [line] if len(self._lines) < MOST_LINES else []
+        self._largest = max(self._largest, (after, before))
+        after, before = self._largest
+        self._plausibility.met["worse"] = (
+            f"{self._worse} moves are predicted to be worse than in the input, at most {after:.3g} um instead of "
+            f"{before:.3g} um (lines {shortened(ranges(self._lines))})"
+        )
+
+
+class CorrectionLimit:
+    """The largest correction of a linear axis that is plausible, um.
+
+    The user's figure, or twice the largest error of the calibration over the travel of the machine with the tools that
+    the program uses, at most HIGHEST_UM. Twice, since a correction relative to a datum is a difference of two errors.
+    Where the orientation is corrected, linear axes make up for the turning of rotary ones too: then HIGHEST_UM.
+    """
+
+    def __init__(
+        self, machine: Machine, model: ErrorModel, conditions: Conditions, given_um: float | None, *, turns: bool
+    ) -> None:
+        self._machine, self._model, self._conditions, self._turns = machine, model, conditions, turns
+        self._given_um = given_um
+        self._largest: dict[tuple[float, ...], float] = {}
+
+    def um(self, frame: Frame) -> float:
+        """In a frame: with its tool, and with the probe of its touch-off."""
+        if self._given_um is not None:
+            return self._given_um
+        if self._turns:
+            return HIGHEST_UM
+        tools = [frame.tool, *([] if frame.touch_off is None else [(0.0, 0.0, -frame.touch_off.length)])]
+        return min(2.0 * max(map(self._largest_um, tools)), HIGHEST_UM)
+
+    def _largest_um(self, tool: tuple[float, ...]) -> float:
+        if tool not in self._largest:
+            self._largest[tool] = largest_error_um(self._machine, self._model, self._conditions, tool)
+        return self._largest[tool]
+
+    @property
+    def origin(self) -> str:
+        """Text for the origin of the limit."""
+        if self._given_um is not None:
+            return "--max-correction-um"
+        if self._turns:
+            return "no calibration allows more by itself"
+        return f"twice the largest error of the calibration over the machine's travel, at most {HIGHEST_UM:g} um"
+
+    def check(self, motions: Motions, nominal: Array, corrected: Array) -> float:
+        """Largest limit of a chunk, um; Refusal at the first correction `(n, axes)`, mm and rad, beyond its own."""
+        used = set(motions.frame.tolist())
+        limits = np.array([self.um(frame) if i in used else 0.0 for i, frame in enumerate(motions.frames)])
+        columns = motions.machine.translators
+        size = np.abs(corrected - nominal)[:, columns] * 1e3
+        resolution = np.array([motions.machine.axes[i].resolution for i in columns]) * 1e3
+        limit = limits[motions.frame]
+        for row in np.flatnonzero((~(size <= limit[:, None] + resolution)).any(axis=1))[:1]:
+            i = int(np.argmax(size[row]))
+            raise motions.blocks[motions.block[row]].refuse(
+                f"{motions.machine.names[columns[i]]} would be corrected by {size[row, i]:.4g} um, more than "
+                f"{limit[row]:.4g} um ({self.origin}): is this the calibration of this machine, and is the set-up "
+                "right? --max-correction-um sets another limit"
+            )
+        return float(limits.max(initial=0.0))
+
+
+def largest_error_um(machine: Machine, model: ErrorModel, conditions: Conditions, tool: tuple[float, ...]) -> float:
+    """Largest predicted error of a tool tip `(3,)`, mm, over the travel of the machine, um."""
+    low, high = machine.travel
+    endless = np.isinf(low) | np.isinf(high)
+    low, high = np.where(endless, 0.0, low), np.where(endless, np.where(machine.rotary, 2.0 * np.pi, ENDLESS_MM), high)
+    axes = len(machine.axes)
+    shares = np.vstack([_evenly(SAMPLES, 2 * axes), _corners(axes)])
+    positions = low + (high - low) * shares[:, :axes]
+    approach = np.where(shares[:, axes:] < 0.5, -1.0, 1.0)
+    tips = np.broadcast_to(np.array(tool, float), (len(positions), 3))
+    states = conditions.states(approach)
+    return float(missed(machine, model, positions, positions, tips, states).point_um.max())
+
+
+def _evenly(n: int, dimensions: int) -> Array:
+    """Points `(n, dimensions)` that fill the unit cube evenly: multiples of powers of the generalised golden ratio."""
+    ratio = 2.0
+    for _ in range(64):
+        ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1))
+    return np.asarray((0.5 + np.arange(1, n + 1)[:, None] * ratio ** -np.arange(1.0, dimensions + 1)) % 1.0)
+
+
+def _corners(axes: int) -> Array:
+    """Ends of the travels, all approached in the same direction, and in the other `(2 ** (axes + 1), 2 * axes)`."""
+    ends = np.array(list(itertools.product((0.0, 1.0), repeat=axes)))
+    return np.vstack([np.hstack([ends, np.full_like(ends, way)]) for way in (0.0, 1.0)])

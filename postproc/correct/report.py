@@ -1,0 +1,203 @@
+"""What a correction did, in numbers: gathered chunk by chunk, given as JSON or as a table."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.significance import Significance
+from postproc.compensation.used_datums import UsedDatums
+from postproc.control.tool_table import shown_tool
+from postproc.text.line_numbers import ranges, shortened
+
+
+@dataclass
+class Statistic:
+    """Largest size and RMS of a stream of numbers."""
+
+    count: int = 0
+    square_sum: float = 0.0
+    largest: float = 0.0
+
+    def add(self, values: Array) -> None:
+        """Take in values of any shape; signs do not matter."""
+        self.count += values.size
+        self.square_sum += float(np.sum(values * values))
+        self.largest = max(self.largest, float(np.abs(values).max(initial=0.0)))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square; 0 of nothing."""
+        return math.sqrt(self.square_sum / self.count) if self.count else 0.0
+
+    def json(self) -> dict[str, float | int]:
+        """With rounding to 0.1 nm where the numbers are um."""
+        return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
+
+
+@dataclass
+class Straying:
+    """Moves that stray farther than the tolerance between their ends, and could not be split."""
+
+    lines: list[int] = field(default_factory=list)
+    largest_um: float = 0.0
+
+    def add(self, line: int, size_um: float) -> None:
+        """Take in a move."""
+        self.lines.append(line)
+        self.largest_um = max(self.largest_um, size_um)
+
+    def text(self, reason: str) -> str:
+        """The note for the user."""
+        lines = shortened(ranges(self.lines))
+        return f"not split, strays up to {self.largest_um:.3g} um between its ends: {reason} (lines {lines})"
+
+    def json(self, reason: str) -> dict[str, Any]:
+        """The machine-readable form."""
+        return {"reason": reason, "lines": ranges(self.lines), "strays_up_to_um": round(self.largest_um, 4)}
+
+
+@dataclass
+class Report:
+    """The result of one run; lengths in um."""
+
+    program: dict[str, Any]
+    machine: dict[str, Any]
+    calibration: dict[str, Any]
+    datums: UsedDatums
+    """Datums of the work offsets that the program used."""
+    blocks: int = 0
+    moves: int = 0
+    corrected: int = 0
+    changed_blocks: int = 0
+    added_blocks: int = 0
+    """Of ncomp's own: where play is taken up, and where moves are split."""
+    split_moves: int = 0
+    """Written in more than one block, so that the path between stays within the tolerance."""
+    straying: dict[str, Straying] = field(default_factory=dict)
+    """By reason: moves that stay in one piece and exceed the tolerance."""
+    left: dict[str, list[int]] = field(default_factory=dict)
+    """Lines of feed moves with axes that are not corrected, by these axes."""
+    conditions: Conditions = field(default_factory=Conditions)
+    correction: dict[str, Statistic] = field(default_factory=dict)
+    """By axis, um."""
+    turning: dict[str, Statistic] = field(default_factory=dict)
+    """By rotary axis, urad, when the orientation is corrected."""
+    before: Statistic = field(default_factory=Statistic)
+    after: Statistic = field(default_factory=Statistic)
+    absolute_before: Statistic = field(default_factory=Statistic)
+    """The same from the nominal tool point of the work offsets as they were given, taken for true."""
+    absolute_after: Statistic = field(default_factory=Statistic)
+    tilt_before: Statistic = field(default_factory=Statistic)
+    """Of the tool axis, urad."""
+    tilt_after: Statistic = field(default_factory=Statistic)
+    between_ends: Statistic = field(default_factory=Statistic)
+    uncertainty: Statistic = field(default_factory=Statistic)
+    significance: Significance = field(default_factory=Significance)
+    max_correction_um: float | None = None
+    """Largest correction that is not refused; None where nothing is corrected."""
+    accepted: dict[str, str] = field(default_factory=dict)
+    """Implausible conditions that were accepted: the figure, by the name of `--accept`."""
+    not_judged: int = 0
+    """Moves to machine coordinates, or before the program has said where all linear axes are."""
+    work_offsets: dict[str, str] = field(default_factory=dict)
+    tools: dict[str, str] = field(default_factory=dict)
+    assumed: list[str] = field(default_factory=list)
+    """Work offsets and tools that the machine file assumes."""
+    assumption: str = ""
+    """The same in a sentence; empty for none."""
+    notes: list[str] = field(default_factory=list)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """What ran, in which set-up, and how much it was, in words for people."""
+        program, machine, calibration = self.program, self.machine, self.calibration
+        age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
+        split = f"; {self.split_moves} moves split" if self.split_moves else ""
+        where = "play is taken up or moves are split" if self.split_moves else "play is taken up"
+        added = f"{split}; {self.added_blocks} blocks added where {where}" if self.added_blocks else ""
+        tools = ", ".join(f"{shown_tool(tool)}: {length}" for tool, length in self.tools.items())
+        facts = [
+            ("program", f"{program['name']}  ({program['dialect']}, {self.blocks} blocks)"),
+            ("machine", f"{machine['name']}  {machine['chain']}"),
+            ("calibration", f"{calibration['id']}{age}"),
+            ("work offsets", "; ".join(f"{name}: {value}" for name, value in self.work_offsets.items())),
+            *self.datums.facts(self.work_offsets),
+            ("tool lengths", f"{tools or 'none called: length 0'} (mm)"),
+            ("conditions", self.conditions.text()),
+            ("moves", f"{self.moves} read, {self.corrected} corrected in {self.changed_blocks} blocks{added}"),
+        ]
+        facts += [("accepted", f"{name}: {found}") for name, found in self.accepted.items()]
+        return [(what, text) for what, text in facts if text or what != "conditions"]
+
+    def corrections(self) -> list[tuple[str, Statistic]]:
+        """By axis, with its unit where that is not um."""
+        turning = [(f"correction {axis}, urad", statistic) for axis, statistic in self.turning.items()]
+        return [(f"correction {axis}", statistic) for axis, statistic in self.correction.items()] + turning
+
+    def errors(self) -> list[tuple[str, Statistic]]:
+        """Of what was judged: predicted errors, in um where no unit is named."""
+        error = self.error
+        absolute = [("absolute error at block ends before", self.absolute_before)] if self.relative else []
+        absolute += [("absolute error at block ends after", self.absolute_after)] if self.relative else []
+        named = [
+            (f"{error} at block ends before", self.before),
+            (f"{error} at block ends after", self.after),
+            (f"{error} between block ends after", self.between_ends),
+            *absolute,
+            ("tool axis before, urad", self.tilt_before),
+            ("tool axis after, urad", self.tilt_after),
+            ("standard uncertainty (k=1)", self.uncertainty),
+        ]
+        return [(name, statistic) for name, statistic in named if statistic.count]
+
+    @property
+    def relative(self) -> str:
+        """What errors are relative to, in words; empty where all work offsets are true, so that they are absolute."""
+        return "relative to the datum" if self.datums.used else ""
+
+    @property
+    def error(self) -> str:
+        """The error that counts: relative to the datum, unless all work offsets are true."""
+        return f"error {self.relative}".strip()
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form; every length in um."""
+        return {
+            "program": self.program,
+            "machine": self.machine,
+            "calibration": self.calibration,
+            "conditions": self.conditions.json(),
+            "blocks": {"read": self.blocks, "changed": self.changed_blocks, "added": self.added_blocks},
+            "moves": {
+                "read": self.moves,
+                "corrected": self.corrected,
+                "split": self.split_moves,
+                "not_judged": self.not_judged,
+            },
+            "not_split": [straying.json(reason) for reason, straying in self.straying.items()],
+            "not_corrected": [{"axes": axes.split(), "lines": ranges(lines)} for axes, lines in self.left.items()],
+            "correction_um": {axis: statistic.json() for axis, statistic in self.correction.items()},
+            "correction_urad": {axis: statistic.json() for axis, statistic in self.turning.items()},
+            "max_correction_um": None if self.max_correction_um is None else round(self.max_correction_um, 4),
+            "accepted": self.accepted,
+            "predicted_error_um": {
+                "before": self.before.json(),
+                "after": self.after.json(),
+                "between_block_ends_after": self.between_ends.json(),
+                "standard_uncertainty_of_prediction": self.uncertainty.json(),
+                "significant_share_of_improvement": self.significance.share,
+            },
+            "predicted_absolute_error_um": {"before": self.absolute_before.json(), "after": self.absolute_after.json()},
+            "predicted_tool_axis_error_urad": {"before": self.tilt_before.json(), "after": self.tilt_after.json()},
+            "work_offsets": self.work_offsets,
+            "errors_relative_to": "datum" if self.relative else "work offset",
+            "datum": self.datums.json(self.work_offsets),
+            "tools": self.tools,
+            "assumed": self.assumed,
+            "notes": self.notes,
+        }

@@ -1,0 +1,85 @@
+"""Feed moves of rotary axes alone: they keep the linear axes, and with them the correction of the position before.
+
+During the move that correction may become wrong, up to twice the error. If such a move would be worse than in the
+input, the position before it is left as in the input too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.transforms import Array
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import Correction, missed
+from postproc.compensation.datum import datum_shifts
+from postproc.motion.motions import Motions
+from postproc.text.notes import Notes
+
+WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
+"""Shares of the move whose largest errors are compared."""
+NOTE = "left as in the input: the feed move of rotary axes alone behind it would be worse with this correction"
+
+
+def leave_before_turning(
+    motions: Motions,
+    correction: Correction,
+    model: ErrorModel,
+    conditions: Conditions,
+    approach: Array | None,
+    notes: Notes,
+) -> Correction:
+    """The correction without that of positions from which rotary axes turn at feed, where it would do harm.
+
+    approach `(n, axes)`: the direction in which each move comes to its end.
+    """
+    turning = motions.turning
+    before = np.maximum.accumulate(np.where(turning, -1, np.arange(len(motions))))
+    rows = np.flatnonzero(turning & (before >= 0) & motions.judged)
+    pairs = zip(motions.frame[before[rows]].tolist(), motions.frame[rows].tolist(), strict=True)
+    same = np.array([motions.frames[i] == motions.frames[j] for i, j in pairs], bool)
+    rows = rows[same & motions.programmed[before[rows]]]
+    if not rows.size:
+        return correction
+    kept = np.zeros_like(motions.target)
+    kept[rows] = (correction.target - motions.target)[before[rows]]
+    kept[:, motions.machine.rotary] = 0.0
+    harmed = _worse(motions, rows, kept, model, conditions, approach)
+    left = np.unique(before[rows[harmed]])
+    for row in left.tolist():
+        notes.add(NOTE, motions.blocks[motions.block[row]].line)
+    nominal = np.isin(before, left)[:, None]
+    return replace(
+        correction,
+        corrected=np.where(nominal, correction.nominal, correction.corrected),
+        target=np.where(nominal, motions.target, correction.target),
+    )
+
+
+def _worse(
+    motions: Motions,
+    rows: np.ndarray,
+    kept: Array,
+    model: ErrorModel,
+    conditions: Conditions,
+    approach: Array | None,
+) -> np.ndarray:
+    """True `(rows,)` for moves that with `kept` `(n, axes)`, mm, added all along err more than without it."""
+    shift, tool = datum_shifts(motions, model, conditions)[rows], motions.tool[rows]
+    states = conditions.states(None if approach is None else approach[rows])
+
+    def largest(shares: Sequence[float], added: Array | float) -> Array:
+        """Largest errors `(rows,)`, um, at these shares of the move."""
+        found = np.zeros(len(rows))
+        for share in shares:
+            program = motions.along(share)
+            nominal, q = motions.in_machine(program)[rows], motions.in_machine(program + added)[rows]
+            found = np.maximum(found, missed(motions.machine, model, q, nominal, tool, states, shift).point_um)
+        return found
+
+    pairs = [(largest(shares, 0.0), largest(shares, kept)) for shares in (WITHIN, AT_END)]
+    rounding_um = motions.machine.rounding_mm * 1e3
+    return np.asarray(np.any([after > before + rounding_um for before, after in pairs], axis=0))

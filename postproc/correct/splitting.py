@@ -1,0 +1,155 @@
+"""Long moves in pieces, where a corrected end alone would let the path between stray beyond the tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Set
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.forward import tool_point
+from kinematics.inverse import linear_positions
+from kinematics.machine import Machine, NDArrayBool
+from postproc.compensation.conditions import Conditions
+from postproc.correct.chord_error import CorrectedWays, Limits, bent, find_cuts
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Known
+from postproc.motion.segments import arc_turned, split
+from postproc.text.block import Block
+from postproc.text.number_style import decimals_for
+from postproc.write.added_blocks import ALONE, END_M, LASTING, SINGLE_FEEDS, START_M
+
+QUARTER = math.pi / 2 + 1e-9
+HALF_TURN = math.pi - 1e-6
+
+
+@dataclass
+class Splitter:
+    """Cuts moves, chunk after chunk."""
+
+    machine: Machine
+    models: tuple[ErrorModel, ErrorModel | None]
+    """Of the tool point, and where it is corrected of the orientation."""
+    conditions: Conditions
+    tolerance_um: float
+    worse: bool = False
+    """Moves may become worse than in the input, so that it is no reason to cut them."""
+
+    def __post_init__(self) -> None:
+        self.whole: dict[int, str] = {}
+        """By block of the last chunk: why its move, which strays, stays in one piece."""
+        self.uneven: Set[int] = set()
+        """Blocks of the last chunk whose moves may stray farther than they should."""
+        self.moves = 0
+        """That were cut."""
+
+    @property
+    def limits(self) -> Limits:
+        """Tolerance of the path after the rounding of its ends; never less than half of the requested one."""
+        rounding = self.machine.rounding_mm
+        asked = 1e-3 * self.tolerance_um
+        return Limits(max(asked - 1.1 * rounding, asked / 2, rounding), math.inf if self.worse else rounding)
+
+    def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
+        """The moves of a chunk, those in pieces that would stray; blocks `varied` run several times, not alike."""
+        self.whole, self.uneven = {}, set()
+        rows = np.flatnonzero(motions.known_ways & ~motions.turning)
+        if not rows.size or not self.models[0].effects:
+            return motions
+        ways = CorrectedWays(motions, self.models, self.conditions)
+        uneven = bent(ways, rows, self.limits)
+        reasons = {row: _obstacle(motions, row, ways, varied) for row in uneven.tolist()}
+        self.whole = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
+        free = np.array([row for row, reason in reasons.items() if not reason], int)
+        found = find_cuts(ways, free, self.limits)
+        self.uneven = self.whole.keys() | {int(motions.block[piece.row]) for piece in found.steep}
+        cuts = {row: _quarters(motions, row, shares) for row, shares in found.shares.items()}
+        self.moves += len(cuts)
+        return _with_round_angles(split(motions, cuts)) if cuts else motions
+
+
+def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset[int]) -> str:
+    """Why a move can't be written in pieces, empty when it can."""
+    machine, block, arc = motions.machine, motions.blocks[motions.block[row]], motions.arcs.get(row)
+    moved = motions.target[row] != motions.start[row]
+    moved[[word.axis for word in motions.words[row]]] = True
+    said = np.minimum(motions.known_start[row], motions.known[row])[moved]
+    turned = ways.extents[row] * machine.rotary
+    obstacles = {
+        ALONE: block.alone,
+        "its block runs several times, in different ways": int(motions.block[row]) in varied,
+        "its block makes several moves": np.count_nonzero(motions.block == motions.block[row]) > 1,
+        "the control shifts it by the radius of the tool": row in motions.contours,
+        "polar coordinates": row in motions.polars or (arc is None and any(w.word < 0 for w in motions.words[row])),
+        "an axis that no word may name": row in motions.still,
+        "the program has not given the positions of all its axes before it": (said != Known.PROGRAM).any(),
+        "rotary axes turn along an arc": arc is not None and turned.any(),
+        "a rotary axis turns by half a turn or more, and which way round depends on the control": (
+            (turned > HALF_TURN) & _endless(machine)
+        ).any(),
+    }
+    return next((reason for reason, there in obstacles.items() if there), "") or _obstacle_in_words(
+        block, timed=bool(motions.timed[row])
+    )
+
+
+def _obstacle_in_words(block: Block, *, timed: bool) -> str:
+    said = {word.value or 0.0 for word in block.words if word.address == "M"}
+    if not said <= START_M | END_M:
+        return "an M function in its block may run before or after it"
+    if any(word.address in SINGLE_FEEDS for word in block.words):
+        return "its feed holds for one block"
+    if any(word.mode in LASTING for word in block.words):
+        return "DC, ACP or ACN says which way round an axis turns"
+    if timed and not any(word.address == "F" and word.value and word.formula is None for word in block.words):
+        return "no F under G93"
+    return ""
+
+
+def _endless(machine: Machine) -> NDArrayBool:
+    """Axes `(axes,)` that may go round: their positions a turn apart are one place."""
+    return np.array([axis.rotary and axis.travel[1] - axis.travel[0] >= 360.0 for axis in machine.axes])
+
+
+def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
+    """The cuts of a move, with more for an arc by its radius: near half a circle a radius hardly determines the centre.
+
+    An arc of several turns gets more cuts too: its segments have no number of turns.
+    """
+    arc = motions.arcs.get(row)
+    if arc is None or not (arc.turns or arc.form.startswith("radius")):
+        return shares
+    turned, found = abs(arc_turned(motions, row)), [0.0, *shares, 1.0]
+    longest = QUARTER if arc.form.startswith("radius") else HALF_TURN + 2e-6
+    while True:
+        halves = [(a + b) / 2 for a, b in pairwise(found) if (b - a) * turned > longest]
+        if not halves:
+            return found[1:-1]
+        found = sorted(found + halves)
+
+
+def _with_round_angles(motions: Motions) -> Motions:
+    """The pieces with the ends of rotary axes where the control counts them, and the tool point where it was.
+
+    Otherwise the rounding of an angle would move the tool point by as much as the tool is far from the axis.
+    """
+    machine = motions.machine
+    inner = np.flatnonzero(motions.added)  # begin where the row before ends
+    columns = np.flatnonzero(machine.rotary)
+    if not columns.size or not (motions.target != motions.start)[inner][:, columns].any():
+        return motions
+    part = motions.bare.take(inner)
+    place = motions.start[inner]
+    rounded = place.copy()
+    for i in columns.tolist():
+        rounded[:, i] = np.round(place[:, i], decimals_for(machine.axes[i].resolution))
+    q, turned = part.in_machine(place), part.in_machine(rounded)
+    turned = linear_positions(machine, turned, tool_point(machine, q, part.tool), part.tool)
+    result = part.in_program(turned)
+    result[:, columns] = rounded[:, columns]
+    start, target = motions.copies("start", "target")
+    start[inner] = target[inner - 1] = result
+    return replace(motions, start=start, target=target)

@@ -1,0 +1,178 @@
+"""What a correction did along a program, for figures: bounded memory, however long the program is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.forward import tool_point
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array
+from postproc.compensation.correction import missed
+from postproc.compensation.predicted_error import Judge
+from postproc.correct.report import Statistic
+from postproc.motion.along import places
+from postproc.motion.motions import Motions
+
+BINS = 2000
+"""At most so many stretches of the program are told apart."""
+WAYS = 4000
+"""At most so many moves are kept to be drawn."""
+PIECES = 16
+"""Straight pieces that a move is drawn in."""
+WORST = 10
+"""Moves that are named."""
+
+
+class Bins:
+    """Stretches of as many moves each, in the order they run: what is largest, smallest and RMS in each.
+
+    Their number is kept by joining neighbours: a stretch is `width` moves, a power of two.
+    """
+
+    def __init__(self, axes: int) -> None:
+        self.width, self.moves = 1, 0
+        self._largest = np.full((BINS, 2), np.nan)
+        self._squares = np.zeros((BINS, 2))
+        self._judged = np.zeros(BINS)
+        self._high, self._low = np.full((2, BINS, axes), np.nan)
+
+    def add(self, errors: Array, corrections: Array) -> None:
+        """Moves `(n,)`: errors before and after `(n, 2)`, nan where not judged; corrections `(n, axes)`."""
+        end = self.moves + len(errors)
+        while end > BINS * self.width:
+            self._join()
+        rows = np.arange(self.moves, end) // self.width
+        np.fmax.at(self._largest, rows, errors)
+        np.add.at(self._squares, rows, np.nan_to_num(errors) ** 2)
+        np.add.at(self._judged, rows, ~np.isnan(errors[:, 0]))
+        np.fmax.at(self._high, rows, corrections)
+        np.fmin.at(self._low, rows, corrections)
+        self.moves = end
+
+    def _join(self) -> None:
+        """Make every two neighbours one."""
+        self.width *= 2
+        self._largest, self._high = _halved(self._largest, np.fmax), _halved(self._high, np.fmax)
+        self._low = _halved(self._low, np.fmin)
+        self._squares, self._judged = _halved(self._squares, np.add, 0.0), _halved(self._judged, np.add, 0.0)
+
+    def __len__(self) -> int:
+        return (self.moves + self.width - 1) // self.width
+
+    @property
+    def edges(self) -> Array:
+        """Numbers of moves `(bins + 1,)` between which the stretches lie, from 0."""
+        return np.minimum(np.arange(len(self) + 1) * self.width, self.moves).astype(float)
+
+    @property
+    def largest(self) -> Array:
+        """Largest errors before and after `(bins, 2)`, nan where nothing is judged."""
+        return self._largest[: len(self)]
+
+    @property
+    def rms(self) -> Array:
+        """RMS errors before and after `(bins, 2)`, nan where nothing is judged."""
+        count = np.where(self._judged > 0, self._judged, np.nan)[: len(self), None]
+        return np.asarray(np.sqrt(self._squares[: len(self)] / count))
+
+    @property
+    def corrections(self) -> tuple[Array, Array]:
+        """Smallest and largest corrections `(bins, axes)`."""
+        return self._low[: len(self)], self._high[: len(self)]
+
+
+def _halved(values: Array, join: np.ufunc, empty: float = np.nan) -> Array:
+    halved = np.full_like(values, empty)
+    halved[: BINS // 2] = join(values[::2], values[1::2])
+    return halved
+
+
+class Place(NamedTuple):
+    """The end of a move, for a person to find."""
+
+    line: int
+    target: tuple[float, ...]
+    """By axis, in programmed coordinates, mm and degrees."""
+    before: float
+    after: float
+    """um"""
+
+
+@dataclass
+class Ways:
+    """Every `stride`-th feed move, as points of the nominal tool path with the error there before correction."""
+
+    stride: int = 1
+    seen: int = 0
+    points: Array = field(default_factory=lambda: np.empty((0, PIECES + 1, 3)))
+    """`(n, PIECES + 1, 3)`, mm, workpiece frame."""
+    errors: Array = field(default_factory=lambda: np.empty((0, PIECES + 1)))
+    """um"""
+
+    def rows(self, rows: np.ndarray) -> np.ndarray:
+        """Of the next feed moves `(n,)` those that are kept; what was kept is thinned out to make room for them."""
+        end = self.seen + len(rows)
+        while -(-end // self.stride) > WAYS:
+            self.stride *= 2
+            self.points, self.errors = self.points[::2], self.errors[::2]
+        first = -self.seen % self.stride
+        self.seen = end
+        return rows[first :: self.stride]
+
+    def add(self, points: Array, errors: Array) -> None:
+        """Take in rows that `rows` gave."""
+        self.points = np.concatenate([self.points, points])
+        self.errors = np.concatenate([self.errors, errors])
+
+
+class Trace:
+    """Follows a correction, chunk by chunk."""
+
+    def __init__(self, machine: Machine, model: ErrorModel) -> None:
+        self.machine, self._model = machine, model
+        self.bins = Bins(len(machine.axes))
+        self.ways = Ways()
+        self.between_before = Statistic()
+        """Of feed moves, between their ends, um."""
+        self.worst: tuple[list[Place], list[Place]] = ([], [])
+        """Moves with the largest errors before, and after."""
+
+    def add(self, motions: Motions, rows: NDArrayBool, moved: Array, errors: Array) -> None:
+        """Take in the rows `(n,)` of a chunk that are whole programmed moves.
+
+        moved `(n, axes)`: correction of their ends, mm and degrees, nan of axes that the program has not given; errors
+        `(n, 2)`, um, before and after, nan where they are not evaluated.
+        """
+        scale = np.where(self.machine.rotary, np.deg2rad(1.0) * 1e6, 1e3)
+        self.bins.add(errors[rows], (moved * scale)[rows])
+        for which, known in enumerate(self.worst):
+            known[:] = _worst(known, motions, errors, which)
+
+    def add_ways(self, motions: Motions, judge: Judge) -> None:
+        """Take in some feed moves of a chunk, in the states that the judge of the program as it was last found."""
+        rows = self.ways.rows(np.flatnonzero(motions.judged_ways))
+        if not len(rows):
+            return
+        points = np.repeat(rows, PIECES + 1)
+        shares = np.tile(np.linspace(0.0, 1.0, PIECES + 1), len(rows))
+        nominal = motions.bare.take(points).in_machine(places(motions, points, shares))
+        tool = motions.tool[points]
+        states, shift = judge.last_states(points), judge.datum_shifts(motions)[points]
+        errors = missed(self.machine, self._model, nominal, nominal, tool, states, shift).point_um
+        tips = tool_point(self.machine, nominal, tool)
+        self.ways.add(tips.reshape(len(rows), -1, 3), errors.reshape(len(rows), -1))
+
+
+def _worst(known: list[Place], motions: Motions, errors: Array, which: int) -> list[Place]:
+    """The worst of those known and of a chunk, before (0) or after (1); of equal ones the earlier."""
+    size = errors[:, which]
+    largest = np.argsort(-size, kind="stable")[:WORST]  # nan comes last
+    here = [
+        Place(motions.blocks[motions.block[row]].line, tuple(motions.target[row].tolist()), *errors[row].tolist())
+        for row in largest[~np.isnan(size[largest])].tolist()
+    ]
+    return sorted([*known, *here], key=lambda place: -(place.before, place.after)[which])[:WORST]

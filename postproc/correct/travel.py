@@ -1,0 +1,55 @@
+"""Travel check: every commanded position lies inside the travel of its axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from kinematics.machine import NDArrayBool
+from kinematics.transforms import Array
+from postproc.control.state import ControlState
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Known
+from postproc.text.block import Refusal
+from postproc.text.notes import Notes
+
+TOLERANCE = 1e-9
+
+
+def refuse_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> None:
+    """Refusal at the first move to a position `(n, axes)`, mm and rad, outside the travel of an axis.
+
+    Axes whose position the program has not given are not checked. `when` is part of the message: "as programmed",
+    "after correction".
+    """
+    for refusal in refusals_outside(motions, positions, when, state):
+        raise refusal
+
+
+def refusals_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> Iterator[Refusal]:
+    """A refusal for every move and axis outside travel, as `refuse_outside` has it; the set-up is named first."""
+    machine, programmed = motions.machine, motions.programmed
+    for row, i in np.argwhere(_outside(motions, positions)):
+        axis = machine.axes[i]
+        origins = state.origins(motions.frames[motions.frame[row]]) if programmed[row] else ""
+        setup = f" with {origins}: check these (--work-offset, --tool-length)" if origins else ""
+        yield motions.blocks[motions.block[row]].refuse(
+            f"{axis.name} would go to {positions[row, i] / machine.scale[i]:.4f} {axis.unit} {when} (machine "
+            f"coordinates), outside its travel {axis.travel[0]:g}..{axis.travel[1]:g}{setup}; "
+            "--no-travel-check lets it pass"
+        )
+
+
+def note_outside(motions: Motions, positions: Array, notes: Notes) -> None:
+    """Note the moves that `refuse_outside` would refuse."""
+    for row, i in np.argwhere(_outside(motions, positions)):
+        axis = motions.machine.axes[i]
+        text = f"{axis.name} outside its travel {axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}"
+        notes.add(text, motions.blocks[motions.block[row]].line)
+
+
+def _outside(motions: Motions, positions: Array) -> NDArrayBool:
+    low, high = motions.machine.travel
+    beyond = np.maximum(low - positions, positions - high) > TOLERANCE
+    return np.asarray(beyond & (motions.known != Known.ASSUMED))

@@ -1,0 +1,198 @@
+"""Verification: the tool path of a program before and after correction, by the exact model.
+
+Works from the two texts alone, so it judges what was written and not what was meant. Block ends, and points along
+straight and circular feed moves, as the control interpolates them in programmed coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_transform import place_names, place_transform
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.correction import COLD, missed
+from postproc.compensation.datum import datum_shifts, poses, touched
+from postproc.compensation.predicted_error import Judge, in_a_program, where
+from postproc.control.setup import Setup
+from postproc.correct.best_fit import BestFit
+from postproc.correct.report import Statistic
+from postproc.dialects import Dialect, Interpreter
+from postproc.execution import execution
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind
+from postproc.motion.reversals import INNER
+from postproc.motion.segments import like
+from postproc.text.notes import Notes
+from postproc.text.source import CHUNK, Source
+from postproc.write.added_blocks import Tag, begin_of, tag_of
+
+CONTRIBUTION_ROWS = 2000
+"""Moves that the contributions of the error motions are worked out for."""
+
+
+@dataclass(frozen=True)
+class Absolute:
+    """Errors of the tool point, um, with the work offsets taken for true."""
+
+    before: Statistic = field(default_factory=Statistic)
+    after: Statistic = field(default_factory=Statistic)
+    path_before: Statistic = field(default_factory=Statistic)
+    path_after: Statistic = field(default_factory=Statistic)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Errors of the tool point relative to the datum, um, before and after; contributions of error motions before.
+
+    Of work offsets that are true, both errors are absolute.
+    """
+
+    moves: int
+    before: Statistic
+    after: Statistic
+    path_before: Statistic
+    path_after: Statistic
+    contributions: dict[str, Statistic]
+    absolute: Absolute = field(default_factory=Absolute)
+    relative: bool = False
+    """A work offset was touched off, so that errors relative to the datum are not the absolute ones."""
+    best_fit: tuple[BestFit, BestFit] = field(default_factory=lambda: (BestFit(), BestFit()))
+    """Best fit of the errors along feed moves, before and after, all aligned as one part."""
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form; every length in um."""
+        return {
+            "moves": self.moves,
+            "errors_relative_to": "datum" if self.relative else "work offset",
+            "block_ends_um": {"before": self.before.json(), "after": self.after.json()},
+            "along_feed_moves_um": {"before": self.path_before.json(), "after": self.path_after.json()},
+            "absolute_block_ends_um": {"before": self.absolute.before.json(), "after": self.absolute.after.json()},
+            "absolute_along_feed_moves_um": {
+                "before": self.absolute.path_before.json(),
+                "after": self.absolute.path_after.json(),
+            },
+            "best_fit_along_feed_moves_um": {
+                when: fit.json() for when, fit in zip(("before", "after"), self.best_fit, strict=True)
+            },
+            "contributions_before_um": {name: statistic.json() for name, statistic in self.contributions.items()},
+        }
+
+
+def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> list[Motions]:
+    """All moves of a program, chunk by chunk; UserError, located, at the first block that isn't understood."""
+    return run_motions(source, dialect, dialect.interpreter(machine, setup, Notes()))
+
+
+def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> list[Motions]:
+    """As `read_motions`, by an interpreter that contains the used set-up of the program afterwards."""
+    motions = []
+    for part in execution(source, dialect, interpreter).parts():
+        chunk = _with_tags(part.motions)
+        motions.append(replace(chunk, blocks=[], words=[]))  # the columns are all that is looked at
+    return motions
+
+
+def _with_tags(motions: Motions) -> Motions:
+    """The moves of a corrected program, with those of ncomp's own known as such."""
+    tags = [tag_of(block.text) for block in motions.blocks]
+    if not any(tags):
+        return motions
+    own = np.array([tag is not None for tag in tags])[motions.block]
+    takes_up = np.array([tag is Tag.TAKE_UP for tag in tags])[motions.block] & (motions.kind == Kind.LINE)
+    begin = np.array([begin_of(block.text) if tag else 0.0 for block, tag in zip(motions.blocks, tags, strict=True)])
+    kind = np.where(takes_up, Kind.TAKE_UP, motions.kind)
+    return replace(motions, kind=kind, added=own, begin=begin[motions.block])
+
+
+def verify(
+    nominal: Motions, commanded: Motions, model: ErrorModel, conditions: Conditions = COLD, tolerance_um: float = 1.0
+) -> Verdict:
+    """Judge the moves of a corrected program against those of its original, which they must match one to one.
+
+    Take-ups and pieces of arcs belong to the moves of the original; directions are those of each text's own moves,
+    in which half of the tolerance is no reversal.
+    """
+    moves, model = len(nominal), model.part(in_a_program)
+    matched = like(nominal, commanded)
+    if matched is None:
+        raise UserError("the two programs do not make the same moves: is the second one a correction of the first?")
+    machine = nominal.machine
+    before = Judge(model, machine, conditions, tolerance_um)
+    after = Judge(model, machine, conditions, tolerance_um, written=True)
+    relative = bool(touched(nominal)[0])
+    verdict = Verdict(moves, Statistic(), Statistic(), Statistic(), Statistic(), {}, relative=relative)
+    ends: list[Array] = [np.empty((0, len(machine.axes)))]
+    starts = np.flatnonzero(~matched.added)[::CHUNK]  # no move is torn apart
+    for rows in np.split(np.arange(len(matched)), starts[1:]):
+        _judge((matched.take(rows), commanded.take(rows)), (before, after), model, conditions, verdict)
+        if before.approach is not None:
+            ends.append(before.approach)
+    judged = matched.judged
+    approach = np.concatenate(ends)[judged] if before.axes else None
+    some = np.arange(int(judged.sum()))[:: max(1, int(judged.sum()) // CONTRIBUTION_ROWS)]
+    state = conditions.state(matched.machine_target[judged], approach).rows(some)
+    _contributions(model, conditions, matched.bare.take(np.flatnonzero(judged)[some]), state, verdict.contributions)
+    return verdict
+
+
+def _judge(
+    texts: tuple[Motions, Motions],
+    judges: tuple[Judge, Judge],
+    model: ErrorModel,
+    conditions: Conditions,
+    verdict: Verdict,
+) -> None:
+    """Some rows of both texts, at their ends and along feed moves."""
+    nominal, _ = texts
+    machine, tool, absolute = nominal.machine, nominal.tool, verdict.absolute
+    shift = datum_shifts(nominal, model, conditions)
+    directions = [judge.along(motions) for judge, motions in zip(judges, texts, strict=True)]
+    feed = nominal.judged_ways
+    along = ((verdict.path_before, absolute.path_before), (verdict.path_after, absolute.path_after))
+    ends = ((verdict.before, absolute.before), (verdict.after, absolute.after))
+    places = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.judged, ends)]
+    for share, i, rows, statistics in places:
+        wanted = nominal.in_machine(nominal.along(share))[rows]
+        columns = zip(texts, directions, statistics, verdict.best_fit, strict=True)
+        for motions, approach, (relative, from_offset), best_fit in columns:
+            q = motions.in_machine(motions.along(share))[rows]
+            states = conditions.states(where(approach, i, rows))
+            found = missed(machine, model, q, wanted, tool[rows], states, shift[rows])
+            relative.add(found.point_um)
+            from_offset.add(found.absolute_um)
+            if i >= 0:
+                best_fit.add(found.wanted, found.apart)
+
+
+def _contributions(
+    model: ErrorModel, conditions: Conditions, motions: Motions, state: State, into: dict[str, Statistic]
+) -> None:
+    """What each error motion does to the tool point relative to the datum, first order, at the ends of some moves.
+
+    Location errors count with their error motions. State of the same rows.
+    """
+    if not len(motions):
+        return
+    machine, (touch_offs, which) = motions.machine, touched(motions)
+    parts = _parts(machine, model, state, motions.tool)
+    if touch_offs:
+        q, tool = poses(machine, touch_offs)
+        at_datum = _parts(machine, model, conditions.state(q, np.zeros_like(q)), tool)
+        parts = parts - np.concatenate([at_datum, np.zeros((1, *parts.shape[1:]))])[which]
+    for i, name in enumerate(place_names(machine)):
+        if parts[:, :, i].any():
+            into.setdefault(name, Statistic()).add(np.linalg.norm(parts[:, :, i], axis=1) * 1e3)
+
+
+def _parts(machine: Machine, model: ErrorModel, state: State, tool: Array) -> Array:
+    """What each error motion does to the tool point `(n, 3, error motions)`, mm, first order; tool `(n, 3)`, mm."""
+    errors = model.errors(machine, state).reshape(len(state), -1)
+    return np.asarray(place_transform(machine, state.positions, tool)[:, :3] * errors[:, None])

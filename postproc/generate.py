@@ -1,0 +1,231 @@
+"""The NC program of a measuring plan: go to each position, stand still, stop where the target changes.
+
+Positions are those of the axes. In machine coordinates (G53, M91) ncomp, which never corrects such moves, leaves the
+program alone: it measures the machine as it is. In a work offset ncomp corrects it as any other program: it measures
+what the correction has left.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+
+DIALECTS = ("iso", "fanuc", "heidenhain")
+TargetChange = Literal["M0", "M1"]
+
+
+@dataclass(frozen=True)
+class Visits:
+    """Where to go, one row per observation; mm and degrees."""
+
+    machine: Machine
+    positions: Array
+    """`(n, axes)`"""
+    before: Array | None
+    """`(n, axes)` to pass on the way; not a number for none."""
+    names: Sequence[str]
+    targets: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How to go there."""
+
+    feed: float = 2000.0
+    """mm/min, degrees/min where only rotary axes move."""
+    dwell_s: float = 3.0
+    rapid: bool = False
+    target_change: TargetChange = "M0"
+    """M1 stops only when the operator wants it: for targets that are all mounted."""
+    offset: tuple[str, Mapping[str, float]] | None = None
+    """Name of the work offset or preset, and its values by axis, mm and degrees; None for machine coordinates."""
+
+
+class Speech(Protocol):
+    """How a dialect says it."""
+
+    def head(self, remarks: Sequence[str]) -> list[str]:
+        """Everything in front of the first move."""
+
+    def move(self, words: Mapping[str, float], remark: str) -> str:
+        """A straight move of all axes."""
+
+    def dwell(self) -> list[str]:
+        """Stand still."""
+
+    def stop(self, code: str, remark: str) -> list[str]:
+        """Wait for the operator."""
+
+    def end(self) -> list[str]:
+        """The end of the program."""
+
+
+def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) -> Iterator[str]:
+    """The lines of the program; UserError for what the dialect can't say."""
+    speech = speech_of(visits.machine, manner, dialect)
+    offset = np.array([(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in visits.machine.names])
+    yield from speech.head([*_remarks(visits, manner, title), *assumptions(dialect, manner)])
+    target = None
+    for i, (name, wanted) in enumerate(zip(visits.names, visits.targets, strict=True)):
+        if wanted != target:
+            code = "M0" if target is None else manner.target_change
+            way = " AND THE WAY TO THE FIRST POSITION IS FREE" if target is None else ""
+            yield from speech.stop(code, f"GO ON WHEN TARGET {wanted} IS READY{way}")
+            target = wanted
+        if visits.before is not None and not np.isnan(visits.before[i, 0]):
+            yield speech.move(words_of(visits.machine, visits.before[i] - offset), "")
+        if i == 0 or name != visits.names[i - 1] or not np.array_equal(visits.positions[i], visits.positions[i - 1]):
+            yield speech.move(words_of(visits.machine, visits.positions[i] - offset), name)
+        yield from speech.dwell()
+    yield from speech.end()
+
+
+def assumptions(dialect: str, manner: Manner) -> list[str]:
+    """What the program takes for granted of the control."""
+    if manner.offset is None:
+        code = "M91" if dialect == "heidenhain" else "G53 ON EVERY BLOCK"
+        return [f"POSITIONS ARE MACHINE COORDINATES: {code}", "NCOMP DOES NOT CORRECT SUCH MOVES"]
+    name, values = manner.offset
+    said = " ".join(f"{axis}{value:g}" for axis, value in values.items()) or "0"
+    which = f"PRESET {name}" if name.isdigit() else name
+    return [
+        f"POSITIONS COUNT FROM {which}, WHICH MUST BE {said}",
+        "TOOL LENGTH MUST BE 0: POSITIONS ARE THOSE OF THE AXES",
+    ]
+
+
+def _remarks(visits: Visits, manner: Manner, title: str) -> list[str]:
+    machine = visits.machine
+    turns = " - DEG/MIN WHERE ONLY ROTARY AXES MOVE" if machine.rotary.any() else ""
+    return [
+        f"{title} - MACHINE {machine.name} - {len(visits.positions)} OBSERVATIONS",
+        f"{'RAPID' if manner.rapid else f'FEED {manner.feed:g} MM/MIN{turns}'} - DWELL {manner.dwell_s:g} S AT EACH",
+        "SPINDLE OFF - MOVES ARE STRAIGHT LINES FROM POINT TO POINT: TRY IT AT LOW OVERRIDE",
+    ]
+
+
+def words_of(machine: Machine, positions: Array) -> dict[str, float]:
+    """Positions `(axes,)`, mm and degrees, by axis, as far as they are written."""
+    return dict(zip(machine.names, (np.round(positions, 4) + 0.0).tolist(), strict=True))
+
+
+def speech_of(machine: Machine, manner: Manner, dialect: str) -> Speech:
+    """How a dialect says it; UserError for what it can't."""
+    for name in machine.names:
+        if len(name) > 1:
+            raise UserError(f"--nc: axis {name} has no word of its own in NC programs that ncomp writes")
+    if machine.control.tcp_at_start and machine.rotary.any():
+        raise UserError(
+            f"--nc: the control of {machine.name} places the tool point from the start (tcp_at_start); "
+            "a plan gives positions of axes"
+        )
+    if dialect == "heidenhain":
+        return _Klartext(manner)
+    if dialect not in DIALECTS:
+        raise UserError(f"--dialect {dialect}: expected one of {', '.join(DIALECTS)}")
+    if dialect == "fanuc" and manner.offset is None:
+        raise UserError(
+            "--dialect fanuc: there G53 moves in rapid whatever the program says; "
+            "give the work offset that is active, --work-offset G54=x,y,z"
+        )
+    return _Iso(manner, dwell_word="X" if dialect == "fanuc" else "P")
+
+
+@dataclass
+class _Iso:
+    """LinuxCNC, Fanuc."""
+
+    manner: Manner
+    dwell_word: str
+    """P counts in s on LinuxCNC and in ms on Fanuc, where X counts in s."""
+
+    def head(self, remarks: Sequence[str]) -> list[str]:
+        """See `Speech`."""
+        offset = [self.manner.offset[0]] if self.manner.offset else []
+        return ["%", *(f"({_plain(text)})" for text in remarks), "G21 G17 G90 G94", "G40 G49 G80", *offset, "M5"]
+
+    def move(self, words: Mapping[str, float], remark: str) -> str:
+        """See `Speech`."""
+        code = "G0" if self.manner.rapid else "G1"
+        frame = "" if self.manner.offset else "G53 "
+        targets = " ".join(f"{name}{value:.4f}" for name, value in words.items())
+        feed = "" if self.manner.rapid else f" F{_number(self.manner.feed)}"
+        return f"{frame}{code} {targets}{feed}" + (f" ({_plain(remark)})" if remark else "")
+
+    def dwell(self) -> list[str]:
+        """See `Speech`."""
+        return [f"G4 {self.dwell_word}{_number(self.manner.dwell_s)}"]
+
+    def stop(self, code: str, remark: str) -> list[str]:
+        """See `Speech`."""
+        return [f"({_plain(remark)})", code]
+
+    def end(self) -> list[str]:
+        """See `Speech`."""
+        return ["M30", "%"]
+
+
+@dataclass
+class _Klartext:
+    """Heidenhain; blocks are numbered."""
+
+    manner: Manner
+    name: str = "PLAN"
+    block: int = -1
+
+    def head(self, remarks: Sequence[str]) -> list[str]:
+        """See `Speech`."""
+        start = [
+            self._numbered(f"BEGIN PGM {self.name} MM"),
+            *(self._numbered(f"; {_plain(text)}") for text in remarks),
+        ]
+        if self.manner.offset:
+            preset = self.manner.offset[0]
+            if not preset.isdigit():
+                raise UserError(f"--work-offset {preset}=...: a Heidenhain control has presets by number, e.g. 1=x,y,z")
+            start.append(self._numbered(f"CYCL DEF 247 DATUM SETTING ~\n  Q339=+{preset} ;DATUM NUMBER"))
+        return [*start, self._numbered("M5")]
+
+    def move(self, words: Mapping[str, float], remark: str) -> str:
+        """See `Speech`."""
+        targets = " ".join(f"{name}{value:+.4f}" for name, value in words.items())
+        feed = "FMAX" if self.manner.rapid else f"F{self.manner.feed:g}"
+        frame = "" if self.manner.offset else " M91"
+        return self._numbered(f"L {targets} R0 {feed}{frame}" + (f" ; {_plain(remark)}" if remark else ""))
+
+    def dwell(self) -> list[str]:
+        """See `Speech`."""
+        return [
+            self._numbered("CYCL DEF 9.0 DWELL TIME"),
+            self._numbered(f"CYCL DEF 9.1 DWELL {_number(self.manner.dwell_s)}"),
+        ]
+
+    def stop(self, code: str, remark: str) -> list[str]:
+        """See `Speech`."""
+        return [self._numbered(f"; {_plain(remark)}"), self._numbered("STOP" if code == "M0" else code)]
+
+    def end(self) -> list[str]:
+        """See `Speech`."""
+        return [self._numbered("M30"), self._numbered(f"END PGM {self.name} MM")]
+
+    def _numbered(self, text: str) -> str:
+        self.block += 1
+        return f"{self.block} {text}"
+
+
+def _number(value: float) -> str:
+    """With a decimal point, without which some controls count in increments."""
+    return f"{value:.3f}".rstrip("0") if value != int(value) else f"{value:.1f}"
+
+
+def _plain(text: str) -> str:
+    """As comments of all controls may have it."""
+    return re.sub(r"[^A-Z0-9 .,:+\-/=]", " ", text.upper()).strip()

@@ -1,0 +1,1 @@
+"""HEIDENHAIN Klartext programs."""

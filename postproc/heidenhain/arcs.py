@@ -1,0 +1,274 @@
+"""Klartext moves round a pole and from it: CC, C, CR, CT, CP, CTP, and LP, which goes straight to polar coordinates.
+
+A pole lies in the plane of X Y, Y Z or Z X. PolarEnd angles count from the first of the two, towards the second. What a
+polar block leaves out, and what its increments count from, is where the tool stands as seen from the pole.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from postproc.heidenhain.codes import DIRECTIONS
+from postproc.heidenhain.modal_state import Content, Control, value_of
+from postproc.motion.circles import SAME, Point, centre_from_radius, radius_fault, same, sweep, tangent_circle
+from postproc.motion.frames import cartesian
+from postproc.motion.moves import Arc, AxisWord, Kind, PolarEnd
+from postproc.text.block import Block
+
+Plane = tuple[int, int, int]
+
+
+class _Pole(NamedTuple):
+    """A pole as a CC has put it."""
+
+    at: Point
+    plane: Plane
+    number: int
+    """Of all poles of the program."""
+    sure: bool
+    """Both coordinates are said, and not as increments: the control holds them as they are here."""
+    frame: int
+    """Of all changes of the frame: a pole counts in its own."""
+
+
+class _Place(NamedTuple):
+    """Where a polar block ends: its coordinates, and the words that say them."""
+
+    radius: float
+    angle: float
+    """rad"""
+    turned: float | None
+    """rad, where the angle is an increment."""
+    words: tuple[int | None, int | None]
+    at: Point
+    said: bool
+    """By what the block says alone, wherever the tool stands before it."""
+
+
+@dataclass
+class Arcs:
+    """Moves of one control that have to do with a pole."""
+
+    control: Control
+    pole: _Pole | None = None
+    block: int = -1
+    """Of the chunk: where the pole was put, -1 for an earlier chunk."""
+    words: tuple[int | None, int | None] = (None, None)
+    """Of that block: where the coordinates of the pole stand."""
+    count: int = 0
+    """Poles so far."""
+
+    def new_chunk(self) -> None:
+        """The blocks before are written: their words can't be edited any more."""
+        self.block, self.words = -1, (None, None)
+
+    @property
+    def planes(self) -> tuple[Plane, Plane, Plane]:
+        """The working plane first."""
+        x, y, z = cartesian(self.control.machine)
+        return (x, y, z), (y, z, x), (z, x, y)
+
+    # ---- poles
+
+    def set_pole(self, index: int, block: Block) -> None:
+        """CC."""
+        recorder = self.control.recorder
+        words = self.control.axis_words(block, range(len(block.words)))
+        axes = [word.axis for word, _ in words]
+        if len(set(axes)) < len(axes):
+            raise block.refuse("one coordinate of the pole twice")
+        before = self._present()
+        plane = self._plane_of(block, axes, before)
+        relative = [word.axis for word, _ in words if word.incremental] if words else plane[:2]
+        if not all(recorder.known[axis] for axis in relative):
+            raise block.refuse("a pole from a position that the program has not given")
+        here = [recorder.position[axis] for axis in plane[:2]]
+        kept: tuple[float | None, ...] = before.at if before is not None and before.plane == plane else (None, None)
+        pole: list[float | None] = list(kept) if words else list(here)
+        places: list[int | None] = [None, None]
+        for word, value in words:
+            i = plane.index(word.axis)
+            pole[i] = here[i] + value if word.incremental else value
+            places[i] = None if word.incremental else word.word
+        if pole[0] is None or pole[1] is None:
+            raise block.refuse("one coordinate of a pole, and no earlier pole to take the other from")
+        self.count += 1
+        sure = None not in places
+        self.pole = _Pole((pole[0], pole[1]), plane, self.count, sure, self.control.frames)
+        self.block, self.words = index, (places[0], places[1])
+
+    def _plane_of(self, block: Block, axes: list[int], before: _Pole | None) -> Plane:
+        possible = [plane for plane in self.planes if set(axes) <= set(plane[:2])]
+        if not possible:
+            raise block.refuse("a pole has coordinates X Y, Y Z or Z X")
+        if len(possible) > 1 and before is not None and before.plane in possible:
+            return before.plane
+        return possible[0]
+
+    def _present(self) -> _Pole | None:
+        """The pole, if it was put in the present frame."""
+        return self.pole if self.pole is not None and self.pole.frame == self.control.frames else None
+
+    def _pole(self, block: Block) -> _Pole:
+        pole = self._present()
+        if pole is None:
+            raise block.refuse("no pole (CC) in the present frame")
+        return pole
+
+    # ---- arcs to a point
+
+    def circle(self, index: int, block: Block, content: Content, settled: bool) -> None:
+        """C, CR and CT."""
+        sense = self._sense(block, content) if block.kind != "tangent" else 0
+        words = self.control.axis_words(block, content.axes)
+        if not words:
+            raise block.refuse("an arc without an end point")
+        target = self.control.target(block, words)
+        plane = self._pole(block).plane if block.kind == "circle" else self.planes[0]
+        start, end = self._ends(block, plane, target)
+        match block.kind:
+            case "circle":
+                arc = self._about_pole(block, plane, sense, (start, end))
+            case "tangent":
+                arc = self._tangent(block, plane, start, end)
+            case _:
+                arc = self._by_radius(block, plane, sense, (start, end))
+        named = tuple(word for word, _ in words)
+        self.control.recorder.move(index, Kind.ARC, target, self.control.unit, named, arc, settled=settled)
+
+    def _sense(self, block: Block, content: Content) -> int:
+        senses = DIRECTIONS.keys() & content.other
+        if len(senses) != 1:
+            raise block.refuse("an arc without DR+ or DR-")
+        return DIRECTIONS[senses.pop()]
+
+    def _ends(self, block: Block, plane: Plane, target: list[float]) -> tuple[Point, Point]:
+        first, second, _ = plane
+        recorder = self.control.recorder
+        if not (recorder.known[first] and recorder.known[second]):
+            raise block.refuse("an arc from a position that the program has not given")
+        if not recorder.frame.keeps_circles("".join(self.control.machine.names[axis] for axis in plane[:2])):
+            raise block.refuse("an arc where the axes of its plane are scaled by different factors")
+        position = recorder.position
+        return (position[first], position[second]), (target[first], target[second])
+
+    def _about_pole(self, block: Block, plane: Plane, sense: int, ends: tuple[Point, Point]) -> Arc:
+        pole = self._pole(block)
+        fault = radius_fault(*ends, pole.at)
+        if fault is not None:
+            raise block.refuse(fault)
+        return Arc(plane, sense, pole.at, same(*ends), "pole", self.words, self.block, pole=pole.number)
+
+    def _by_radius(self, block: Block, plane: Plane, sense: int, ends: tuple[Point, Point]) -> Arc:
+        for i, word in enumerate(block.words):
+            if word.address == "R" and word.start < word.end:
+                found = centre_from_radius(*ends, value_of(block, word) * self.control.unit, sense)
+                if found is None:
+                    raise block.refuse("no circle of this radius joins start and end")
+                return Arc(plane, sense, found, False, "radius", (i, None), pole=self._number)
+        raise block.refuse("CR without a radius")
+
+    def _tangent(self, block: Block, plane: Plane, start: Point, end: Point) -> Arc:
+        """The arc from start to end that leaves the start as the move before arrived there."""
+        if self.control.cornered:
+            raise block.refuse("an arc by its tangent behind a rounding or a chamfer")
+        heading = self.control.recorder.heading(plane)
+        if heading is None:
+            raise block.refuse("an arc by its tangent, and no move in its plane right before it")
+        found = tangent_circle(start, end, heading)
+        if found is None:
+            raise block.refuse("an arc by its tangent that is a straight line")
+        centre, sense = found
+        return Arc(plane, sense, centre, False, "tangent", (None, None), pole=self._number)
+
+    @property
+    def _number(self) -> int:
+        """Number of the active pole, which changes if a helix replaces an arc."""
+        return self.pole.number if self.pole is not None else 0
+
+    # ---- polar coordinates
+
+    def polar(self, index: int, block: Block, content: Content, settled: bool) -> None:
+        """LP, CP and CTP."""
+        pole = self._pole(block)
+        words = self.control.axis_words(block, content.axes)
+        if any(word.axis in pole.plane[:2] for word, _ in words):
+            raise block.refuse("a coordinate in the plane of the pole beside polar ones")
+        target = self.control.target(block, words)
+        first, second, _ = pole.plane
+        recorder = self.control.recorder
+        start = recorder.position[first], recorder.position[second]
+        place = self._place(block, pole, start)
+        if not (recorder.known[first] and recorder.known[second]) and (block.kind != "polar_line" or not place.said):
+            raise block.refuse("polar coordinates that count from a position that the program has not given")
+        target[first], target[second] = place.at
+        kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
+        arc = None
+        if block.kind == "polar_circle":
+            kind, arc = Kind.ARC, self._polar_arc(block, content, pole, (start, place))
+        elif block.kind == "polar_tangent":
+            kind, arc = Kind.ARC, self._tangent(block, pole.plane, start, place.at)
+        self._record(index, kind, target, words, (pole, place, arc), settled)
+
+    def _record(
+        self,
+        index: int,
+        kind: Kind,
+        target: list[float],
+        words: list[tuple[AxisWord, float]],
+        polar: tuple[_Pole, _Place, Arc | None],
+        settled: bool,
+    ) -> None:
+        pole, place, arc = polar
+        recorder = self.control.recorder
+        recorder.say_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *place.words))
+        if not place.said and recorder.known[pole.plane[0]] != recorder.known[pole.plane[1]]:
+            recorder.doubt(pole.plane[:2])
+        named = [word for word, _ in words] + [AxisWord(axis, -1, not place.said) for axis in pole.plane[:2]]
+        recorder.move(index, kind, target, self.control.unit, tuple(named), arc, settled=settled)
+
+    def _place(self, block: Block, pole: _Pole, start: Point) -> _Place:
+        x, y = start[0] - pole.at[0], start[1] - pole.at[1]
+        radius, angle, turned = math.hypot(x, y), math.atan2(y, x), None
+        found: dict[str, int] = {}
+        counted = False
+        for i, word in enumerate(block.words):
+            name = word.address.removeprefix("I")
+            if name not in ("PR", "PA"):
+                continue
+            if name in found:
+                raise block.refuse(f"two {name} words")
+            found[name] = i
+            value, more = value_of(block, word), word.address[0] == "I"
+            counted |= more
+            if name == "PR":
+                radius = radius * more + value * self.control.unit
+            else:
+                turned = math.radians(value) if more else None
+                angle = (angle if more else 0.0) + math.radians(value)
+        if not found or ("PA" not in found and block.kind != "polar_line"):
+            raise block.refuse("polar coordinates without an angle" if found else "no polar coordinates")
+        if radius < SAME:
+            raise block.refuse("a polar radius that is not above 0")
+        at = (pole.at[0] + radius * math.cos(angle), pole.at[1] + radius * math.sin(angle))
+        return _Place(radius, angle, turned, (found.get("PR"), found.get("PA")), at, len(found) == 2 and not counted)
+
+    def _polar_arc(self, block: Block, content: Content, pole: _Pole, ends: tuple[Point, _Place]) -> Arc:
+        """CP: round the pole at the radius of the start, by an increment also more than once."""
+        sense = self._sense(block, content)
+        start, place = ends
+        if place.words[0] is not None:
+            raise block.refuse("CP with a radius: the arc has that of its start")
+        if place.turned is None:
+            if same(start, place.at):
+                raise block.refuse("CP to the angle where it starts: a full circle, or none")
+            return Arc(pole.plane, sense, pole.at, False, "polar", self.words, self.block, pole=pole.number)
+        if place.turned == 0.0 or (place.turned > 0.0) != (sense > 0):
+            raise block.refuse("the sign of IPA and DR do not go the same way")
+        way = abs(place.turned)
+        full = same(start, place.at) and way > math.pi
+        once = abs(sweep(start, place.at, pole.at, sense, full))
+        turns = round((way - once) / math.tau)
+        return Arc(pole.plane, sense, pole.at, full, "polar", self.words, self.block, turns, pole.number)

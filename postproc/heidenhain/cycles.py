@@ -1,0 +1,209 @@
+"""Cycles of Klartext: those that change what coordinates mean, and those that machine."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from postproc.heidenhain.codes import (
+    CONTOUR_CYCLES,
+    CYCLES_AT_PLACE,
+    CYCLES_AT_START,
+    CYCLES_ROUND_PLACE,
+    DATA_CYCLES,
+    FRAME_CYCLES,
+    HARMLESS_CYCLES,
+    HARMLESS_M,
+    PATTERN_CYCLES,
+    PLACING,
+    PRESET_CYCLE,
+    REFUSED_CYCLES,
+)
+from postproc.heidenhain.datum_transformations import SCALING, SHIFT
+from postproc.heidenhain.modal_state import Content, Control, value_of
+from postproc.heidenhain.patterns import places
+from postproc.heidenhain.tilted_planes import Planes
+from postproc.motion.frames import cartesian, renamed
+from postproc.motion.moves import AxisWord, Kind, Known
+from postproc.text.block import Block
+from postproc.text.expressions import NotKnown
+
+_CALL = re.compile(r"CYCL CALL(?: M ?(\d*))?", re.IGNORECASE)
+_CYCLE = re.compile(r"CYCL DEF (\d+)(\.\d+)?(.*)", re.IGNORECASE)
+_DATUM_LINE = re.compile(r"#\s*(\d+)")
+
+
+@dataclass
+class Cycles:
+    """The cycles of one control."""
+
+    control: Control
+    planes: Planes
+    cycle: int = 0
+    """The last one that was defined for a call."""
+
+    def define(self, index: int, block: Block) -> None:
+        """CYCL DEF."""
+        match = _CYCLE.fullmatch(block.detail)
+        assert match is not None
+        number = int(match[1])
+        if number == PRESET_CYCLE:
+            self._set_preset(block)
+        elif number in FRAME_CYCLES:
+            self._frame_cycle(block, number, match[2], match[3])
+        elif number in PATTERN_CYCLES:
+            self._pattern(index, block, number)
+        elif number in REFUSED_CYCLES:
+            raise block.refuse(f"cycle {number}: {REFUSED_CYCLES[number]}")
+        elif number not in HARMLESS_CYCLES:
+            raise block.refuse(f"cycle {number} is not known")
+        elif number not in DATA_CYCLES:
+            self.cycle = number
+
+    # ---- calls
+
+    def call(self, block: Block) -> None:
+        """CYCL CALL."""
+        match = _CALL.fullmatch(block.detail)
+        if match is None:
+            raise block.refuse(f"{block.detail}: where it runs the cycle is not known")
+        if match[1]:
+            code = float(match[1])
+            if code not in HARMLESS_M:
+                raise block.refuse(f"M{code:g} with a cycle")
+        self.run(block)
+
+    def call_at(self, index: int, block: Block, content: Content) -> None:
+        """CYCL CALL POS: at X and Y; its Z shifts the surface and all that counts from it."""
+        control = self.control
+        words = control.axis_words(block, content.axes)
+        x_y_z = cartesian(control.machine)
+        if sorted(word.axis for word, _ in words) != sorted(x_y_z) or any(word.incremental for word, _ in words):
+            raise block.refuse("CYCL CALL POS without X, Y and Z")
+        target = control.target(block, words)
+        named = tuple(word for word, _ in words)
+        control.recorder.move(index, Kind.RAPID, target, control.unit, named)
+        self.run(block, target[x_y_z[2]] / control.unit)
+
+    def run(self, block: Block, shifted: float = 0.0) -> None:
+        """A canned cycle goes with the corrected place it starts from; depths and outlines are the control's.
+
+        `shifted`: by how much the surface is higher than its parameter says, in units of the program.
+        """
+        z = cartesian(self.control.machine)[2]
+        if self.control.tcp:
+            raise block.refuse("a canned cycle while M128 is on")
+        if self.cycle in CYCLES_AT_PLACE:
+            self._end_above(z, shifted)
+        elif self.cycle in CYCLES_ROUND_PLACE:
+            self._end_above(z, shifted)
+            self.control.forget("XY")
+        elif self.cycle in CONTOUR_CYCLES:
+            self.control.forget("XYZ")
+            text = f"cycle {self.cycle} runs along its contour as programmed: not corrected"
+            self.control.notes.add(text, block.line)
+            return
+        elif self.cycle not in CYCLES_AT_START:
+            known = f"cycle {self.cycle}: where it runs is not known"
+            raise block.refuse(known if self.cycle else "M99 or CYCL CALL without a cycle")
+        self._note(block)
+
+    def _note(self, block: Block) -> None:
+        text = "canned cycles start from the corrected place; their depths and outlines stay as programmed"
+        self.control.notes.add(text, block.line)
+
+    def _end_above(self, z: int, shifted: float) -> None:
+        """Where a cycle leaves Z, as far as its parameters say so; no word of ours relies on it."""
+        control = self.control
+        try:
+            surface, second, first = (control.q(number) for number in (203, 204, 200))
+        except NotKnown:
+            control.forget("Z")
+            return
+        control.recorder.doubt([z])
+        control.recorder.position[z] = (surface + shifted + max(second, first)) * control.unit
+        control.recorder.known[z] = Known.MACHINE
+
+    # ---- patterns
+
+    def _pattern(self, index: int, block: Block, number: int) -> None:
+        """Cycles 220 and 221 run the cycle before at once, hole by hole; only their first place can be put right."""
+        control = self.control
+        if self.cycle not in CYCLES_AT_PLACE | CYCLES_ROUND_PLACE:
+            raise block.refuse(
+                f"cycle {number}: a pattern of cycle {self.cycle}" if self.cycle else "a pattern of none"
+            )
+        if control.tcp:
+            raise block.refuse("a canned cycle while M128 is on")
+        words = {word.address: i for i, word in enumerate(block.words)}
+        values = {name: value_of(block, block.words[i]) for name, i in words.items()}
+        wanted = PATTERN_CYCLES[number]
+        if not wanted <= values.keys():
+            raise block.refuse(f"cycle {number} without {', '.join(sorted(wanted - values.keys()))}")
+        x, y, z = cartesian(control.machine)
+        named = tuple(AxisWord(axis, words[name], False) for axis, name in zip((x, y), HOLE_WORDS[number], strict=True))
+        control.recorder.doubt([z])
+        control.recorder.position[z] = (values["Q203"] + max(values["Q204"], values["Q200"])) * control.unit
+        control.recorder.known[z] = Known.MACHINE
+        for i, (at_x, at_y) in enumerate(places(number, values)):
+            target = list(control.recorder.position)
+            target[x], target[y] = at_x * control.unit, at_y * control.unit
+            kind = Kind.RAPID if i == 0 else Kind.PATTERN
+            control.recorder.move(index, kind, target, control.unit, named)
+        if self.cycle in CYCLES_ROUND_PLACE:
+            control.forget("XY")
+        self._note(block)
+
+    # ---- frames
+
+    def _set_preset(self, block: Block) -> None:
+        values = [value_of(block, word) for word in block.words if word.address == "Q339"]
+        if len(values) != 1 or values[0] != int(values[0]):
+            raise block.refuse("cycle 247 without a preset number Q339")
+        self.control.set_preset(block, f"{values[0]:.0f}")
+
+    def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
+        if number in PLACING and part is not None and not re.search(r"[\d#]", name):
+            if part != ".0":
+                self._place(block, number)
+            return
+        addresses, neutral, meaning = FRAME_CYCLES[number]
+        changes = [word for word in block.words if not re.fullmatch(addresses, word.address) or word.value != neutral]
+        if part is not None and number == 19 and part != ".0" and changes:
+            self.planes.tilt_by_cycle(block)
+            return
+        if part is None or changes or re.search(r"[\d#]", name):
+            raise block.refuse(f"cycle {number} {meaning}")
+        if number == 19 and part != ".0":
+            self.planes.level(block, bool(block.words))
+
+    def _place(self, block: Block, number: int) -> None:
+        line = next((match for word in block.words if (match := _DATUM_LINE.fullmatch(word.address))), None)
+        if line is not None and number == SHIFT:
+            words = self._datum(block, line[1])
+        else:
+            words = {word.address: value_of(block, word) if word.start < word.end else 0.0 for word in block.words}
+        self.shift(block, number, words)
+
+    def shift(self, block: Block, number: int, words: dict[str, float]) -> None:
+        """A part of cycle 7, 8, 10, 11 or 26, or an equivalent TRANS block."""
+        control = self.control
+        places = control.places if control.tilt is None else control.tilted_places
+        before, x_y_z = places.placement, cartesian(control.machine)
+        scaled_axes = control.machine.control.scaled_axes
+        if number == SCALING and scaled_axes:
+            control.notes.add(f"cycle 11 taken to scale {' '.join(scaled_axes)} (machine file)", block.line)
+        if places.set(block, number, words, control.unit, scaled_axes):
+            control.change_frame([x_y_z[i] for i in renamed(before, places.placement)])
+
+    def _datum(self, block: Block, line: str) -> dict[str, float]:
+        """A line of the datum table, in units of the program."""
+        control = self.control
+        if line not in control.state.setup.datums:
+            raise block.refuse(f"datum #{line} is in no datum table that was given (--tool-table ZERO.D)")
+        places = control.state.setup.datums[line]
+        return {axis: value / (1.0 if axis in "ABC" else control.unit) for axis, value in places.items()}
+
+
+HOLE_WORDS = {220: ("Q216", "Q217"), 221: ("Q225", "Q226")}
+"""Parameters that say where the centre, or the first hole, of a pattern is."""

@@ -1,0 +1,165 @@
+"""Statements and formulas of HEIDENHAIN Klartext: trees of the grammar `heidenhain.lark`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+from lark import Token
+
+from postproc.heidenhain.variables import REPEATS, Forget
+from postproc.text.block import Block, Word
+from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
+from postproc.text.statements import Assign, Call, Jump, Label, Rerun, Return, Step, When
+
+FLOW = re.compile(r"LBL", re.IGNORECASE)
+"""What stands in every block after which not always the next one runs."""
+LEVELS = {"^": 3, "*": 2, "/": 2, "%": 2, "DIV": 2, "LEN": 2, "ANG": 2, "+": 1, "-": 1}
+HARMLESS_FN = frozenset((14, 15, 16, 19, 20, 26, 27, 29, 37, 38))
+"""That set no parameter."""
+_Q = re.compile(r"([+-]?)[ \t]*(Q[LR]?)(\d+)", re.IGNORECASE)
+_SETTING = re.compile(r"FN ?\d+ ?:? ?(?:SYSREAD|TABREAD) ?(Q[LR]?\d+) ?=.*", re.IGNORECASE)
+_SYSREAD = re.compile(
+    r"FN ?18 ?:? ?SYSREAD ?Q[LR]?\d+ ?= ?ID ?(\d+) ?NR ?(\d+)(?: ?IDX ?([+-]?(?:\d+|Q[LR]?\d+)))?", re.IGNORECASE
+)
+OWN = re.compile(r"QL4[5-9]\d(?!\d)", re.IGNORECASE)
+"""Parameters that ncomp takes for corrected coordinates."""
+
+
+def parameter(text: str) -> Expression:
+    """`Q5`, `-QL3`."""
+    match = _Q.fullmatch(text.strip())
+    assert match is not None
+    variable = Variable(match[2].upper(), (Constant(float(match[3])),))
+    return Operation("neg", (variable,)) if match[1] == "-" else variable
+
+
+def formula_of(text: str) -> Formula | None:
+    """The formula of a word, whose value is a parameter; None for one that is a number."""
+    return Formula(parameter(text), carrier=True) if _Q.fullmatch(text.strip()) else None
+
+
+def _formula(node: Any) -> Expression:
+    if isinstance(node, Token):
+        return _leaf(node)
+    return _FORMULAS[node.data](node.children)
+
+
+def _leaf(token: Token) -> Expression:
+    if token.type == "PI":
+        return Operation("PI", ())
+    if token.type == "Q":
+        return parameter(token) if not token.upper().startswith("QS") else Operation("a text", ())
+    return Constant(float(token.replace(",", ".")))
+
+
+def _climb(parts: list[Any], level: int) -> Expression:
+    """Operands with operators between them, by their levels and from left to right; takes what it reads."""
+    result: Expression = parts.pop(0)
+    while parts and LEVELS[str(parts[0]).upper()] >= level:
+        operator = str(parts.pop(0)).upper()
+        result = Operation(operator, (result, _climb(parts, LEVELS[operator] + 1)))
+    return result
+
+
+def _chain(parts: list[Any]) -> Expression:
+    """Operands with operators between them; Ambiguous where the order depends on the control."""
+    powers = [i for i, part in enumerate(parts) if part == "^"]
+    unclear = any(b - a == 2 for a, b in pairwise(powers))
+    if unclear or any(getattr(parts[i - 1], "data", "") in ("signed", "function") for i in powers):
+        raise Ambiguous(
+            "a power of a power, of a function or of a number with a sign: which comes first depends on the control; "
+            "brackets are missing"
+        )
+    return _climb([p if i % 2 else _formula(p) for i, p in enumerate(parts)], 1)
+
+
+_FORMULAS: dict[str, Callable[[list[Any]], Expression]] = {
+    "formula": _chain,
+    "group": lambda parts: _formula(parts[0]),
+    "signed": lambda parts: Operation("neg" if parts[0] == "-" else "pos", (_formula(parts[1]),)),
+    "function": lambda parts: Operation(str(parts[0]).upper(), (_formula(parts[1]),)),
+}
+
+
+def _assign(target: Token, value: Any) -> Assign:
+    variable = parameter(target.rstrip("= \t"))
+    assert isinstance(variable, Variable)
+    return Assign(variable, _formula(value))
+
+
+def _label(token: Token) -> str:
+    return f"LBL {int(token)}" if token.isdigit() else f"LBL {token.upper()}"
+
+
+def _label_call(parts: list[Any]) -> Step:
+    name = _label(parts[1])
+    if len(parts) < 4:
+        return Call(name, None)
+    passes = parts[3]
+    if "Q" in passes.upper():
+        return Rerun(name, "", Operation(REPEATS, (parameter(passes),)))
+    return Rerun(name, "", Constant(float(passes.partition("/")[0].replace(",", "."))))
+
+
+def _if(parts: list[Any]) -> When:
+    _, _, first, comparison, second, _, label = parts
+    return When(Operation(comparison.upper(), (_formula(first), _formula(second))), Jump(_label(label)))
+
+
+def _mark(parts: list[Any]) -> Step:
+    name = _label(parts[1])
+    return Return() if name == "LBL 0" else Label(name)
+
+
+_STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
+    "assignment": lambda parts: _assign(parts[0], parts[1]),
+    "fn_set": lambda parts: _assign(parts[1], parts[2]),
+    "fn_if": _if,
+    "label": _mark,
+    "label_call": _label_call,
+}
+
+
+def statement(kind: str, parts: list[Any]) -> Step | None:
+    """The statement that a block makes, None for one that is a matter of its words or of its text."""
+    return _STATEMENTS[kind](parts) if kind in _STATEMENTS else None
+
+
+def setting(kind: str, detail: str, words: tuple[Word, ...]) -> list[Step]:
+    """What a block does to parameters besides: FN that read something, and the parameters of a cycle."""
+    if kind == "cycle_def":
+        return [_cycle_parameter(word) for word in words if re.fullmatch(r"Q\d+", word.address)]
+    if kind not in ("fn", "probe", "program_call"):
+        return []
+    match = _SETTING.fullmatch(detail)
+    if match is not None:
+        variable = parameter(match[1])
+        assert isinstance(variable, Variable)
+        return [Assign(variable, _read(detail))]
+    number = re.match(r"FN ?(\d+)", detail, re.IGNORECASE)
+    return [] if number and int(number[1]) in HARMLESS_FN else [Forget(f"{detail[:20]} may set parameters")]
+
+
+def _read(detail: str) -> Expression:
+    """What SYSREAD or TABREAD gives: of the tool table it can be known."""
+    match = _SYSREAD.fullmatch(detail)
+    if match is None:
+        return Operation("what the control reads", ())
+    values = [text for text in match.groups() if text is not None]
+    return Operation("SYSREAD", tuple(parameter(v) if "Q" in v.upper() else Constant(float(v)) for v in values))
+
+
+def _cycle_parameter(word: Word) -> Step:
+    variable = parameter(word.address)
+    assert isinstance(variable, Variable)
+    if word.value is not None:
+        return Assign(variable, Constant(word.value))
+    return Assign(variable, word.formula.expression if word.formula else Operation("a value of a cycle", ()))
+
+
+def labels(block: Block) -> list[str]:
+    """The names under which jumps and calls find a block."""
+    return [] if block.code is None else [step.name for step in block.code.before if isinstance(step, Label)]

@@ -1,0 +1,348 @@
+"""Tilted working planes of Klartext: PLANE and cycle 19.
+
+In a tilted plane X Y Z count along its axes, from the present datum, and the plane turns with the workpiece: a frame
+as under TCP, with a turn. The tool has to stand upright on it before X Y Z mean anything; which positions of the
+rotary axes bring it there is worked out from the machine's own kinematics, and refused where the control could choose
+others. Angles as HEIDENHAIN documents them (TNC manuals, "The PLANE function"): spatial angles turn about the fixed
+X, then Y, then Z; Euler angles about Z, the turned X, the tilted Z.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kinematics.forward import forward
+from kinematics.inverse import inverse
+from kinematics.transforms import Array
+from kinematics.user_error import UserError
+from postproc.heidenhain.modal_state import Control, value_of
+from postproc.motion.frames import Placement, cartesian, rotated
+from postproc.motion.moves import AxisWord
+from postproc.text.block import Block
+from postproc.text.expressions import NotKnown
+
+ROTARY_Q = {"A": 120.0, "B": 121.0, "C": 122.0}
+"""Q parameters that the control sets to the angles of the rotary axes."""
+_PLANES = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
+_FLAGS = re.compile(r"(STAY|TURN|MOVE|FMAX|F AUTO|(COORD|TABLE) ROT|SEQ ?[+-]|MB ?MAX)( |$)", re.IGNORECASE)
+_SPATIAL, _EULER = ("SPA", "SPB", "SPC"), ("EULPR", "EULNU", "EULROT")
+_VECTOR = ("BX", "BY", "BZ", "NX", "NY", "NZ")
+_POINTS = tuple(f"P{i}{axis}" for i in "123" for axis in "XYZ")
+_ASIDE = frozenset(("F", "DIST", "MB"))
+
+
+@dataclass
+class _Choice:
+    """What a block says of how the rotary axes go."""
+
+    way: str
+    """STAY, TURN or MOVE."""
+    sequence: str = ""
+    """+ or -, of SEQ."""
+    table: bool = False
+    """TABLE ROT: a free table axis turns instead of the coordinates."""
+    flat: bool = False
+    """TABLE ROT of a plane that is not turned at all: a free table axis goes to 0."""
+
+
+@dataclass
+class Planes:
+    """The tilted planes of one control."""
+
+    control: Control
+
+    def define(self, index: int, block: Block) -> None:
+        """PLANE."""
+        match = re.fullmatch(r"PLANE ([A-Z]+) ?(.*)", block.detail.upper())
+        if match is None:
+            raise block.refuse(f"{block.detail}: is not known")
+        form, flags = match.groups()
+        rest = _FLAGS.sub("", flags)
+        if rest:
+            raise block.refuse(f"PLANE {form}: {rest.strip()} is not known")
+        ways = re.findall(r"STAY|TURN|MOVE", flags)
+        if len(ways) > 1 or (not ways and form != "RESET"):
+            raise block.refuse("a plane needs one of STAY, TURN and MOVE")
+        way = ways[0] if ways else "STAY"
+        if form == "RESET":
+            self._reset(index, block, way)
+            return
+        words = {word.address: value_of(block, word) for word in block.words if word.address not in _ASIDE}
+        turn = self._turn(block, form, words)
+        angles = self._given(block, words) if form == "AXIAL" else None
+        sequence = re.search(r"SEQ ?([+-])", flags)
+        table = "TABLE ROT" in flags
+        flat = table and form == "SPATIAL" and not any(words.values()) and not self._turned_before
+        choice = _Choice(way, sequence[1] if sequence else "", table, flat)
+        self._tilt(index, block, turn, choice, angles)
+
+    @property
+    def _turned_before(self) -> bool:
+        """A basic rotation, or a shift of a rotary axis: TABLE ROT takes a free axis there instead of to 0."""
+        control = self.control
+        shifts = np.array(control.frame().offset)[control.machine.rotary]
+        return any(control.basic_rotation) or bool(shifts.any())
+
+    # ---- how planes are given
+
+    def _turn(self, block: Block, form: str, words: dict[str, float]) -> Placement:
+        """The axes of a plane in the untilted frame."""
+        if form in ("RELATIV", "RELATIVE"):
+            return self._relative(block, words)
+        forms: dict[str, tuple[Iterable[str], Callable[[dict[str, float]], Placement]]] = {
+            "SPATIAL": (_SPATIAL, lambda w: spatial(*(w[name] for name in _SPATIAL))),
+            "EULER": (_EULER, lambda w: euler(*(w[name] for name in _EULER))),
+            "VECTOR": (_VECTOR, lambda w: by_axes(_three(w, "B"), _three(w, "N"))),
+            "POINTS": (_POINTS, _through_points),
+            "AXIAL": (words.keys() & {"A", "B", "C"}, lambda w: self._axial(block, w)),
+        }
+        if form == "PROJECTED":
+            raise block.refuse("PLANE PROJECTED: give the plane by PLANE SPATIAL or VECTOR, whose signs are documented")
+        if form not in forms:
+            raise block.refuse(f"PLANE {form} is not known")
+        wanted, made = forms[form]
+        if set(wanted) != words.keys() or not words:
+            raise block.refuse(f"PLANE {form} takes {' '.join(sorted(wanted)) or 'angles of rotary axes'}, all of them")
+        try:
+            return made(words)
+        except ZeroDivisionError:
+            raise block.refuse(f"PLANE {form}: its directions span no plane") from None
+
+    def _relative(self, block: Block, words: dict[str, float]) -> Placement:
+        if len(words) != 1 or not words.keys() <= set(_SPATIAL):
+            raise block.refuse("PLANE RELATIV takes one of SPA SPB SPC")
+        ((name, angle),) = words.items()
+        return (self.control.tilt or Placement()).then(rotated(angle, _PLANES["XYZ"["ABC".index(name[2])]]))
+
+    def _axial(self, block: Block, words: dict[str, float]) -> Placement:
+        q = self._positions(self._given(block, words))
+        turn = forward(self.control.machine, q[None]).rotation[0]
+        return Placement(turn=tuple(turn.ravel().tolist()))
+
+    def _given(self, block: Block, words: dict[str, float]) -> dict[int, float]:
+        """Machine positions of rotary axes, degrees, by column."""
+        recorder, frame = self.control.recorder, self.control.frame()
+        given = {recorder.axis(block, name): value for name, value in words.items()}
+        missing = [axis.name for i, axis in enumerate(self.control.machine.axes) if axis.rotary and i not in given]
+        if missing:
+            raise block.refuse(f"the angle of {missing[0]} is not given")
+        return {axis: value + frame.offset[axis] for axis, value in given.items()}
+
+    def _positions(self, angles: dict[int, float]) -> Array:
+        """Axis positions `(axes,)`, mm and rad, with rotary axes at angles, degrees, and linear ones at zero."""
+        q = np.zeros(len(self.control.machine.axes))
+        for axis, angle in angles.items():
+            q[axis] = np.deg2rad(angle)
+        return q
+
+    # ---- tilting
+
+    def tilt_by_cycle(self, block: Block) -> None:
+        """Cycle 19: its angles are spatial or those of axes, as the control is set; followed where both are one."""
+        words = {word.address: value_of(block, word) for word in block.words if word.address in ("A", "B", "C")}
+        if len(words) < len(block.words):
+            raise block.refuse("cycle 19 tilts the working plane, and positions axes")
+        turn = spatial(*(words.get(name, 0.0) for name in "ABC"))
+        names = [axis.name for axis in self.control.machine.axes if axis.rotary]
+        if not words.keys() <= set(names):
+            raise block.refuse("cycle 19 tilts the working plane: about an axis that the machine does not have")
+        given = {name: words.get(name, 0.0) for name in names}
+        axial = self._axial(block, given)
+        if not np.allclose(turn.turn, axial.turn, rtol=0.0, atol=1e-9):
+            raise block.refuse(
+                "cycle 19 tilts the working plane: whether its angles are spatial or those of axes is a setting of "
+                "the control, and makes a difference here; use PLANE SPATIAL or PLANE AXIAL"
+            )
+        self._tilt(-1, block, turn, _Choice("STAY"), self._given(block, given))
+
+    def level(self, block: Block, on: bool) -> None:
+        """Cycle 19 with angles of zero, or without any: not tilted."""
+        if self.control.tilt is not None:
+            self._untilt(block)
+        self.control.levelled = on
+
+    def _tilt(
+        self, index: int, block: Block, turn: Placement, choice: _Choice, angles: dict[int, float] | None
+    ) -> None:
+        control = self.control
+        if control.tcp:
+            raise block.refuse("a plane is tilted while M128 is on")
+        if control.tilted_places.active or control.places.active.keys() - {7}:
+            raise block.refuse("a plane is tilted where the coordinates are turned, or shifted within another plane")
+        control.levelled = False
+        normal = self._normal(turn)
+        if angles is None:
+            angles = self._solve(block, normal, choice)
+        self._tell(angles)
+        if choice.way != "STAY":
+            assert angles is not None
+            self._turn_axes(index, angles, choice.way)
+        control.tilt, control.normal = turn, normal
+        control.change_frame(cartesian(control.machine))
+        text = "tilted plane: X Y Z taken along its axes, from the datum, which turns with the workpiece"
+        control.notes.add(text, block.line)
+
+    def _normal(self, turn: Placement) -> tuple[float, float, float]:
+        """Z of the plane in the workpiece frame."""
+        x, y, z = self.control.placed(turn).turn[2::3]
+        return x, y, z
+
+    def _reset(self, index: int, block: Block, way: str) -> None:
+        self.control.levelled = False
+        self._untilt(block)
+        if way != "STAY":
+            rotary = [i for i, axis in enumerate(self.control.machine.axes) if axis.rotary]
+            if any(self.control.frame().offset[i] for i in rotary):
+                raise block.refuse("rotary axes go to their zero: of the machine, or of a preset that shifts them")
+            self._turn_axes(index, dict.fromkeys(rotary, 0.0), way)
+
+    def _untilt(self, block: Block) -> None:
+        control = self.control
+        if control.tilt is None:
+            return
+        if control.tilted_places.active:
+            raise block.refuse("the coordinates are shifted or turned within the tilted plane: take that back first")
+        control.tilt = None
+        control.change_frame(cartesian(control.machine))
+
+    # ---- rotary axes
+
+    def _turn_axes(self, index: int, angles: dict[int, float], way: str) -> None:
+        """The control turns rotary axes to machine positions, degrees; with MOVE the others go along."""
+        control = self.control
+        control.recorder.move_to_machine_position(index, angles, tuple(AxisWord(axis, -1, False) for axis in angles))
+        if way == "MOVE":
+            control.forget("XYZ")
+
+    def _tell(self, angles: dict[int, float] | None) -> None:
+        names, offset = self.control.machine.names, self.control.frame().offset
+        for name, number in ROTARY_Q.items():
+            axis = names.index(name) if name in names else None
+            known = axis is not None and angles is not None and axis in angles
+            unknown = NotKnown("the control may choose between several positions of the rotary axes")
+            value = angles[axis] - offset[axis] if known and angles is not None and axis is not None else unknown
+            self.control.scope.set("Q", (number,), value if axis is not None else 0.0)
+
+    def _solve(self, block: Block, normal: tuple[float, float, float], choice: _Choice) -> dict[int, float] | None:
+        """Machine positions of the rotary axes, degrees, that stand the tool on the plane.
+
+        Where the control could choose others: Refusal if the block turns them, otherwise None.
+        """
+        try:
+            return self._chosen(normal, choice)
+        except UserError as fault:
+            if choice.way != "STAY":
+                raise block.refuse(str(fault)) from None
+            return None
+
+    def _chosen(self, normal: tuple[float, float, float], choice: _Choice) -> dict[int, float]:
+        machine, sequence = self.control.machine, choice.sequence
+        rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary]
+        found = self._solutions(normal, rotary, choice)
+        if not found:
+            raise UserError("no position of the rotary axes inside their travel stands the tool on this plane")
+        if sequence:
+            main = [i for i in rotary if abs(machine.axes[i].unit_direction[2]) < 0.99]
+            if len(main) != 1:
+                raise UserError("SEQ: which of the rotary axes it means depends on the control")
+            found = [q for q in found if q[main[0]] == 0.0 or (q[main[0]] > 0.0) == (sequence == "+")]
+            if not found:
+                raise UserError(f"SEQ{sequence}: the tool can't stand on this plane so")
+        if len(found) == 1:
+            return found[0]
+        return self._nearest(found, rotary)
+
+    def _nearest(self, found: list[dict[int, float]], rotary: list[int]) -> dict[int, float]:
+        """The one that every rotary axis reaches on a way that is no longer than to the others."""
+        recorder = self.control.recorder
+        if not all(recorder.known[i] for i in rotary):
+            raise UserError(
+                "which position of the rotary axes the control chooses depends on where they stand, which the "
+                "program has not said: say it before, or SEQ+ or SEQ-"
+            )
+        offset = recorder.frame.offset
+        ways = [[abs(q[i] - recorder.position[i] - offset[i]) for i in rotary] for q in found]
+        best = min(range(len(found)), key=lambda k: sum(ways[k]))
+        if any(a > b + 1e-9 for other in ways for a, b in zip(ways[best], other, strict=True)):
+            raise UserError("which position of the rotary axes the control chooses is not known: say SEQ+ or SEQ-")
+        return found[best]
+
+    def _solutions(
+        self, normal: tuple[float, float, float], rotary: list[int], choice: _Choice
+    ) -> list[dict[int, float]]:
+        """All positions, degrees, that differ and lie inside travel; UserError where an axis is free."""
+        machine, recorder = self.control.machine, self.control.recorder
+        here = self._positions({i: recorder.position[i] + recorder.frame.offset[i] for i in rotary})
+        found: list[dict[int, float]] = []
+        for start in self._starts(rotary, here):
+            solved = inverse(machine, np.zeros(3), normal, start=start, respect_travel=False)
+            if not np.isfinite(solved.q).all():
+                continue
+            if solved.singular[0] and not choice.flat and (choice.table or here[rotary[0]] != 0.0):
+                raise UserError("the tool stands along a rotary axis: where the control turns it is not known")
+            angles = np.rad2deg(solved.q[0])
+            if solved.singular[0]:
+                angles[rotary[0]] = 0.0
+            inside = {i: self._wound(i, float(angles[i])) for i in rotary}
+            candidate = {i: angle for i, angle in inside.items() if angle is not None}
+            if len(candidate) == len(rotary) and not any(_one(candidate, other) for other in found):
+                found.append(candidate)
+        return found
+
+    def _wound(self, axis: int, angle: float) -> float | None:
+        """The angle with whole turns, degrees, nearest to where the axis stands; None when none is inside travel."""
+        recorder, (low, high) = self.control.recorder, self.control.machine.axes[axis].travel
+        here = recorder.position[axis] + recorder.frame.offset[axis]
+        near = angle + 360.0 * round((here - angle) / 360.0)
+        fitting = [at for at in (near, near - 360.0, near + 360.0) if low - 1e-6 <= at <= high + 1e-6]
+        return fitting[0] if fitting else None
+
+    def _starts(self, rotary: list[int], here: Array) -> Iterable[Array]:
+        """Where the search begins: where the axes stand, and far from there."""
+        yield here
+        for shift in (90.0, -90.0, 180.0, -180.0):
+            for i in rotary:
+                start = here.copy()
+                start[i] += np.deg2rad(shift)
+                yield start
+
+
+def _one(a: dict[int, float], b: dict[int, float]) -> bool:
+    return all(abs((a[i] - b[i] + 180.0) % 360.0 - 180.0) < 1e-6 for i in a)
+
+
+def spatial(a: float, b: float, c: float) -> Placement:
+    """Turned about X, then about Y, then about Z, which stay where they are; degrees."""
+    return rotated(c).then(rotated(b, _PLANES["Y"])).then(rotated(a, _PLANES["X"]))
+
+
+def euler(precession: float, nutation: float, rotation: float) -> Placement:
+    """Turned about Z, then about the turned X, then about the tilted Z; degrees."""
+    return rotated(precession).then(rotated(nutation, _PLANES["X"])).then(rotated(rotation))
+
+
+def by_axes(x: Array, normal: Array) -> Placement:
+    """The plane across `normal`, its X as near to `x` as it can be; ZeroDivisionError where the two are parallel."""
+    z = _unit(normal)
+    x = _unit(x - (x @ z) * z)
+    return Placement(turn=tuple(np.column_stack([x, np.cross(z, x), z]).ravel().tolist()))
+
+
+def _through_points(words: dict[str, float]) -> Placement:
+    first, second, third = (_three(words, f"P{i}") for i in "123")
+    return by_axes(second - first, np.cross(second - first, third - first))
+
+
+def _three(words: dict[str, float], name: str) -> Array:
+    return np.array([words[name + axis] for axis in "XYZ"])
+
+
+def _unit(vector: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    if length < 1e-9:
+        raise ZeroDivisionError
+    return vector / length

@@ -1,0 +1,105 @@
+"""Tools of Klartext: TOOL CALL, TOOL DEF, and what Q parameters tell of the tool in the spindle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from postproc.heidenhain.modal_state import Control, value_of
+from postproc.motion.frames import cartesian
+from postproc.text.block import Block, Word
+from postproc.text.expressions import NotKnown
+
+RADIUS, LENGTH = 108.0, 114.0
+"""Q parameters that the control sets to the active radius, and to the length."""
+
+
+@dataclass
+class Tools:
+    """The tool of one control."""
+
+    control: Control
+    key: str = "0"
+    """Number or name of the tool in the spindle."""
+    length: float = 0.0
+    """Without oversizes, mm."""
+    more: float = 0.0
+    """Oversize of its radius by TOOL CALL, mm."""
+
+    def __post_init__(self) -> None:
+        scope = self.control.scope
+        scope.operations = {**scope.operations, "SYSREAD": self.read_system}
+
+    def call(self, block: Block) -> None:
+        """TOOL CALL: another tool, or oversizes of the present one."""
+        words = {word.address: word for word in block.words}
+        other_axis = [axis for axis in "XYUVW" if axis in words]
+        if other_axis:
+            raise block.refuse(f"tool axis {other_axis[0]}: only tools along Z are corrected")
+        control = self.control
+        oversize, more = (
+            value_of(block, words[name]) * control.unit if name in words else 0.0 for name in ("DL", "DR")
+        )
+        if "T" in words:
+            self._change(block, words["T"])
+        elif "DL" not in words and control.oversize:
+            raise block.refuse("whether DL stays in force when no tool is named depends on the control")
+        control.oversize, control.tool_length, self.more = oversize, self.length, more
+        self._tell()
+        control.change_frame(cartesian(control.machine)[2:])
+
+    def _change(self, block: Block, word: Word) -> None:
+        control = self.control
+        if control.tcp:
+            raise block.refuse("a tool call while M128 is on: HEIDENHAIN asks for M129 before it")
+        self.key = self._named(block, word)
+        self.length = control.state.tool_length(self.key) if self.key != "0" else 0.0
+        control.tool_name = self.key if self.key != "0" else ""
+        control.forget(control.machine.control.tool_change_moves)
+
+    def define(self, block: Block) -> None:
+        """TOOL DEF."""
+        words, control = {word.address: word for word in block.words}, self.control
+        if not words.keys() & {"L", "R"}:
+            return
+        if "T" not in words:
+            raise block.refuse("a tool length without a tool number")
+        key = self._named(block, words["T"])
+        if "L" in words:
+            control.state.enter_length(key, value_of(block, words["L"]) * control.unit)
+        if "R" in words:
+            control.state.radii[key] = value_of(block, words["R"]) * control.unit
+
+    def _named(self, block: Block, word: Word) -> str:
+        """The tool that a word names, as tables have it."""
+        text = block.text[word.at : word.end]
+        return text.strip('"').upper() if text.startswith('"') else f"{value_of(block, word):.10g}"
+
+    def radius(self) -> float | NotKnown:
+        """Of the tool in the spindle, mm, with its oversize; or why it is not known."""
+        if self.key == "0":
+            return self.more
+        radius = self.control.state.tool_radius(self.key)
+        if radius is None:
+            return NotKnown(f"the radius of tool {self.key} is given by no tool table (--tool-table)")
+        return radius + self.more
+
+    def _tell(self) -> None:
+        radius, unit = self.radius(), self.control.unit
+        scope = self.control.scope
+        scope.set("Q", (RADIUS,), radius if isinstance(radius, NotKnown) else radius / unit)
+        known = self.key == "0" or self.control.state.knows(self.key)
+        missing = NotKnown(f"the length of tool {self.key} is not given (--tool-length, --tool-table)")
+        scope.set("Q", (LENGTH,), (self.length + self.control.oversize) / unit if known else missing)
+
+    # ---- what a program reads of the tool table
+
+    def read_system(self, group: float, number: float, index: float | None = None) -> float:
+        """SYSREAD ID50 NR1 and NR2: length and radius of a tool, in units of the program; NotKnown for all else."""
+        if group != 50.0 or number not in (1.0, 2.0):
+            raise NotKnown("what the control reads")
+        state, key = self.control.state, self.key if index is None else f"{index:.10g}"
+        found = state.tool_radius(key) if number == 2.0 else state.tool_length(key) if state.knows(key) else None
+        if found is None:
+            what = "radius" if number == 2.0 else "length"
+            raise NotKnown(f"the {what} of tool {key} is given by no tool table (--tool-table)")
+        return found / self.control.unit

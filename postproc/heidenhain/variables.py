@@ -1,0 +1,127 @@
+"""Q parameters of HEIDENHAIN Klartext programs, and the operators and functions of their formulas."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from kinematics.machine import Control
+from postproc.text.expressions import ARITHMETIC, COMPARISONS, NotKnown, Operations, Scope, Value, nearly
+
+PRESET = range(100, 200)
+"""Q100 to Q199 are set by the control: Q108 is the radius of the tool."""
+REPEATS = "number of repeats"
+"""The operation that makes a number of repeats of a value."""
+
+
+def _integer(a: float) -> float:
+    return float(math.trunc(a))
+
+
+def _modulo(a: float, b: float) -> float:
+    if a < 0.0 or b <= 0.0:
+        raise NotKnown("% of a negative number: its sign is not documented")
+    return math.fmod(a, b)
+
+
+OPERATIONS: Operations = {
+    **ARITHMETIC,
+    "DIV": ARITHMETIC["/"],
+    "^": math.pow,
+    "%": _modulo,
+    "LEN": math.hypot,
+    "ANG": lambda a, b: math.degrees(math.atan2(a, b)) % 360.0,
+    "SQ": lambda a: a * a,
+    "LOG": math.log10,
+    "NEG": ARITHMETIC["neg"],
+    "INT": _integer,
+    "FRAC": lambda a: a - math.trunc(a),
+    "SGN": lambda a: math.copysign(1.0, a) if not nearly(a, 0.0) else _zero(),
+    "PI": lambda: math.pi,
+    "EQU": COMPARISONS["=="],
+    "NE": COMPARISONS["<>"],
+    "GT": COMPARISONS[">"],
+    "LT": COMPARISONS["<"],
+}
+
+
+def _not_whole(a: float) -> float:
+    if a != math.floor(a):
+        raise NotKnown(
+            f"{a:g} repeats: whether the control cuts off the fraction or rounds is not known; "
+            'repeats = "truncate" or "round" under [control] in the machine file decides it'
+        )
+    return a
+
+
+def _truncated(a: float) -> float:
+    return float(math.trunc(_beyond_rounding(a, a)))
+
+
+def _rounded(a: float) -> float:
+    return float(math.floor(_beyond_rounding(a, a + 0.5) + 0.5))
+
+
+def _beyond_rounding(a: float, border: float) -> float:
+    """The value; NotKnown where the rounding of the control's arithmetic decides, as `border` is all but whole."""
+    if border != round(border) and nearly(border, round(border)):
+        raise NotKnown(f"{a:.17g} repeats: the number depends on the rounding of the control's arithmetic")
+    return a
+
+
+_REPEATS = {"": _not_whole, "truncate": _truncated, "round": _rounded}
+
+
+def operations_of(control: Control) -> Operations:
+    """Operators and functions as a control works them out."""
+    return {**OPERATIONS, REPEATS: _REPEATS[control.repeats]}
+
+
+def _zero() -> float:
+    raise NotKnown("SGN of 0 depends on the control")
+
+
+@dataclass
+class QParameters:
+    """What Q, QL and QR parameters hold; nothing is known of one that the program has not set."""
+
+    operations: Operations = field(default_factory=lambda: operations_of(Control()))
+    values: dict[tuple[str, Value], Value | NotKnown] = field(default_factory=dict)
+
+    def get(self, name: str, indices: tuple[Value, ...]) -> Value:
+        """The value of a parameter by its kind, Q, QL or QR, and its number."""
+        (number,) = indices
+        value = self.values.get((name, number))
+        if value is None:
+            by_control = name == "Q" and isinstance(number, float) and int(number) in PRESET
+            raise NotKnown(
+                f"{name}{number:g} is set by the control"
+                if by_control
+                else f"{name}{number:g} is not set by the program"
+            )
+        if isinstance(value, NotKnown):
+            raise NotKnown(f"{name}{number:g} is not known: {value}")
+        return value
+
+    def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
+        """Set it."""
+        self.values[name, indices[0]] = value
+
+    def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
+        """Labels have no parameters of their own."""
+
+    def leave(self) -> dict[int, Value | NotKnown]:
+        """Nothing ends."""
+        return {}
+
+
+class Forget(NamedTuple):
+    """What the control does here may set any parameter."""
+
+    reason: str
+
+    def run(self, scope: Scope) -> None:
+        """Nothing is known any more."""
+        assert isinstance(scope, QParameters)
+        scope.values = dict.fromkeys(scope.values, NotKnown(self.reason))

@@ -1,0 +1,1 @@
+"""ISO programs of FANUC, LinuxCNC and their kin."""

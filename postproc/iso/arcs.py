@@ -1,0 +1,57 @@
+"""Arcs of ISO blocks: by R, or by I J K."""
+
+from __future__ import annotations
+
+from postproc.iso.modes import Modes
+from postproc.iso.values import Values
+from postproc.iso.words import Content
+from postproc.motion.arcs import (
+    Ends,
+    arc_by_centre,
+    arc_by_radius,
+    begin_arc,
+    centre_letters,
+    centre_words,
+    radius_alone,
+)
+from postproc.motion.circles import radius_fault
+from postproc.motion.moves import Arc
+from postproc.motion.recorder import Recorder
+
+
+def read_arc(
+    content: Content, sense: int, target: list[float], recorder: Recorder, values: Values, modes: Modes
+) -> Arc:
+    """The arc of a block to `target`, programmed coordinates; Refusal for what is none."""
+    block, other = content.block, content.other
+    ends = begin_arc(block, recorder, modes.plane, sense, target)
+    turns = _turns(content, values)
+    i = radius_alone(block, other, "R")
+    if i is not None:
+        if turns:
+            raise block.refuse("an arc of several turns by its radius")
+        form = "radius-absolute" if modes.arc_absolute else "radius"
+        return arc_by_radius(block, ends, values.number(block, i, modes.unit), i, form)
+    indices = centre_words(block, other, modes.plane, lambda i: block.words[i].value or 0.0, "R")
+    if modes.arc_absolute and None in indices:
+        raise block.refuse(f"an absolute centre (G90.1) takes both {' and '.join(centre_letters(modes.plane))}")
+    x, y = (0.0 if i is None else values.number(block, i, modes.unit) for i in indices)
+    hint = _hint(ends, (x, y), modes.arc_absolute)
+    return arc_by_centre(block, ends, (x, y), indices, absolute=modes.arc_absolute, hint=hint)._replace(turns=turns)
+
+
+def _turns(content: Content, values: Values) -> int:
+    """Whole turns besides the arc: P counts the one that it ends in."""
+    if "P" not in content.other:
+        return 0
+    turns = values.whole(content.block, content.other["P"])
+    if turns < 1:
+        raise content.refuse("an arc of no turn")
+    return turns - 1
+
+
+def _hint(ends: Ends, said: tuple[float, float], absolute: bool) -> str:
+    """What helps where the centre fits as a place only."""
+    if absolute or radius_fault(ends.start, ends.end, said) is not None:
+        return ""
+    return '; its centre would fit as absolute: for such a control set arc_centres = "absolute" in the machine file'

@@ -1,0 +1,126 @@
+"""The G and M codes of ISO / Fanuc / LinuxCNC programs, by what they do to the path: followed, harmless or refused."""
+
+from __future__ import annotations
+
+from postproc.motion.arcs import CENTRES
+from postproc.motion.moves import Kind
+
+AXES = "XYZABCUVW"
+MEANINGFUL = frozenset(AXES + CENTRES + "RGMTHO")
+"""Addresses that move the tool or change what others mean."""
+INCH = 25.4
+LARGEST = 1e9
+"""No control has a number of this size."""
+
+CYCLES = frozenset(map(float, (73, 74, 81, 82, 83, 84, 85, 86, 89)))
+"""One hole at each position: the place and the depth are the program's, all between the control's."""
+FINE_BORING = 76.0
+"""A cycle on FANUC, a thread on LinuxCNC."""
+CYCLE_WORDS = frozenset("NFSTHDPQRKL$")
+"""What may stand in a block of a cycle beside G, M and axes."""
+CYCLE_END, RETURN_TO_LEVEL, RETURN_TO_R = 80.0, 98.0, 99.0
+
+MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
+
+# Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
+# the end of data.
+HARMLESS_G = frozenset([*(4.0, 5.0, 5.1, 8.0, 9.0, 11.0, 61.0, 61.1, 62.0, 63.0, 64.0), *(96.0, 97.0, 103.0, 187.0)])
+PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
+UNITS = {20.0: INCH, 21.0: 1.0}
+DISTANCES = frozenset((90.0, 91.0))
+CENTRE_DISTANCES = frozenset((90.1, 91.1))
+INVERSE_TIME = 93.0
+FEED_MODES = frozenset((INVERSE_TIME, 94.0, 95.0))
+WORK_OFFSETS = {**{float(g): f"G{g}" for g in range(54, 60)}, 59.1: "G59.1", 59.2: "G59.2", 59.3: "G59.3"}
+LENGTH_CODES = frozenset((43.0, 43.4, 43.5, 49.0))
+EXTENDED = frozenset((54.1, 154.0))
+"""With P; 154 is HAAS's."""
+OFFSET_CODES = EXTENDED | WORK_OFFSETS.keys()
+FRAME_CODES = LENGTH_CODES | OFFSET_CODES
+
+COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0, 41.1, 42.1)), 40.0
+POLAR, POLAR_END = 16.0, 15.0
+SPLINE_OR_SPEED = frozenset((5.0, 5.1))
+"""Splines, or the mode of a fast path, by their words."""
+DWELL = 4.0
+STANDING = frozenset((DWELL, 5.0, 5.1))
+"""Take the coordinates of their block for something else than a move."""
+DATA, GIVEN_LENGTH, LOCAL, UPRIGHT = 10.0, 43.1, 52.0, 53.1
+SCALE, SCALE_END, MIRROR, MIRROR_END = 51.0, 50.0, 51.1, 50.1
+ROTATION, TILT, ROTATION_END = 68.0, 68.2, 69.0
+PRESET, PRESET_END, PRESET_OFF, PRESET_ON = 92.0, 92.1, 92.2, 92.3
+TURNS = frozenset((ROTATION, SCALE, MIRROR, TILT))
+PLACING = TURNS | {DATA, GIVEN_LENGTH, LOCAL, UPRIGHT, SCALE_END, MIRROR_END, PRESET, PRESET_END, PRESET_OFF, PRESET_ON}
+"""Change what coordinates mean, by the words of their block."""
+ENDS = (SCALE_END, MIRROR_END, ROTATION_END, PRESET_END)
+"""Without axis words these end something, independent of the other codes of the block; in the order of execution."""
+BESIDE_PLACING = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
+"""What may stand in a block with one of those."""
+NAMING = STANDING | PLACING
+ONE_SHOT = NAMING | {28.0, 30.0, 53.0}
+GROUPS = (
+    frozenset(MOTION) | CYCLES,
+    CYCLES | {CYCLE_END},
+    frozenset((RETURN_TO_LEVEL, RETURN_TO_R)),
+    frozenset(PLANES),
+    frozenset(UNITS),
+    FEED_MODES,
+    DISTANCES,
+    CENTRE_DISTANCES,
+    LENGTH_CODES,
+    OFFSET_CODES,
+    ONE_SHOT,
+    COMPENSATION | {COMPENSATION_END},
+    frozenset((POLAR, POLAR_END)),
+    frozenset((ROTATION, TILT, ROTATION_END)),
+)
+"""A block may contain one code of a group: of two, some controls use the last, others each for the words after it.
+
+G80 may be beside G0 to G3: FANUC and LinuxCNC end the cycle and run the motion, others refuse the block."""
+
+REFUSED_G = {
+    **dict.fromkeys((5.2, 5.3, 6.2), "splines are not corrected"),
+    7.0: "diameter programming is not corrected",
+    **dict.fromkeys((12.1, 13.1, 7.1, 107.0, 112.0, 113.0), "polar or cylindrical interpolation is not corrected"),
+    **dict.fromkeys((12.0, 13.0, 150.0), "a pocket that the control makes is not corrected"),
+    **dict.fromkeys((31.0, 37.0, 38.2, 38.3, 38.4, 38.5), "where a probing move ends is not known"),
+    **dict.fromkeys((32.0, 33.0, 33.1), "threading is not corrected"),
+    76.0: 'threading on LinuxCNC, fine boring on FANUC: write family = "fanuc" in the machine file',
+    **dict.fromkeys((41.2, 42.2, 41.3, 41.4, 41.5, 42.4, 42.5), "radius compensation in space is not corrected"),
+    43.2: "a second length offset beside the first is not corrected",
+    44.0: "a negative length offset is not corrected",
+    **dict.fromkeys((60.0, 72.1, 72.2), "is not corrected"),
+    **dict.fromkeys((65.0, 66.0), "calls a macro"),
+    66.1: "calls a macro behind every block, or takes its words for arguments: not followed",
+    **dict.fromkeys((53.6, 68.1, 68.3, 68.4), "turns the coordinates in a way that is not corrected"),
+    **dict.fromkeys((87.0, 88.0), "a boring cycle that shifts the tool or waits for a hand is not corrected"),
+}
+TOOL_IS = 61.0
+REFUSED_M = {
+    96.0: "jumps when an interrupt comes",
+    97.0: "calls a subprogram",
+    98.0: "calls a subprogram",
+    99.0: "jumps back in the program",
+    198.0: "calls a subprogram",
+    TOOL_IS: "declares that another tool is in the spindle",
+    **dict.fromkeys((70.0, 71.0, 72.0, 73.0), "brings back other modes on some controls, and mirrors on others"),
+    **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
+}
+TOOL_CHANGE, PALLET_CHANGE = 6.0, 60.0
+AFTER_MOTION = frozenset((TOOL_CHANGE, PALLET_CHANGE))
+"""Run before the move of their block on some controls, behind it on others."""
+PROGRAM_ENDS = frozenset((2.0, 30.0))
+HARMLESS_M = frozenset(
+    map(float, [*range(12), 13, 14, 16, 17, 18, 19, 29, 30, 48, 49, 50, 51, 52, 53, PALLET_CHANGE, 88, 89])
+)
+SKIPPABLE_M = HARMLESS_M - PROGRAM_ENDS - {TOOL_CHANGE, PALLET_CHANGE}
+"""Whether they run does not change what other blocks mean."""
+BESIDE_LEAVING = frozenset("NFSTHD$")
+"""Words that are allowed beside G28, G30 and G53, besides G, M and axes."""
+MOVE_WORDS = frozenset("NFSTHDPQIJKR$")
+"""What may stand in a move beside G, M and axes."""
+
+CONSTRUCTS = {
+    "bracket": "an expression that stands alone is not understood",
+    "number": "a number without an address",
+}

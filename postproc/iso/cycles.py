@@ -1,0 +1,94 @@
+"""Canned cycles of ISO programs: one hole at each position, with the depth and the levels that still hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from postproc.iso.codes import CYCLE_WORDS
+from postproc.iso.words import Content
+from postproc.motion.frames import Frame
+from postproc.motion.moves import AxisWord, Cycle, Known
+from postproc.motion.recorder import Recorder
+from postproc.text.block import Block
+
+
+class Hole(NamedTuple):
+    """One hole; positions in mm and degrees, programmed coordinates."""
+
+    target: list[float]
+    """The bottom."""
+    level: float
+    """Where the axis that drills comes back to."""
+    places: tuple[AxisWord, ...]
+    """The words of its place."""
+    cycle: Cycle
+
+
+@dataclass
+class CannedCycle:
+    """The cycle in force, from its G code to the code that ends it."""
+
+    axis: int
+    """Column of the axis that drills."""
+    incremental: bool
+    """G91 was in force where it began."""
+    level: float
+    """Where the axis stood then, mm."""
+    known: Known
+    """How that is known."""
+    unit: float
+    """Unit of its numbers, mm."""
+    frame: Frame
+    """Frame in which it began."""
+    retract: float | None = None
+    depth: float | None = None
+    begun: bool = False
+
+    def store(self, words: list[tuple[AxisWord, float]], retract: tuple[int, float] | None) -> None:
+        """Take over the depth and R of a block, for the holes that come."""
+        self.retract = self.retract if retract is None else retract[1]
+        self.depth = next((value for word, value in words if word.axis == self.axis), self.depth)
+
+    def hole(
+        self,
+        block: Block,
+        recorder: Recorder,
+        words: list[tuple[AxisWord, float]],
+        retract: tuple[int, float] | None,
+        to_retract: bool | None,
+        *,
+        switched: bool = False,
+    ) -> Hole:
+        """The next hole.
+
+        words: the axis words of the block with their values; retract: its R, index and value. Values in mm.
+        switched: the block is in G91 and the start of the cycle in G90, or the reverse.
+        """
+        axis = self.axis
+        said = {word.axis: (word.word, value) for word, value in words}
+        self.store(words, retract)
+        if self.retract is None or self.depth is None:
+            raise block.refuse(f"a canned cycle without {recorder.machine.names[axis]} or R")
+        if self.incremental and (to_retract is not False or not self.known):
+            raise block.refuse("a canned cycle with increments, and no G98 before it or no known level")
+        above = self.level if self.incremental else 0.0
+        level = above + self.retract
+        if self.known and level > self.level and not to_retract:
+            raise block.refuse("R lies above the level before the cycle: controls differ in how they return")
+        places = [(word, value) for word, value in words if word.axis != axis]
+        target = recorder.target(block, places)
+        target[axis] = level + self.depth if self.incremental else self.depth
+        index, retract_word = said[axis][0] if axis in said else None, None if retract is None else retract[0]
+        cycle = Cycle(axis, index, retract_word, level, self.incremental, to_retract, not self.begun, switched)
+        self.begun = True
+        return Hole(target, level if to_retract else self.level, tuple(word for word, _ in places), cycle)
+
+
+def check_cycle_words(content: Content, rotary: bool) -> None:
+    """Refuse what some controls do not take in a cycle, or take in ways of their own."""
+    strange = sorted(content.other.keys() - CYCLE_WORDS)
+    if strange:
+        raise content.refuse(f"{strange[0]} in a canned cycle: its effect depends on the control")
+    if rotary:
+        raise content.refuse("a rotary axis in a canned cycle")

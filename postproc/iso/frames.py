@@ -1,0 +1,234 @@
+"""What ISO coordinates mean in machine axes, block by block: offsets, lengths and turns, told to the recorder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from kinematics.forward import forward
+from kinematics.machine import Machine
+from postproc.control.state import ControlState
+from postproc.iso.codes import MIRROR, SCALE, TILT
+from postproc.iso.datum_transformations import MAKERS, Said
+from postproc.iso.tool_lengths import TCP_CODES, Lengths
+from postproc.iso.work_offsets import Offsets, Shifts
+from postproc.motion.frames import Frame, Placement, cartesian, renamed, rotated, shifted, to_machine
+from postproc.motion.moves import Known
+from postproc.motion.recorder import Recorder
+from postproc.text.block import Block
+from postproc.text.notes import Notes
+
+UPRIGHT = 1e-6
+"""rad: a tool as far from the normal of a tilted plane stands along it."""
+
+
+class Frames:
+    """Offsets, lengths and turns in force; every change goes to the recorder, with the axes that it concerns."""
+
+    def __init__(self, machine: Machine, state: ControlState, notes: Notes) -> None:
+        self.machine, self.notes = machine, notes
+        self.offsets = Offsets(state)
+        self.lengths = Lengths(state, notes, machine.control)
+        self.place, self.placed_by = Placement(), 0.0
+        """What turns the coordinates, and the code that has brought it; 0 for none."""
+        self.mirrors: dict[str, float] = {}
+        """Of G51.1."""
+        self.upright = False
+        """The tool stands along the normal of the tilted plane."""
+        self.recorder = Recorder(machine, self.frame())
+
+    @property
+    def tilted(self) -> bool:
+        """True while a tilted plane is on."""
+        return self.placed_by == TILT
+
+    @property
+    def shifted(self) -> bool:
+        """True while a turn, a scale, G52 or G92 is on."""
+        return bool(self.placed_by) or self.offsets.moved
+
+    def frame(self) -> Frame:
+        """The frame that coordinates are programmed in now."""
+        offset, added, x_y_z = self.offsets.work(), self.offsets.added(), cartesian(self.machine)
+        placed = rotated(self.offsets.turn).then(shifted(*(added.pop(axis, 0.0) for axis in x_y_z))).then(self.place)
+        for axis, shift in (*zip(x_y_z, placed.shift, strict=True), *added.items()):
+            offset[axis] += shift
+        length, tcp = self.lengths.offset(), self.lengths.tcp or self.tilted
+        if length is not None and not tcp:
+            offset[x_y_z[2]] += length
+        names = self.offsets.name, self.lengths.tool_name
+        return Frame(tuple(offset), self.lengths.tool(), tcp, placed.frame_turn, self.offsets.touch_off(), *names)
+
+    # ---- work offsets and lengths
+
+    def change_tool(self, block: Block) -> None:
+        """M6."""
+        self.hold_tool(self.lengths.selected_tool)
+        names = [name for name in self.machine.control.tool_change_moves if name in self.machine.names]
+        text = f"a tool change taken to move {' '.join(names) or 'no axis'} (machine file: tool_change_moves)"
+        self.notes.add(text, block.line)
+        self.recorder.forget([self.machine.index(name) for name in names])
+
+    def hold_tool(self, number: int) -> None:
+        """Another tool is in the spindle; the axes do not move."""
+        self.lengths.spindle_tool = number
+        by_spindle_tool = (self.lengths.tcp or self.tilted) and self.lengths.offset() is None
+        self.recorder.set_frame(self.frame(), cartesian(self.machine) if by_spindle_tool else ())
+
+    def select_offset(self, block: Block, code: float, extended: int | None) -> None:
+        """G54 and its kin, G54.1 P. LinuxCNC keeps G52 and G92, which are one store there, in every offset."""
+        if self.placed_by or (self.offsets.moved and self.machine.control.family != "linuxcnc"):
+            raise block.refuse(
+                "a work offset while G52, G92 or a turn of the coordinates is on: what becomes of these depends on the "
+                "control"
+            )
+        self.offsets.select(code, extended)
+
+    def select_length(self, block: Block, code: float, number: int | None) -> None:
+        """G43, G43.4, G43.5, G49."""
+        if code in TCP_CODES and (self.placed_by or self.offsets.turn):
+            raise block.refuse(f"G{code:g} while the coordinates are turned: not corrected")
+        self.lengths.select(block, code, number)
+
+    def state(self) -> tuple[str | None, tuple[int, float | None] | None, bool]:
+        """Work offset and length in force, None where the program has said nothing of it yet, and TCP."""
+        return self.offsets.name if self.offsets.said else None, self.lengths.key, self.lengths.tcp
+
+    def changed_since(self, before: tuple[str | None, tuple[int, float | None] | None, bool]) -> None:
+        """Tell the recorder of the frame, and which axes are another place in it than in that of the state before."""
+        x_y_z, (offset, length, tcp) = cartesian(self.machine), self.state()
+        changed: set[int] = set()
+        if offset != before[0]:
+            changed.update(range(len(self.machine.axes)))
+        if tcp != before[2] or (tcp and length != before[1]):
+            changed.update(x_y_z)
+        elif length != before[1]:
+            changed.add(x_y_z[2])
+        self.recorder.set_frame(self.frame(), changed)
+
+    # ---- G52, G92, G10
+
+    def shift_origin(self, block: Block, values: Shifts) -> None:
+        """G52."""
+        if self.offsets.preset and any(self.offsets.preset.values()):
+            raise block.refuse("G52 while G92 is on: one store on some controls, two on others")
+        self.offsets.local.update(values)
+        self.recorder.set_frame(self.frame(), values)
+
+    def call_here(self, block: Block, values: Shifts) -> None:
+        """G92 with axes: where the axes stand is called so from now on."""
+        self._refuse_turned(block)
+        self.offsets.call(block, self._standing(block, values), values)
+        self.recorder.set_frame(self.frame(), ())
+
+    def enter_offset(self, block: Block, name: str, values: Shifts, turn: float | None) -> None:
+        """G10 L2: a work offset of the table, and by how many degrees it turns X and Y."""
+        if self.placed_by and name == self.offsets.name:
+            raise block.refuse("changes the work offset in force while the coordinates are turned")
+        self.offsets.enter(name, values)
+        self.notes.add(f"{name} as G10 sets it", block.line)
+        changed = set(values)
+        if turn is not None:
+            self.offsets.turned[name] = turn
+            changed.update(cartesian(self.machine)[:2])
+        if name == self.offsets.name:
+            self.recorder.set_frame(self.frame(), changed)
+
+    def enter_here(self, block: Block, values: Shifts) -> None:
+        """G10 L20 of LinuxCNC: the work offset in force becomes what calls the place where the axes stand so."""
+        self._refuse_turned(block)
+        here = self._standing(block, values)
+        work = self.offsets.work()
+        entered = {axis: work[axis] + here[axis] - value for axis, value in values.items()}
+        self.offsets.enter(self.offsets.name, entered)
+        self.recorder.set_frame(self.frame(), ())
+
+    def uncall(self, block: Block, axes: Iterable[int]) -> None:
+        """G92.1."""
+        if self.placed_by and self.offsets.moved:
+            raise block.refuse("G92.1 while the coordinates are turned")
+        axes = list(axes)
+        self.offsets.uncall(axes)
+        self._tell_shifted(axes)
+
+    def suspend(self, block: Block, suspended: bool) -> None:
+        """G92.2, G92.3."""
+        self.offsets.suspend(block, suspended)
+        self._tell_shifted(self.offsets.preset or {})
+
+    def _tell_shifted(self, axes: Iterable[int]) -> None:
+        frame = self.frame()
+        if frame != self.recorder.frame:
+            self.recorder.set_frame(frame, axes)
+
+    def _refuse_turned(self, block: Block) -> None:
+        if self.placed_by or self.lengths.tcp or self.offsets.turn:
+            raise block.refuse("says where the tool stands while the coordinates are turned or the table turns them")
+
+    def _standing(self, block: Block, axes: Iterable[int]) -> Shifts:
+        """Where the axes stand; Refusal where the program has not said it in this frame."""
+        for axis in axes:
+            if self.recorder.known[axis] != Known.PROGRAM:
+                name = self.machine.names[axis]
+                raise block.refuse(f"says what {name} is called where it stands, and the program has not said where")
+        return {axis: self.recorder.position[axis] for axis in axes}
+
+    # ---- turns
+
+    def turn(self, code: float, said: Said) -> None:
+        """G68, G51, G51.1, G68.2."""
+        if self.placed_by and not (code == MIRROR == self.placed_by):
+            raise said.block.refuse(f"G{code:g} while G{self.placed_by:g} is on")
+        if self.offsets.turn:
+            raise said.block.refuse(f"G{code:g} within a work offset that turns the coordinates")
+        if code == TILT and (self.offsets.moved or self.lengths.tcp):
+            raise said.block.refuse("a tilted plane while G52, G92 or TCP is on: not corrected")
+        if code == MIRROR:
+            self.mirrors.update(said.axes)
+            said = Said(said.block, said.plane, self.mirrors, said.others)
+        self._put(MAKERS[code](said), code)
+        self.upright = False
+
+    def scaled_along(self, axis: int) -> bool:
+        """True where G51 or G51.1 changes what a length along an axis means."""
+        i = cartesian(self.machine).index(axis)
+        return self.placed_by == SCALE or (self.placed_by == MIRROR and self.place.turn[4 * i] < 0.0)
+
+    def end_turn(self, code: float) -> None:
+        """G69, G50: of the code that it ends."""
+        if self.placed_by == code:
+            self._put(Placement(), 0.0)
+
+    def end_mirror(self, block: Block, axes: Iterable[str]) -> None:
+        """G50.1: of these axes, all for none."""
+        if self.placed_by != MIRROR:
+            return
+        named = set(axes)
+        self.mirrors = {axis: place for axis, place in self.mirrors.items() if named and axis not in named}
+        left = MAKERS[MIRROR](Said(block, "", self.mirrors, {})) if self.mirrors else Placement()
+        self._put(left, MIRROR if self.mirrors else 0.0)
+
+    def _put(self, place: Placement, code: float) -> None:
+        was_tilted, before, x_y_z = self.tilted, self.place, cartesian(self.machine)
+        self.place, self.placed_by = place, code
+        if was_tilted != self.tilted:
+            self.recorder.set_frame(self.frame(), x_y_z)
+        elif self.frame() != self.recorder.frame:
+            self.recorder.set_frame(self.frame(), [x_y_z[i] for i in renamed(before, place)])
+
+    def stand_upright(self, block: Block) -> None:
+        """G53.1: the tool along the normal of the tilted plane; where it does not stand so, the control chooses how."""
+        if not self.tilted:
+            raise block.refuse("G53.1 without a tilted plane")
+        q = to_machine(self.machine, self.recorder.frame, np.array([self.recorder.position]))
+        axis = forward(self.machine, q).rotation[0, :, 2]
+        normal = np.array(self.place.turn)[2::3]
+        rotary = np.flatnonzero(self.machine.rotary)
+        said = all(self.recorder.known[i] != Known.ASSUMED for i in rotary)
+        if float(np.linalg.norm(np.cross(axis, normal))) > UPRIGHT or float(axis @ normal) < 0.0 or not said:
+            raise block.refuse(
+                "the tool does not stand along the normal of the plane as the program has turned it: how G53.1 turns "
+                "the axes is the control's choice. Turn them in a block before it"
+            )
+        self.upright = True

@@ -1,0 +1,537 @@
+"""Meaning of ISO / Fanuc / LinuxCNC blocks: modal state in, moves out; what could move the tool unseen is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from kinematics.machine import Machine
+from postproc.control.setup import Setup
+from postproc.control.state import ControlState
+from postproc.control.tool_vectors import turned_to
+from postproc.iso.arcs import read_arc
+from postproc.iso.claimed_words import dwells_alone, take_own_words
+from postproc.iso.codes import (
+    AFTER_MOTION,
+    BESIDE_LEAVING,
+    COMPENSATION,
+    COMPENSATION_END,
+    CONSTRUCTS,
+    CYCLE_END,
+    CYCLES,
+    DATA,
+    DWELL,
+    FINE_BORING,
+    FRAME_CODES,
+    HARMLESS_G,
+    HARMLESS_M,
+    LENGTH_CODES,
+    MIRROR,
+    MOTION,
+    MOVE_WORDS,
+    OFFSET_CODES,
+    ONE_SHOT,
+    PALLET_CHANGE,
+    PLACING,
+    PLANES,
+    POLAR,
+    POLAR_END,
+    PRESET_END,
+    PROGRAM_ENDS,
+    REFUSED_G,
+    REFUSED_M,
+    ROTATION_END,
+    SCALE,
+    SCALE_END,
+    STANDING,
+    TILT,
+    TOOL_CHANGE,
+    TOOL_IS,
+    TURNS,
+)
+from postproc.iso.coordinate_presets import extended_offset, place
+from postproc.iso.cycles import CannedCycle, check_cycle_words
+from postproc.iso.frames import Frames
+from postproc.iso.leader import DETAIL as LEADER
+from postproc.iso.line_length import refuse_long_line
+from postproc.iso.modal_macros import calls_macro
+from postproc.iso.modes import Modes
+from postproc.iso.polar import PolarPlaces, place_of
+from postproc.iso.values import Values
+from postproc.iso.variables import IsoVariables, variables_of
+from postproc.iso.words import Content, check_content, sort_words
+from postproc.motion.cutter_compensation import follow_contour
+from postproc.motion.frames import cartesian
+from postproc.motion.motions import Motions
+from postproc.motion.moves import AxisWord, Kind, Polar
+from postproc.text.block import Block
+from postproc.text.notes import Notes
+
+MOST_HOLES = 9999
+AxisWords = list[tuple[AxisWord, float]]
+"""Axis words with their values, mm or degrees, in the order of the block."""
+
+
+@dataclass
+class IsoInterpreter:
+    """Reads blocks in order; modal state carries over from chunk to chunk."""
+
+    machine: Machine
+    setup: Setup
+    notes: Notes
+    scope: IsoVariables = field(init=False)
+
+    def __post_init__(self) -> None:
+        control = self.machine.control
+        self.control_state = ControlState(self.setup)
+        self.scope = variables_of(control.family)
+        self.columns = {name: i for i, name in enumerate(self.machine.names)}
+        self.rotary: list[bool] = self.machine.rotary.tolist()
+        self.begun = self.ended = False
+        self.opened = self.torn = False
+        """A tape mark has stood before all words; the first one came behind words."""
+        self.frames = Frames(self.machine, self.control_state, self.notes)
+        self.recorder = self.frames.recorder
+        self.values = Values(control, self.notes)
+        self.modes = Modes(self.notes, self.recorder.doubt, control.arc_centres == "absolute")
+        self.modes.to_retract = False if control.family == "fanuc" else None
+        self.motion: float | None = None
+        self.cycle: CannedCycle | None = None
+        self._before_cycle: float | None = None
+        """The motion in force where it began."""
+        self.polar: PolarPlaces | None = None
+        self.compensated = False
+        """The control shifts the path by the radius of the tool."""
+        self.alone = False
+        """No block of ncomp's own may stand beside the present one."""
+        self._last: tuple[Content, float | None] | None = None
+        """The last block, and the code that claims its coordinates; None for one without words."""
+
+    def read(self, blocks: Iterable[Block]) -> Motions:
+        """The moves of a chunk of blocks, each read before the next is asked for.
+
+        Refusal at the first block that isn't fully understood.
+        """
+        done = []
+        for index, block in enumerate(blocks):
+            done.append(block)
+            self._last = None
+            if not self.ended:
+                refuse_long_line(self.machine.control, block)
+            if block.kind != "blank":
+                self._read_block(index, block)
+                self.control_state.use(block, self.recorder.used)
+                if self.alone:
+                    done[-1], self.alone = block._replace(alone=True), False
+        return self.recorder.finish(done)
+
+    @property
+    def moved(self) -> bool:
+        """Whether a modal macro runs behind the last block; Refusal where that depends on the control."""
+        if self._last is None:
+            return False
+        content, claimed = self._last
+        inside = "a canned cycle" if self.cycle is not None else "radius compensation" if self.compensated else ""
+        return calls_macro(content, claimed, inside, self.recorder.stayed)
+
+    def _read_block(self, index: int, block: Block) -> None:
+        if self.ended:
+            if any(word.address == "O" for word in block.words):
+                raise block.refuse("a second program in one file")
+            if self.torn and block.kind != "tape_mark":
+                raise block.refuse("behind a tape mark that none opened: for some controls the program begins here")
+            if block.kind != "tape_mark":
+                self.notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+        elif block.kind == "words":
+            self._read_words(index, block)
+        elif block.kind == "tape_mark":
+            self._read_tape_mark(block)
+        elif block.kind in CONSTRUCTS:
+            raise block.refuse(f"{block.detail}: {CONSTRUCTS[block.kind]}")
+
+    def _read_tape_mark(self, block: Block) -> None:
+        if block.words or block.skippable:
+            raise block.refuse("a tape mark beside other text: write it in a line of its own")
+        if block.detail == LEADER:
+            self.notes.add("the text before the first tape mark is taken for the leader of a tape", block.line)
+        self.torn = self.begun and not self.opened
+        self.opened, self.ended = True, self.begun
+
+    def _read_words(self, index: int, block: Block) -> None:
+        content, family = sort_words(block), self.machine.control.family
+        take_own_words(content, self.motion, family)
+        moves, other = content.moves, content.other.keys()
+        check_content(content, self.begun, family)
+        frame = self.recorder.frame
+        if content.m or "T" in other:
+            self._functions(content)
+        claimed = self._modes(content) if content.g else None
+        if claimed == DWELL and not dwells_alone(content, family):
+            claimed = None
+        if "L" in other and claimed != DATA and not (self.cycle is not None and moves):
+            raise block.refuse("L calls a subprogram on some controls and repeats the block on others")
+        if claimed is None:
+            if moves:
+                self._move(index, content, frame == self.recorder.frame)
+        elif claimed in PLACING:
+            self._place(index, content, claimed)
+        elif claimed not in STANDING:
+            self._leave_path(index, content, claimed)
+        if moves and not AFTER_MOTION.isdisjoint(content.m) and family != "linuxcnc":
+            self._change_behind(content)
+        self._last = content, claimed
+        self.begun |= bool(moves or content.g or content.m or other - {"N", "O"})
+        self.ended = not PROGRAM_ENDS.isdisjoint(content.m)
+
+    # ---- functions and modes
+
+    def _functions(self, content: Content) -> None:
+        block = content.block
+        if "T" in content.other:
+            self.frames.lengths.selected_tool = self.values.whole(block, content.other["T"])
+        for code in content.m:
+            if code == TOOL_IS and "Q" in content.own:
+                self.frames.hold_tool(self.values.whole(block, content.own["Q"]))
+                continue
+            if code in REFUSED_M:
+                raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
+            if code not in HARMLESS_M:
+                self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
+                self.recorder.doubt()
+            if code in (TOOL_CHANGE, PALLET_CHANGE):
+                self._refuse_compensated(content)
+            if code == TOOL_CHANGE:
+                self.frames.change_tool(block)
+            elif code == PALLET_CHANGE:
+                self.recorder.forget(list(range(len(self.machine.axes))))
+
+    def _change_behind(self, content: Content) -> None:
+        """Some controls change the tool or the pallet after the move of the block, and then the axes have moved."""
+        changed = self.machine.control.tool_change_moves if PALLET_CHANGE not in content.m else self.machine.names
+        self.recorder.doubt([self.machine.index(name) for name in changed if name in self.machine.names])
+
+    def _modes(self, content: Content) -> float | None:
+        """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
+        claimed = None
+        block, ends = content.block, content.ends
+        self._end_placings(content, ends)
+        before = self.frames.state()
+        for code in content.g:
+            if code in ends:
+                continue
+            if code in ONE_SHOT:
+                claimed = code
+                if code in (5.0, 5.1):
+                    _check_speed(content, code)
+            elif code in OFFSET_CODES:
+                self.frames.select_offset(block, code, extended_offset(self.values, content, code))
+            elif code in LENGTH_CODES:
+                number = self.values.whole(block, content.other["H"]) if "H" in content.other else None
+                self.frames.select_length(block, code, number)
+            elif not self._take_mode(content, code) and code not in HARMLESS_G:
+                raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
+        if not FRAME_CODES.isdisjoint(content.g):
+            self.frames.changed_since(before)
+        return claimed
+
+    def _end_placings(self, content: Content, ends: list[float]) -> None:
+        """G50, G50.1, G69 and G92.1 without axis words."""
+        drilling = self.cycle is not None and CYCLE_END not in content.g
+        for code in ends:
+            if code == ROTATION_END:
+                self._end_rotation()
+            elif (self.compensated or drilling or self.polar is not None) and self.frames.shifted:
+                raise content.refuse(f"G{code:g} with radius compensation, in polar coordinates or in a canned cycle")
+            elif code == PRESET_END:
+                self.frames.uncall(content.block, range(len(self.machine.axes)))
+            elif code == SCALE_END:
+                self.frames.end_turn(SCALE)
+            else:
+                self.frames.end_mirror(content.block, ())
+
+    def _end_rotation(self) -> None:
+        for turn in TURNS - {SCALE, MIRROR}:
+            self.frames.end_turn(turn)
+
+    def _take_mode(self, content: Content, code: float) -> bool:
+        """Take over a modal G code that changes how later words are read; False when it is none."""
+        if code in MOTION:
+            self.motion, self.cycle = code, None
+        elif code in CYCLES or (code == FINE_BORING and self.machine.control.family == "fanuc"):
+            self._begin_cycle(content, code)
+        elif code == CYCLE_END:
+            self._end_cycle()
+        elif code in COMPENSATION:
+            self._compensate(content)
+        elif code == COMPENSATION_END:
+            self._end_compensation()
+        elif code in (POLAR, POLAR_END):
+            self._count_angles(content, code == POLAR)
+        elif code == ROTATION_END:
+            self._end_rotation()
+        elif code in PLANES and PLANES[code] != self.modes.plane and (self.frames.placed_by or self.polar):
+            raise content.refuse("another plane while the coordinates are turned or polar")
+        else:
+            return self.modes.take(code)
+        return True
+
+    def _compensate(self, content: Content) -> None:
+        if self.recorder.frame.tcp or self.cycle is not None:
+            raise content.refuse("radius compensation under TCP, in a tilted plane or in a canned cycle: not corrected")
+        self.compensated = True
+        self.notes.add("radius compensation: the points of the contour are corrected", content.block.line)
+
+    def _end_compensation(self) -> None:
+        """G40: the tool is beside the contour until both axes of the plane are programmed again."""
+        if self.compensated:
+            self.recorder.doubt(self.machine.index(axis) for axis in self.modes.plane[:2])
+        self.compensated = False
+
+    def _count_angles(self, content: Content, on: bool) -> None:
+        if on and not self.modes.absolute:
+            raise content.refuse("polar coordinates with G91 are not corrected")
+        self.polar = (self.polar or PolarPlaces()) if on else None
+
+    def _refuse_compensated(self, content: Content) -> None:
+        if self.compensated:
+            raise content.refuse("while radius compensation is on: where the tool stands is not known")
+
+    # ---- words
+
+    def axis_words(self, content: Content) -> AxisWords:
+        """The axis words of a block with their values; an angle of polar coordinates counts as it stands."""
+        result = []
+        block, linear, incremental = content.block, self.modes.unit, not self.modes.absolute
+        angle = self.modes.plane[1] if self.polar is not None else ""
+        for i in content.axes:
+            address = block.words[i].address
+            axis = self.columns.get(address)
+            if axis is None:
+                axis = self.recorder.axis(block, address)
+            unit = 1.0 if self.rotary[axis] or address == angle else linear
+            result.append((AxisWord(axis, i, incremental), self.values.number(block, i, unit)))
+        return result
+
+    def _polar_words(self, content: Content, places: PolarPlaces) -> tuple[AxisWords, Polar | None]:
+        """Axis words but those of the plane, and what these say in polar coordinates."""
+        words = self.axis_words(content)
+        if not self.modes.absolute:
+            raise content.refuse("polar coordinates with G91 are not corrected")
+        axes = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
+        others, polar = places.take(content.block, axes, words)
+        if polar is None:
+            self.recorder.keep_still(axes)
+        self.alone = True
+        return others, polar
+
+    def _go_polar(self, target: list[float], polar: Polar) -> None:
+        target[polar.axes[0]], target[polar.axes[1]] = place_of(polar)
+        self.recorder.say_polar(polar)
+
+    # ---- moves
+
+    def _leave_path(self, index: int, content: Content, code: float) -> None:
+        """G28, G30: to a reference point, its intermediate point uncorrected. G53: to machine coordinates."""
+        self._refuse_compensated(content)
+        if self.polar is not None:
+            raise content.refuse(f"G{code:g} in polar coordinates")
+        strange = sorted(content.other.keys() - BESIDE_LEAVING - ({"P"} if code == 30.0 else set()))
+        if strange:
+            raise content.refuse(f"{strange[0]} beside G{code:g}: its effect depends on the control")
+        words = self.axis_words(content)
+        if code == 53.0 and not words:
+            return
+        if code != 53.0:
+            if self.cycle is not None:
+                # the effect of coordinates from here on depends on the control
+                self.motion = self.cycle = None
+            if self.modes.absolute and words:
+                self.notes.add("G28/G30 passes its intermediate point uncorrected", content.block.line)
+            self.recorder.forget([word.axis for word, _ in words] or list(range(len(self.machine.axes))))
+            return
+        if not self.modes.absolute or self.motion not in (0.0, 1.0):
+            raise content.refuse("G53 needs G90 and G0 or G1")
+        targets = {word.axis: value for word, value in words}
+        self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
+
+    def _move(self, index: int, content: Content, settled: bool) -> None:
+        if self.motion is None:
+            raise content.refuse("coordinates before any G0, G1, G2 or G3")
+        tilted = self.frames.placed_by == TILT
+        if tilted and not self.frames.upright:
+            raise content.refuse("a move in a tilted plane before G53.1 has turned the tool into it")
+        if self.cycle is not None:
+            self._drill(index, content, self.cycle)
+            return
+        self._check_move_words(content)
+        words, polar = (
+            (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
+        )
+        target = self.recorder.target(content.block, words)
+        named = [word for word, _ in words]
+        if polar is not None:
+            self._go_polar(target, polar)
+        if tilted or self.frames.lengths.vectors:
+            named += self._turn_tool(content, target, named)
+        kind = MOTION[self.motion]
+        arc = None
+        if kind is Kind.ARC:
+            if polar is not None or self.polar is not None:
+                raise content.refuse("an arc in polar coordinates is not corrected")
+            arc = read_arc(content, 1 if self.motion == 3.0 else -1, target, self.recorder, self.values, self.modes)
+        if self.modes.unsaid:
+            self.modes.note_unsaid(content.block.line, kind)
+        if self.compensated:
+            self.alone = True
+            plane = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
+            follow_contour(self.recorder, plane, target, arc)
+        modes = {"incremental": not self.modes.absolute, "timed": self.modes.timed, "settled": settled}
+        self.recorder.move(index, kind, target, self.modes.unit, tuple(named), arc, **modes)
+
+    def _check_move_words(self, content: Content) -> None:
+        other = content.other.keys()
+        strange = sorted(other - MOVE_WORDS)
+        if strange:
+            raise content.refuse(f"{strange[0]} in a move: its effect depends on the control")
+        if self.motion in (0.0, 1.0) and not other.isdisjoint("R" if self.frames.lengths.vectors else "IJKR"):
+            raise content.refuse(f"{', '.join(sorted(other & set('IJKR')))} without an arc")
+
+    def _turn_tool(self, content: Content, target: list[float], named: list[AxisWord]) -> list[AxisWord]:
+        """Where tool vectors take the rotary axes, which no word names; in a tilted plane they stand."""
+        if any(self.rotary[word.axis] for word in named):
+            raise content.refuse("a rotary axis beside tool vectors or in a tilted plane")
+        said = [content.other.get(letter) for letter in "IJK"]
+        if said == [None, None, None] or self.frames.placed_by == TILT:
+            return []
+        if None in said or self.motion not in (0.0, 1.0):
+            raise content.refuse("a tool vector needs I, J and K, and a straight line")
+        vector = [content.block.words[i].value or 0.0 for i in said if i is not None]
+        self.notes.add("G43.5: rotary axes taken nearest to where they stand", content.block.line)
+        places = turned_to(content.block, self.recorder, target, vector)
+        for axis, value in places.items():
+            target[axis] = value
+        self.alone = True
+        return [AxisWord(axis, -1, True) for axis in places]
+
+    # ---- canned cycles
+
+    def _begin_cycle(self, content: Content, code: float) -> None:
+        if self.compensated:
+            raise content.refuse("a canned cycle while radius compensation is on")
+        axis = self.machine.index(self.modes.plane[2])
+        begun = self.cycle
+        if begun is None:
+            self._before_cycle = self.motion
+        if begun is not None and begun.axis != axis:
+            raise content.refuse("another plane within a canned cycle")
+        # the level before the first of several cycles is that of all
+        level = self.recorder.position[axis] if begun is None else begun.level
+        known = self.recorder.known[axis] if begun is None else begun.known
+        counted, unit = not self.modes.absolute, self.modes.unit
+        frame = self.recorder.frame if begun is None else begun.frame
+        drilled = begun is not None and begun.begun
+        self.cycle = CannedCycle(axis, counted, level, known, unit, frame, begun=drilled)
+        alike = begun is not None and (begun.incremental, begun.unit) == (counted, unit)
+        if begun is not None and alike and (code == self.motion or self._keeps_depth):
+            self.cycle.retract, self.cycle.depth = begun.retract, begun.depth
+        self.motion = code
+        if axis != cartesian(self.machine)[2]:
+            name = self.modes.plane[2]
+            self.notes.add(f"a canned cycle outside of G17: taken to drill along {name}", content.block.line)
+
+    @property
+    def _keeps_depth(self) -> bool:
+        """Another cycle without depth or R takes those of the one before; LinuxCNC refuses it."""
+        return self.machine.control.family != "linuxcnc"
+
+    def _end_cycle(self) -> None:
+        """G80. The motion from before holds again, or the next one needs a code: LinuxCNC refuses it without."""
+        if self.cycle is not None:
+            holds = self._before_cycle in (0.0, 1.0) and self.machine.control.family != "linuxcnc"
+            self.motion, self.cycle = self._before_cycle if holds else None, None
+
+    def _drill(self, index: int, content: Content, cycle: CannedCycle) -> None:
+        block = content.block
+        rotary = any(self.rotary[self.recorder.axis(block, block.words[i].address)] for i in content.axes)
+        check_cycle_words(content, rotary)
+        self._check_cycle_frame(content, cycle)
+        times = [self.values.whole(block, content.other[letter]) for letter in "KL" if letter in content.other]
+        if len(times) > 1 or any(not 0 <= n <= MOST_HOLES for n in times):
+            raise content.refuse("a canned cycle that runs very many times, or K and L at once")
+        words, polar = (
+            (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
+        )
+        i = content.other.get("R")
+        retract = None if i is None else (i, self.values.number(block, i, self.modes.unit))
+        if self.modes.unsaid:
+            self.modes.note_unsaid(block.line, Kind.CYCLE)
+        if times == [0]:
+            self._check_stored(content, cycle, words)
+            cycle.store(words, retract)
+            return
+        switched = cycle.incremental == self.modes.absolute
+        # of holes at one place all but the first change nothing
+        for _ in range(times[0] if times and not self.modes.absolute else 1):
+            hole = cycle.hole(block, self.recorder, words, retract, self._returns(cycle), switched=switched)
+            if polar is not None:
+                self._go_polar(hole.target, polar)
+            self.recorder.drill(index, hole.target, hole.level, self.modes.unit, hole.places, hole.cycle)
+
+    def _returns(self, cycle: CannedCycle) -> bool | None:
+        """End position of a hole, as `to_retract`; None if the level before the cycle belongs to another frame.
+
+        There LinuxCNC returns to its number, and others to its position.
+        """
+        moved = self.recorder.frame != cycle.frame and self.machine.control.family != "linuxcnc"
+        return None if moved and not self.modes.to_retract else self.modes.to_retract
+
+    def _check_stored(self, content: Content, cycle: CannedCycle, words: AxisWords) -> None:
+        """K0 and L0 set the depth and R of the holes that come; LinuxCNC refuses them."""
+        elsewhere = any(word.axis != cycle.axis for word, _ in words)
+        if self.machine.control.family == "linuxcnc" or cycle.incremental or elsewhere:
+            raise content.refuse("a canned cycle that runs no times, with a position or increments: controls differ")
+
+    def _check_cycle_frame(self, content: Content, cycle: CannedCycle) -> None:
+        if cycle.unit != self.modes.unit:
+            raise content.refuse("G20 or G21 within a canned cycle: some controls interpret its depth in the new unit")
+        if cycle.incremental == self.modes.absolute:
+            self._check_switched(content, cycle)
+        if cycle.axis != self.machine.index(self.modes.plane[2]):
+            raise content.refuse("another plane within a canned cycle")
+        if self.recorder.frame.tcp and self.frames.placed_by != TILT:
+            raise content.refuse("canned cycles under TCP are not corrected")
+        if self.frames.scaled_along(cycle.axis):
+            raise content.refuse("a canned cycle while its depth is scaled or mirrored: controls differ here")
+
+    def _check_switched(self, content: Content, cycle: CannedCycle) -> None:
+        """FANUC keeps the programmed positions of depth and R; LinuxCNC interprets their numbers again."""
+        if self.machine.control.family != "fanuc":
+            raise content.refuse(
+                "G90 or G91 within a canned cycle: controls differ in the meaning of its depth; "
+                'write family = "fanuc" in the machine file if the depth stays'
+            )
+        depth = any(content.block.words[i].address == self.modes.plane[2] for i in content.axes)
+        if depth and "R" in content.other:
+            cycle.incremental = not self.modes.absolute
+        elif depth or "R" in content.other:
+            raise content.refuse("depth without R, or R without depth, in G90 within a cycle of G91, or the reverse")
+        if self.polar is not None:
+            raise content.refuse("G90 or G91 within a canned cycle in polar coordinates")
+
+    # ---- what coordinates mean
+
+    def _place(self, index: int, content: Content, code: float) -> None:
+        self._refuse_compensated(content)
+        if self.polar is not None or self.cycle is not None:
+            raise content.refuse(f"G{code:g} in polar coordinates or in a canned cycle")
+        words = self.axis_words(content)
+        if place(content, code, words, self.frames, self.values, self.modes):
+            self.recorder.call(index, self.modes.unit, tuple(word for word, _ in words))
+
+
+def _check_speed(content: Content, code: float) -> None:
+    """G5.1 Q and G5 P switch a fast path on or off; with anything else they are splines."""
+    if ("Q" if code == 5.1 else "P") not in content.other:
+        raise content.refuse(f"G{code:g} without {'Q' if code == 5.1 else 'P'}: splines are not corrected")
+    if code == 5.0 and content.moves:
+        raise content.refuse("splines are not corrected")

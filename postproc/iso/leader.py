@@ -1,0 +1,54 @@
+"""The text before the first tape mark of an ISO program: the leader of a tape, which controls ignore."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator
+
+from postproc.iso.blocks import read_block
+from postproc.text.block import Block, Refusal
+
+LONGEST = 100
+"""Largest number of lines of a leader, and of lines that are examined after it."""
+DETAIL = "leader"
+
+
+class Leader(str):
+    """The lines up to the first tape mark as one text, for a block of its own."""
+
+    __slots__ = ()
+
+
+def join_lines(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    """Numbered lines, those of a leader and of the tape mark behind it as one."""
+    remaining = iter(lines)
+    first = list(itertools.islice(remaining, 2 * LONGEST))
+    end = next((i for i, (_, text) in enumerate(first[:LONGEST]) if text.lstrip("\0 \t").startswith("%")), 0)
+    goes_on = any(text.strip() for _, text in first[end + 1 :])
+    if end and goes_on and _is_leader(first[:end]):
+        yield first[0][0], Leader("".join(text for _, text in first[: end + 1]))
+        first = first[end + 1 :]
+    yield from first
+    yield from remaining
+
+
+def read_line(line: int, text: str) -> Block:
+    """The block of a line, or of a leader."""
+    if isinstance(text, Leader):
+        return Block(line, text, "tape_mark", detail=DETAIL)
+    return read_block(line, text)
+
+
+def _is_leader(lines: list[tuple[int, str]]) -> bool:
+    """Whether some line is no block, and none has words that a control could run."""
+    strange = False
+    for line, text in lines:
+        try:
+            block = read_block(line, text)
+        except Refusal:
+            strange = True
+            continue
+        if block.words or block.code:
+            return False
+        strange |= block.kind != "blank"
+    return strange

@@ -1,0 +1,247 @@
+"""Statements of ISO / Fanuc / LinuxCNC blocks: trees of the grammar `iso.lark`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+from lark import Token, Tree
+
+from postproc.iso.calls import CALLS
+from postproc.iso.variables import EXISTS, RETURNED, VALUE
+from postproc.text.block import Block, Word
+from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
+from postproc.text.statements import (
+    Again,
+    Assign,
+    Begin,
+    Call,
+    Else,
+    End,
+    Jump,
+    Leave,
+    Return,
+    Step,
+    When,
+)
+
+Node = Tree[Token] | Token
+
+FLOW = re.compile(
+    CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
+    re.IGNORECASE,
+)
+"""What a program may hold in which not always the next block runs."""
+
+
+# ---- expressions
+
+
+def expression(node: Node) -> Expression:
+    """The expression that a part of a block says."""
+    if isinstance(node, Token):
+        return Constant(float(node))
+    return _EXPRESSIONS[node.data](node.children)
+
+
+def _variable(inner: Node) -> Variable:
+    """`#5`, `#[...]`, `##5` or `#<name>`, by what stands behind the first `#`."""
+    if isinstance(inner, Token) and inner.type == "NAME":
+        return Variable("#" + re.sub(r"[ \t]", "", inner).lower())
+    return Variable("#", (expression(inner),))
+
+
+def _chain(children: list[Node], name: Callable[[Token], str]) -> Expression:
+    """Operands with operators between them, worked out from left to right."""
+    result = expression(children[0])
+    for operator, operand in zip(children[1::2], children[2::2], strict=True):
+        assert isinstance(operator, Token)
+        result = Operation(name(operator), (result, expression(operand)))
+    return result
+
+
+def _product(children: list[Node]) -> Expression:
+    """Powers first, then from left to right; the arc tangent takes the bracket behind its slash."""
+    parts = list(children)
+    powers = [i for i, part in enumerate(parts) if part == "**"]
+    if any(b - a == 2 for a, b in pairwise(powers)) or any(_is_signed(parts[i - 1]) for i in powers):
+        raise Ambiguous("a power of a power, or of a number with a sign: which comes first depends on the control")
+    while "**" in parts:
+        i = [str(part) for part in parts].index("**")
+        parts[i - 1 : i + 2] = [Tree("power", [parts[i - 1], parts[i + 1]])]
+    result = _factor(parts[0])
+    for i in range(1, len(parts), 2):
+        operator, operand = str(parts[i]).upper(), parts[i + 1]
+        arc = operator == "/" and isinstance(result, Operation) and result.name == "ATAN"
+        if arc and not (isinstance(operand, Tree) and operand.data == "bracket"):
+            raise Ambiguous("ATAN and a quotient: controls read this differently")
+        if arc and isinstance(result, Operation):
+            result = Operation("ATAN2", (*result.operands, _factor(operand)))
+        else:
+            result = Operation(operator, (result, _factor(operand)))
+    return result
+
+
+def _is_signed(node: Node) -> bool:
+    return isinstance(node, Tree) and node.data == "signed"
+
+
+def _factor(node: Node) -> Expression:
+    if isinstance(node, Tree) and node.data == "power":
+        return Operation("**", tuple(_factor(child) for child in node.children))
+    return expression(node)
+
+
+def _condition(children: list[Node]) -> Expression:
+    operators = {str(operator).upper() for operator in children[1::2]}
+    if not operators:
+        return expression(children[0])
+    if len(operators) > 1 or (len(children) > 3 and not operators <= {"AND", "OR", "XOR"}):
+        raise Ambiguous("what belongs together in this condition depends on the control: brackets are missing")
+    if operators <= {"AND", "OR", "XOR"} and not all(map(_is_operand, children[::2])):
+        raise Ambiguous("what belongs together in this condition depends on the control: brackets are missing")
+    return _chain(children, lambda operator: str(operator).upper())
+
+
+def _linuxcnc_value(bracket: Tree[Token]) -> Expression:
+    """The condition of an O-word, which only LinuxCNC has: comparisons come before AND, OR and XOR."""
+    children: list[Node] = [*_condition_of(bracket)]
+    groups: list[list[Node]] = [[]]
+    logic: list[str] = []
+    for child in children:
+        if isinstance(child, Token) and child.type == "LOGIC":
+            logic.append(str(child).upper())
+            groups.append([])
+        else:
+            groups[-1].append(child)
+    result = _condition(groups[0])
+    for name, group in zip(logic, groups[1:], strict=True):
+        result = Operation(name, (result, _condition(group)))
+    return result
+
+
+def _is_operand(node: Node) -> bool:
+    """True for a sum of one operand alone."""
+    while isinstance(node, Tree) and node.data in ("sum", "product") and len(node.children) == 1:
+        node = node.children[0]
+    return isinstance(node, Token) or node.data not in ("sum", "product")
+
+
+def computed_word(node: Tree[Token]) -> Word:
+    """A word with an expression in the place of its number."""
+    address, operand = node.children
+    assert isinstance(address, Token)
+    start, end = _span(operand)
+    at = address.start_pos or 0
+    arithmetic = isinstance(operand, Tree) and operand.data == "bracket" and len(_condition_of(operand)) == 1
+    how = ("", "", 1, "") if arithmetic else ("[", "", 0, "]")
+    return Word(str(address).upper(), None, at, start, end, Formula(expression(operand), *how))
+
+
+def _condition_of(bracket: Tree[Token]) -> list[Node]:
+    (condition,) = bracket.children
+    assert isinstance(condition, Tree)
+    return condition.children
+
+
+def _span(node: Node) -> tuple[int, int]:
+    if isinstance(node, Token):
+        return node.start_pos or 0, node.end_pos or 0
+    return node.meta.start_pos, node.meta.end_pos
+
+
+def _function(name: str, operand: Expression) -> Expression:
+    """A function; EXISTS asks for the variable itself and not for its value."""
+    if name == EXISTS and isinstance(operand, Variable):
+        return Variable(f"{EXISTS} {operand.name}", operand.indices)
+    return Operation(name, (operand,))
+
+
+_EXPRESSIONS: dict[str, Callable[[list[Any]], Expression]] = {
+    "bracket": lambda parts: expression(parts[0]),
+    "condition": _condition,
+    "sum": lambda parts: _chain(parts, str),
+    "product": _product,
+    "signed": lambda parts: Operation("neg" if parts[0] == "-" else "pos", (expression(parts[1]),)),
+    "function": lambda parts: _function(str(parts[0]).upper(), expression(parts[1])),
+    "variable": lambda parts: _variable(parts[0]),
+}
+
+
+# ---- statements
+
+
+def statement(node: Tree[Token]) -> Step:
+    """The statement that a part of a block makes."""
+    return _STATEMENTS[node.data](node.children)
+
+
+def _assign(parts: list[Any]) -> Assign:
+    target, value = parts
+    return Assign(_variable(target.children[0]), expression(value))
+
+
+def returned(node: Tree[Token]) -> list[Assign]:
+    """What a subprogram of LinuxCNC hands to its caller where it ends."""
+    if node.data != "subroutine" or not re.search(r"(ENDSUB|RETURN)$", str(node.children[0]), re.IGNORECASE):
+        return []
+    values = [expression(part) for part in node.children[1:]]
+    value = values[0] if values else Constant(0.0)
+    return [Assign(Variable(VALUE), value), Assign(Variable(RETURNED), Constant(float(bool(values))))]
+
+
+_SUBROUTINE = re.compile(r"O[ \t]*(\d+|<[^<>]*>)[ \t]*([A-Z \t]+)", re.IGNORECASE)
+_TESTED = frozenset(("IF", "ELSEIF", "WHILE", "REPEAT"))
+
+
+def _subroutine(parts: list[Any]) -> Step:
+    match = _SUBROUTINE.fullmatch(str(parts[0]))
+    assert match is not None
+    name = re.sub(r"[ \t]", "", match[1]).lower()
+    key, word = "O" + (name if name.startswith("<") else f"{int(name)}"), re.sub(r"[ \t]", "", match[2]).upper()
+    values = [_linuxcnc_value(part) for part in parts[1:]]
+    if len(values) != (word in _TESTED) and word not in ("CALL", "ENDSUB", "RETURN"):
+        raise Ambiguous(f"{word} with {len(values)} values")
+    test = values[0] if values else None
+    others: dict[str, Step] = {
+        "ELSEIF": Else(key, test),
+        "ELSE": Else(key),
+        "BREAK": Leave(key),
+        "CONTINUE": Again(key),
+        "CALL": Call(key, tuple(enumerate(values, start=1))),
+        "RETURN": Return("RETURN stands in no subprogram"),
+    }
+    if word in others:
+        return others[word]
+    return End(word.removeprefix("END"), key) if word.startswith("END") else Begin(word, key, test)
+
+
+def _key(number: Token) -> str:
+    if not number.isdecimal():
+        raise Ambiguous(f"{number} is no number of a loop: a whole one is expected")
+    return f"DO{int(number)}"
+
+
+_STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
+    "assignment": _assign,
+    "if_goto": lambda parts: When(expression(parts[1]), Jump(expression(parts[3]))),
+    "if_then": lambda parts: When(expression(parts[1]), statement(parts[3])),
+    "goto": lambda parts: Jump(expression(parts[1])),
+    "while": lambda parts: Begin("WHILE", _key(parts[3]), expression(parts[1])),
+    "do": lambda parts: Begin("WHILE", _key(parts[1]), Constant(1.0)),
+    "end": lambda parts: End("WHILE", _key(parts[1])),
+    "subroutine": _subroutine,
+}
+
+
+def labels(block: Block) -> list[str]:
+    """The names under which jumps and calls find a block."""
+    prefixes = {"N": "", "O": "O"}
+    found = [
+        f"{prefixes[w.address]}{w.value:.10g}" for w in block.words if w.address in prefixes and w.value is not None
+    ]
+    if block.code is not None:
+        found += [step.key for step in block.code.before if isinstance(step, Begin) and step.kind == "SUB"]
+    return found

@@ -1,0 +1,1 @@
+"""Commanded moves as columns: kinds of moves, arcs, frames, segments, reversals."""

@@ -1,0 +1,40 @@
+"""Positions along moves, as the control runs them: straight in programmed coordinates, arcs round their circles."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from kinematics.transforms import Array
+from postproc.motion.circles import sweep
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Arc
+
+
+def places(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
+    """Programmed positions `(k, axes)` at shares `(k,)` of the ways of rows `(k,)`, those of a row side by side.
+
+    Where the two radii of an arc differ, the one runs evenly into the other.
+    """
+    start, target = motions.start[rows], motions.target[rows]
+    program = np.asarray(start + shares[:, None] * (target - start))
+    if motions.arcs:
+        edges = [*np.flatnonzero(np.diff(rows, prepend=-1)).tolist(), len(rows)]
+        for first, last in pairwise(edges):
+            arc = motions.arcs.get(int(rows[first]))
+            if arc is not None:
+                plane = list(arc.plane[:2])
+                ends = complex(*start[first, plane]), complex(*target[first, plane])
+                points = round_the_circle(arc, ends, shares[first:last])
+                program[first:last, plane] = np.stack([points.real, points.imag], axis=1)
+    return program
+
+
+def round_the_circle(arc: Arc, ends: tuple[complex, complex], shares: Array) -> np.ndarray:
+    """Points `(k,)`, complex, in the plane of an arc from one end to the other."""
+    start, end = ends
+    centre = complex(*arc.centre)
+    turned = sweep((start.real, start.imag), (end.real, end.imag), arc.centre, arc.sense, arc.full, arc.turns)
+    grown = abs(end - centre) / abs(start - centre) if start != centre else 1.0
+    return np.asarray(centre + (start - centre) * np.exp(1j * turned * shares) * (1.0 + shares * (grown - 1.0)))

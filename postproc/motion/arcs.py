@@ -1,0 +1,99 @@
+"""Arcs of a block: the circle that its start, its end and what it says of the radius or the centre make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from postproc.motion.circles import Point, centre_from_radius, radius_fault, same
+from postproc.motion.moves import Arc
+from postproc.motion.recorder import Recorder
+from postproc.text.block import Block
+
+CENTRES = "IJK"
+"""Addresses of the centre of an arc, along X, Y and Z."""
+
+
+class Ends(NamedTuple):
+    """Where an arc begins and ends in its plane, mm, programmed coordinates."""
+
+    plane: tuple[int, int, int]
+    """Columns of the first, second and normal axis."""
+    sense: int
+    """+1 counter-clockwise seen from the normal axis' positive end."""
+    start: Point
+    end: Point
+
+
+def begin_arc(block: Block, recorder: Recorder, plane: str, sense: int, target: list[float]) -> Ends:
+    """The ends of an arc from where the control stands to `target`; Refusal where the start is not known.
+
+    plane: the letters of first, second and normal axis.
+    """
+    first, second, normal = (recorder.machine.index(letter) for letter in plane)
+    if not (recorder.known[first] and recorder.known[second]):
+        raise block.refuse("an arc from a position that the program has not given")
+    if not recorder.frame.keeps_circles(plane[:2]):
+        raise block.refuse("an arc where the axes of its plane are scaled by different factors")
+    start = recorder.position[first], recorder.position[second]
+    return Ends((first, second, normal), sense, start, (target[first], target[second]))
+
+
+def centre_letters(plane: str) -> tuple[str, str]:
+    """The addresses of a centre in a plane, given by the letters of its axes."""
+    first, second = (CENTRES["XYZ".index(axis)] for axis in plane[:2])
+    return first, second
+
+
+def centre_words(
+    block: Block, other: Mapping[str, int], plane: str, value: Callable[[int], float], radius: str
+) -> tuple[int | None, int | None]:
+    """Indices of the words of a centre in a plane; Refusal where there are none, or one that says another plane.
+
+    other: indices of words by address; value: of the word of an index; radius: the address that would do as well.
+    """
+    letters = centre_letters(plane)
+    stray = [a for a in CENTRES if a not in letters and a in other and value(other[a])]
+    if stray:
+        raise block.refuse(f"{stray[0]} gives no centre in the plane of {' and '.join(plane[:2])}")
+    first, second = other.get(letters[0]), other.get(letters[1])
+    if first is None and second is None:
+        raise block.refuse(f"an arc without {' or '.join(letters)} or {radius}")
+    return first, second
+
+
+def radius_alone(block: Block, other: Mapping[str, int], radius: str) -> int | None:
+    """The index of the word of the radius, if any; Refusal beside words of a centre."""
+    if radius in other and not other.keys().isdisjoint(CENTRES):
+        raise block.refuse("an arc by its radius and its centre at once")
+    return other.get(radius)
+
+
+def arc_by_radius(block: Block, ends: Ends, radius: float, word: int, form: str = "radius") -> Arc:
+    """The arc with this radius, mm, negative for the longer way round; Refusal where there is none."""
+    centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
+    if centre is None:
+        raise block.refuse("no circle of this radius joins start and end")
+    return Arc(ends.plane, ends.sense, centre, False, form, (word, None))
+
+
+def arc_by_centre(
+    block: Block,
+    ends: Ends,
+    said: tuple[float, float],
+    words: tuple[int | None, int | None],
+    *,
+    absolute: bool,
+    hint: str = "",
+) -> Arc:
+    """The arc round the centre that the block says, mm, as a place or from the start; Refusal for what is no circle.
+
+    hint: what the refusal says besides.
+    """
+    x, y = (0.0, 0.0) if absolute else ends.start
+    centre = (x + said[0], y + said[1])
+    fault = radius_fault(ends.start, ends.end, centre)
+    if fault is not None:
+        raise block.refuse(fault + hint)
+    form = "absolute" if absolute else "incremental"
+    return Arc(ends.plane, ends.sense, centre, same(ends.start, ends.end), form, words)

@@ -1,0 +1,254 @@
+"""Motions: the commanded moves of a program as columns, one row per move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from kinematics.machine import Machine, NDArrayBool
+from kinematics.transforms import Array, read_only
+from postproc.motion.circles import SAME, point_along, sweep
+from postproc.motion.frames import Frame, cartesian, to_machine, to_program
+from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
+from postproc.text.block import Block
+
+
+@dataclass(frozen=True)
+class Motions:
+    """One row per move, in program order; positions `(n, axes)` in programmed coordinates, mm and degrees.
+
+    Its columns are read-only: the same ones belong to several Motions, and are kept from chunk to chunk.
+    """
+
+    machine: Machine
+    blocks: Sequence[Block]
+    frames: Sequence[Frame]
+    block: np.ndarray
+    """Index of the block `(n,)`."""
+    kind: np.ndarray
+    """Kind `(n,)`."""
+    frame: np.ndarray
+    """Index of the frame `(n,)`."""
+    unit: Array
+    """mm per unit of the words `(n,)`: 1, or 25.4 in an inch block."""
+    incremental: np.ndarray
+    """True `(n,)` where a word added to the block would be read as an increment (G91)."""
+    timed: np.ndarray
+    """True `(n,)` where F gives the time of the move (G93) and not a speed."""
+    settled: np.ndarray
+    """True `(n,)` where the frame before the block is that which it is read in."""
+    added: np.ndarray
+    """True `(n,)` for moves with a block of ncomp's own: take-ups, and all pieces of a move but the first."""
+    begin: Array
+    """Share `(n,)` of the programmed move at which a row begins; nan for a piece that begins where an arc turns back,
+    and which the quarters of the circle tell."""
+    start: Array
+    target: Array
+    known_start: np.ndarray
+    """Known `(n, axes)`, before the move."""
+    known: np.ndarray
+    """Known `(n, axes)`, after the move."""
+    words: Sequence[tuple[AxisWord, ...]]
+    arcs: Mapping[int, Arc]
+    """By row."""
+    cycles: Mapping[int, Cycle] = field(default_factory=dict)
+    """By row."""
+    polars: Mapping[int, Polar] = field(default_factory=dict)
+    """By row, of moves whose words say places in polar coordinates."""
+    contours: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    """By row of a move that the control shifts by the radius of the tool: columns of the plane."""
+    still: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    """By row: columns of axes that no word of ours may name in it."""
+    polar_ends: Mapping[int, PolarEnd] = field(default_factory=dict)
+    """By index of the block."""
+
+    def __post_init__(self) -> None:
+        for name in COLUMNS:
+            read_only(getattr(self, name))
+
+    def __len__(self) -> int:
+        return len(self.block)
+
+    @property
+    def judged(self) -> NDArrayBool:
+        """Rows `(n,)` that end where the program has said all axes that place the tool: what correction answers for."""
+        return np.asarray(self._said(self.known) & self.programmed & ~self.inner)
+
+    @property
+    def programmed(self) -> NDArrayBool:
+        """Rows `(n,)` that move to programmed coordinates."""
+        return ~np.isin(self.kind, (Kind.MACHINE, Kind.PRESET))
+
+    @property
+    def correctable(self) -> NDArrayBool:
+        """Programmed positions `(n, axes)` that the program has given: those that a word may change."""
+        return np.asarray(self.known == Known.PROGRAM)
+
+    @property
+    def movable(self) -> NDArrayBool:
+        """Machine axes `(n, axes)` that are moved by a position that the program has given."""
+        movable: NDArrayBool = self.correctable & self.programmed[:, None]
+        x_y_z = np.array(cartesian(self.machine))
+        for i, frame in enumerate(self.frames):
+            if frame.couples:
+                cells = np.ix_(np.flatnonzero(self.frame == i), x_y_z)
+                movable[cells] = movable[cells] @ frame.shares.T
+        return movable
+
+    @property
+    def tcp(self) -> NDArrayBool:
+        """Rows `(n,)` under TCP."""
+        return np.asarray(np.array([frame.tcp for frame in self.frames], bool)[self.frame])
+
+    @property
+    def coupled(self) -> NDArrayBool:
+        """Rows `(n,)` whose programmed coordinates are not those of single axes of the machine."""
+        return np.asarray(np.array([frame.tcp or frame.couples for frame in self.frames], bool)[self.frame])
+
+    @property
+    def inner(self) -> NDArrayBool:
+        """Rows `(n,)` that end inside a programmed move: take-ups, and all pieces of a move but the last."""
+        inner = np.asarray(self.kind == Kind.TAKE_UP)
+        moves = np.flatnonzero(~inner)
+        inner[moves[:-1]] = self.added[moves[1:]]
+        return inner
+
+    @property
+    def turning(self) -> NDArrayBool:
+        """Feed moves `(n,)` that turn rotary axes and leave the tool where it is in programmed coordinates.
+
+        Their F is a speed of turning. A correction of some micrometres would make it, on controls where F is the
+        speed of X Y Z when any of them moves, the speed along those micrometres: the rotary axes would run at rapid.
+        """
+        way = np.abs(self.target - self.start)
+        linear, rotary = list(self.machine.translators), self.machine.rotary
+        still = (way[:, linear] < SAME).all(axis=1) & (self.known == self.known_start)[:, linear].all(axis=1)
+        turns = (way[:, rotary] > SAME).any(axis=1)
+        return np.asarray((self.kind == Kind.LINE) & ~self.timed & still & turns)
+
+    def take(self, rows: np.ndarray) -> Motions:
+        """These rows, in this order; a row taken more than once shares its arc and words."""
+        columns = {name: getattr(self, name)[rows] for name in COLUMNS}
+        taken = rows.tolist()
+        by_row: dict[str, Any] = {
+            name: {i: there[row] for i, row in enumerate(taken) if row in there}
+            for name in BY_ROW
+            if (there := getattr(self, name))
+        }
+        words = [self.words[row] for row in taken] if self.words else []
+        return replace(self, words=words, **columns, **by_row)
+
+    def copies(self, *names: str) -> tuple[Any, ...]:
+        """Copies of some columns, which may be changed, for a Motions of other moves."""
+        return tuple(getattr(self, name).copy() for name in names)
+
+    @property
+    def judged_ways(self) -> NDArrayBool:
+        """Feed moves `(n,)`, pieces too, whose way between is known."""
+        judged = self._said(self.known_start) & self._said(self.known)
+        return np.asarray(judged & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
+
+    @property
+    def known_ways(self) -> NDArrayBool:
+        """Feed moves `(n,)`, also segments, from a known position to a position that the program has given."""
+        known = (self.known_start[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
+        return np.asarray(known & self._said(self.known) & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
+
+    @property
+    def left(self) -> NDArrayBool:
+        """Cells `(n, axes)` of feed moves and holes that are not corrected.
+
+        The program has not named the axis since a new frame, a move in machine coordinates or an M function that ncomp
+        does not know.
+        """
+        left = self.known == Known.MACHINE
+        left[:, self.machine.rotary] = False
+        left[~self.programmed | self.inner | (self.kind == Kind.RAPID)] = False
+        return np.asarray(left)
+
+    def _said(self, known: np.ndarray) -> NDArrayBool:
+        return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
+
+    @property
+    def machine_target(self) -> Array:
+        """Nominal axis positions at the ends of the moves `(n, axes)`, mm and rad."""
+        return self.in_machine(self.target)
+
+    @property
+    def tool(self) -> Array:
+        """Tool tips seen from the tool reference point `(n, 3)`, mm."""
+        tools = np.array([frame.tool for frame in self.frames], float)
+        return np.asarray(tools[self.frame])
+
+    def along(self, share: float) -> Array:
+        """Programmed positions `(n, axes)` at a share of the way of each move, on arcs round their circle.
+
+        If the two radii of an arc differ within the tolerance of controls, the radius changes linearly between them.
+        """
+        if share == 1.0:
+            return self.target.copy()
+        program = self.start + share * (self.target - self.start)
+        for row, arc in self.arcs.items():
+            i, j, _ = arc.plane
+            start, end = self.start[row].tolist(), self.target[row].tolist()
+            first, last = (start[i], start[j]), (end[i], end[j])
+            turned = sweep(first, last, arc.centre, arc.sense, arc.full, arc.turns)
+            program[row, [i, j]] = point_along((first, last), arc.centre, turned, share)
+        return np.asarray(program)
+
+    @property
+    def bare(self) -> Motions:
+        """The columns alone."""
+        nothing: dict[str, Any] = {name: {} for name in BY_ROW}
+        return replace(self, words=[], polar_ends={}, **nothing)
+
+    def in_machine(self, program: Array) -> Array:
+        """Axis positions `(n, axes)`, mm and rad, of programmed positions given for all rows."""
+        q = np.empty_like(program)
+        for i, frame in enumerate(self.frames):
+            rows = self.frame == i
+            if rows.any():
+                q[rows] = to_machine(self.machine, frame, program[rows])
+        return q
+
+    def in_program(self, q: Array) -> Array:
+        """Programmed positions `(n, axes)`, mm and degrees, of axis positions given for all rows."""
+        program = np.empty_like(q)
+        for i, frame in enumerate(self.frames):
+            rows = self.frame == i
+            if rows.any():
+                program[rows] = to_program(self.machine, frame, q[rows])
+        return program
+
+
+COLUMNS = (
+    *("block", "kind", "frame", "unit", "incremental", "timed", "settled", "added", "begin"),
+    *("start", "target", "known_start", "known"),
+)
+"""Fields of Motions with one row per move."""
+LISTS = ("frames", "blocks", "words")
+"""Fields of Motions that columns refer to, or with one entry per move."""
+BY_ROW = ("arcs", "cycles", "polars", "contours", "still")
+"""Fields of Motions that say more of some rows."""
+
+
+def merged(parts: Sequence[Motions]) -> Motions:
+    """The chunks of a program as one, with the blocks that they hold."""
+    counts = [(len(part), len(part.frames), len(part.blocks)) for part in parts]
+    firsts = np.cumsum([(0, 0, 0), *counts[:-1]], axis=0).tolist()
+    columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+    by_row: dict[str, Any] = {name: {} for name in (*BY_ROW, "polar_ends")}
+    for part, (row, frame, block) in zip(parts, firsts, strict=True):
+        columns["frame"][row : row + len(part)] += frame
+        columns["block"][row : row + len(part)] += block
+        for name in BY_ROW:
+            by_row[name].update({row + i: value for i, value in getattr(part, name).items()})
+        by_row["polar_ends"].update({block + i: end for i, end in part.polar_ends.items()})
+        for i, arc in part.arcs.items():
+            if arc.pole_block >= 0:
+                by_row["arcs"][row + i] = arc._replace(pole_block=block + arc.pole_block)
+    lists: dict[str, Any] = {name: [x for part in parts for x in getattr(part, name)] for name in LISTS}
+    return Motions(parts[0].machine, **lists, **columns, **by_row)

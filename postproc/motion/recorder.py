@@ -1,0 +1,314 @@
+"""The recorder: the position as an interpreter of a dialect moves it, and the rows of `Motions` that come of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from kinematics.machine import Machine
+from postproc.motion.circles import SAME
+from postproc.motion.frames import Frame, cartesian, to_machine, to_program
+from postproc.motion.motions import BY_ROW, Motions
+from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
+from postproc.text.block import Block
+
+_Places = tuple[float, ...]
+_Knowledge = tuple[Known, ...]
+_Modes = tuple[bool, bool, bool]
+_Row = tuple[int, Kind, int, float, bool, bool, bool, _Places, _Places, _Knowledge, _Knowledge]
+
+
+@dataclass
+class Recorder:
+    """The control's position as a dialect's interpreter moves it, and the rows that come of it.
+
+    Positions are kept in programmed coordinates of the present frame. `finish` hands over the rows of a chunk of
+    blocks; position, frame and knowledge carry over to the next.
+    """
+
+    machine: Machine
+    frame: Frame
+    position: list[float] = field(init=False)
+    known: list[Known] = field(init=False)
+    _rows: list[_Row] = field(init=False, default_factory=list)
+    _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
+    _by_row: dict[str, dict[int, Any]] = field(init=False)
+    _polar_ends: dict[int, PolarEnd] = field(init=False, default_factory=dict)
+    """By block, since the last call of `finish`."""
+    _frames: list[Frame] = field(init=False)
+    _last: tuple[Frame, _Places, _Places, Arc | None] | None = field(init=False, default=None)
+    """The last move: its frame, start and end, and its circle."""
+    _first_lengths: dict[str, float] = field(init=False, default_factory=dict)
+    """Length of the first tool that moved in each work offset, mm, by its name."""
+    used: Frame | None = field(init=False, default=None)
+    """The frame of the last programmed move."""
+
+    def __post_init__(self) -> None:
+        home = [axis.home for axis in self.machine.axes]
+        self.position = [h - offset for h, offset in zip(home, self.frame.offset, strict=True)]
+        self.known = [Known.ASSUMED] * len(home)
+        self._frames = [self.frame]
+        self._by_row = {name: {} for name in BY_ROW}
+        if self.frame.tcp:
+            self.position = self._stand_at(home)
+
+    def set_frame(self, frame: Frame, axes: Iterable[int] | None = None) -> None:
+        """Program in another frame from here; the machine does not move.
+
+        The axes whose coordinates mean something else now are no longer said by the program. They are given by what
+        the program says, for two offsets that nobody has entered are both zero here and differ on the machine; None
+        for those whose offset differs.
+        """
+        self.doubt(self._moved_by(frame) if axes is None else axes)
+        before, self.frame = self.frame, frame
+        if frame == before:
+            if (frame.work_offset, frame.tool_name) != (before.work_offset, before.tool_name):
+                self._frames.append(frame)
+            return
+        q = to_machine(self.machine, before, np.array([self.position]))
+        self.position = to_program(self.machine, frame, q)[0].tolist()
+        self._frames.append(frame)
+
+    def move(
+        self,
+        block: int,
+        kind: Kind,
+        target: list[float],
+        unit: float,
+        words: tuple[AxisWord, ...],
+        arc: Arc | None = None,
+        *,
+        incremental: bool = False,
+        timed: bool = False,
+        settled: bool = True,
+    ) -> None:
+        """A move in the programmed frame to `target`, of which `words` name the axes that the block names.
+
+        An increment says as much about where the axis is as was known before. Not `settled` when the block itself
+        has changed the frame.
+        """
+        if arc is not None:
+            self._by_row["arcs"][len(self._rows)] = arc
+        before = tuple(self.known)
+        for word in words:
+            if not word.incremental:
+                self.known[word.axis] = Known.PROGRAM
+        polar: Polar | None = self._by_row["polars"].get(len(self._rows))
+        for axis in () if polar is None else polar.axes:
+            self.known[axis] = Known.PROGRAM
+        self._record(block, kind, target, unit, (incremental, timed, settled), words, before)
+        *_, start, end, _, _ = self._rows[-1]
+        self._last = (self.frame, start, end, arc)
+        self.used = self.frame
+
+    def drill(
+        self,
+        block: int,
+        target: list[float],
+        level: float,
+        unit: float,
+        words: tuple[AxisWord, ...],
+        cycle: Cycle,
+    ) -> None:
+        """A hole of a canned cycle, its depth in `target`; the axis comes back to `level`, all in mm and degrees."""
+        before = self.known[cycle.axis]
+        self._by_row["cycles"][len(self._rows)] = cycle
+        if not cycle.incremental:
+            self.known[cycle.axis] = Known.PROGRAM
+        incremental = any(word.incremental for word in words)
+        self.move(block, Kind.CYCLE, target, unit, words, incremental=incremental)
+        self.position[cycle.axis] = level
+        if cycle.to_retract is None:
+            self.known[cycle.axis] = Known.ASSUMED
+        elif not cycle.to_retract:
+            self.known[cycle.axis] = before
+
+    def say_polar(self, polar: Polar) -> None:
+        """The next move says its place in a plane so, and its words name no axis of it."""
+        self._by_row["polars"][len(self._rows)] = polar
+
+    def say_end(self, block: int, end: PolarEnd) -> None:
+        """A block says its end about a pole."""
+        self._polar_ends[block] = end
+
+    def follow_contour(self, plane: tuple[int, int]) -> None:
+        """The next move is one that the control shifts by the radius of the tool, in a plane of these columns."""
+        self._by_row["contours"][len(self._rows)] = plane
+
+    def keep_still(self, axes: tuple[int, ...]) -> None:
+        """In the next move no word of ours may name these axes."""
+        self._by_row["still"][len(self._rows)] = axes
+
+    def call(self, block: int, unit: float, words: tuple[AxisWord, ...]) -> None:
+        """Words that say where the axes stand in the present frame, which they have made."""
+        self._record(block, Kind.PRESET, self.position, unit, (False, False, True), words, tuple(self.known))
+
+    def leave_at(self, block: int, axis: int, place: float) -> None:
+        """A cycle of the control leaves an axis at a programmed place, mm, which stays as it is written."""
+        target, before = list(self.position), tuple(self.known)
+        target[axis] = place
+        self.known[axis] = Known.PROGRAM
+        self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), (AxisWord(axis, 0, False),), before)
+
+    def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
+        """A move of some axes to machine positions, mm and degrees."""
+        q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
+        before = tuple(self.known)
+        for axis, value in targets.items():
+            q[axis] = value * self.machine.scale[axis]
+            self.known[axis] = Known.MACHINE
+        self.doubt(self._coupled(targets))
+        target = to_program(self.machine, self.frame, q[None])[0].tolist()
+        self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), words, before)
+        self._last = None
+
+    def axis(self, block: Block, name: str) -> int:
+        """Column of an axis that a block names; Refusal when the machine has none of that name."""
+        if name not in self.machine.names:
+            raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {name}")
+        return self.machine.index(name)
+
+    def target(self, block: Block, words: Iterable[tuple[AxisWord, float]]) -> list[float]:
+        """Where a move with these words, mm and degrees, ends; Refusal for an increment from an unknown position."""
+        target = list(self.position)
+        for word, value in words:
+            if not word.incremental:
+                target[word.axis] = value
+            elif self.known[word.axis]:
+                target[word.axis] += value
+            else:
+                name = self.machine.names[word.axis]
+                raise block.refuse(f"an increment of {name} from a position that the program has not given")
+        return target
+
+    @property
+    def stayed(self) -> bool:
+        """The last move, a line, ended where it had begun."""
+        if self._last is None:
+            return False
+        _, start, end, arc = self._last
+        return arc is None and all(abs(a - b) < SAME for a, b in zip(start, end, strict=True))
+
+    def heading(self, plane: tuple[int, int, int]) -> tuple[float, float] | None:
+        """The unit direction in which the last move arrived, in a plane; None where there is none in this frame."""
+        if self._last is None or self._last[0] != self.frame:
+            return None
+        _, start, end, arc = self._last
+        i, j, _ = plane
+        if arc is None:
+            x, y = end[i] - start[i], end[j] - start[j]
+        elif arc.plane == plane:
+            x, y = -arc.sense * (end[j] - arc.centre[1]), arc.sense * (end[i] - arc.centre[0])
+        else:
+            return None
+        length = math.hypot(x, y)
+        return (x / length, y / length) if length > SAME else None
+
+    def doubt(self, axes: Iterable[int] | None = None) -> None:
+        """These axes, or all, may stand elsewhere than the program has said: not named until it says so again."""
+        for axis in range(len(self.known)) if axes is None else axes:
+            self.known[axis] = min(self.known[axis], Known.MACHINE)
+
+    def forget(self, axes: list[int]) -> None:
+        """The axes now stand somewhere the program does not say; taken at home."""
+        self._last = None
+        q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
+        for axis in axes:
+            q[axis] = self.machine.axes[axis].home * self.machine.scale[axis]
+            self.known[axis] = Known.ASSUMED
+        for axis in self._coupled(axes):
+            self.known[axis] = Known.ASSUMED
+        self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
+
+    def finish(self, blocks: list[Block]) -> Motions:
+        """The rows recorded since the last call, which belong to these blocks."""
+        rows, words, by_row, frames = self._rows, self._words, self._by_row, self._frames
+        self._rows, self._words, self._by_row, self._frames = [], [], {name: {} for name in BY_ROW}, [self.frame]
+        polar_ends, self._polar_ends = self._polar_ends, {}
+        frames = self._with_probes(frames, rows)
+        n, axes = len(rows), len(self.machine.axes)
+        columns = zip(*rows, strict=True) if rows else ((),) * 11
+        block, kind, frame, unit, incremental, timed, settled, start, target, known_start, known = columns
+        return Motions(
+            self.machine,
+            blocks,
+            frames,
+            np.array(block, int),
+            np.array(kind, int),
+            np.array(frame, int),
+            np.array(unit, float),
+            np.array(incremental, bool),
+            np.array(timed, bool),
+            np.array(settled, bool),
+            np.zeros(n, bool),
+            np.zeros(n),
+            np.array(start, float).reshape(n, axes),
+            np.array(target, float).reshape(n, axes),
+            np.array(known_start, int).reshape(n, axes),
+            np.array(known, int).reshape(n, axes),
+            words,
+            polar_ends=polar_ends,
+            **by_row,
+        )
+
+    def _with_probes(self, frames: list[Frame], rows: list[_Row]) -> list[Frame]:
+        """Frames whose touch-offs have a length: without a probe, that of the first tool that moves in the work offset.
+
+        What moves before any tool is known keeps a touch-off without a length.
+        """
+        used = {frame for _, kind, frame, *_ in rows if kind not in (Kind.MACHINE, Kind.PRESET)}
+        found = []
+        for i, frame in enumerate(frames):
+            if frame.touch_off is not None and i in used and frame.tool_length > 0.0:
+                self._first_lengths.setdefault(frame.touch_off.name, frame.tool_length)
+            found.append(self._with_probe(frame))
+        return found
+
+    def _with_probe(self, frame: Frame) -> Frame:
+        there = frame.touch_off
+        if there is None or there.probe is not None:
+            return frame
+        return replace(frame, touch_off=replace(there, probe=self._first_lengths.get(there.name)))
+
+    def _record(
+        self,
+        block: int,
+        kind: Kind,
+        target: list[float],
+        unit: float,
+        modes: _Modes,
+        words: tuple[AxisWord, ...],
+        before: _Knowledge,
+    ) -> None:
+        start = tuple(self.position)
+        self.position = list(target)
+        frame = len(self._frames) - 1
+        self._rows.append((block, kind, frame, unit, *modes, start, tuple(target), before, tuple(self.known)))
+        self._words.append(words)
+
+    def _moved_by(self, frame: Frame) -> list[int]:
+        """Axes whose coordinates mean something else in another frame."""
+        old, new = self.frame.offset, frame.offset
+        moved = {i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b}
+        if (frame.tcp or self.frame.tcp or frame.turn != self.frame.turn) and frame != self.frame:
+            moved.update(cartesian(self.machine))
+        return sorted(moved)
+
+    def _coupled(self, moved: Iterable[int]) -> list[int]:
+        """Axes whose programmed coordinates change when some axes move in machine coordinates."""
+        x_y_z = cartesian(self.machine)
+        if self.frame.tcp:
+            return list(x_y_z)
+        if not self.frame.couples:
+            return []
+        rows = [x_y_z.index(axis) for axis in moved if axis in x_y_z]
+        return [x_y_z[i] for i in np.flatnonzero(self.frame.shares[rows].any(axis=0)).tolist()]
+
+    def _stand_at(self, positions: list[float]) -> list[float]:
+        q = np.array([positions]) * self.machine.scale
+        result: list[float] = to_program(self.machine, self.frame, q)[0].tolist()
+        return result

@@ -1,0 +1,1 @@
+"""Programs of SINUMERIK 840D."""

@@ -1,0 +1,103 @@
+"""What stands in Siemens 840D blocks, by what it does to the path: followed, harmless or refused."""
+
+from __future__ import annotations
+
+from postproc.iso.codes import INCH
+from postproc.motion.arcs import CENTRES
+from postproc.motion.moves import Kind
+from postproc.write.added_blocks import WORKED_OUT
+
+
+def _all(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
+MIDDLES = ("I1", "J1", "K1")
+"""The point between of CIP, along X, Y and Z."""
+PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
+UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
+DISTANCES = frozenset((90.0, 91.0))
+INVERSE_TIME = 93.0
+FEED_MODES = frozenset((93.0, 94.0, 95.0, 96.0, 97.0, 961.0, 971.0))
+WORK_OFFSETS = frozenset((*map(float, range(54, 58)), *map(float, range(505, 600)), 500.0))
+MACHINE = frozenset((53.0, 153.0))
+"""The block's coordinates are those of the machine."""
+DWELL = 4.0
+LIMITS = frozenset((25.0, 26.0))
+"""The block's coordinates, or its S, are limits of the working area, or of the spindle."""
+REFERENCE = frozenset((74.0, 75.0))
+POLES = frozenset((110.0, 111.0, 112.0))
+"""The block's coordinates are those of a pole, seen from the last position, the zero, or the last pole."""
+END_OF_SUBPROGRAM = 17.0
+COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0)), 40.0
+HARMLESS_G = frozenset(
+    map(
+        float,
+        (
+            *(9, 40, 60, 64, 290, 340, 341, 450, 451, 460, 461, 462, 601, 602, 603, 621),
+            *range(641, 646), *range(810, 820), *range(820, 830),
+        ),
+    )
+)  # fmt: skip
+GROUPS = (
+    frozenset(MOTION), frozenset(PLANES), frozenset(UNITS), DISTANCES, FEED_MODES, WORK_OFFSETS,
+    MACHINE | REFERENCE | POLES | LIMITS | {DWELL}, COMPENSATION | {COMPENSATION_END},
+)  # fmt: skip
+REFUSED_G = {
+    **dict.fromkeys((33.0, 34.0, 35.0, 63.0, 331.0, 332.0), "threading is not corrected"),
+    **dict.fromkeys(map(float, (140, 141, 142, 143, 147, 148, 247, 248, 347, 348)), "the control works out the way"),
+    **dict.fromkeys((58.0, 59.0), "shifts the coordinates"),
+    5.0: "is a way into a groove that the control works out",
+    7.0: "is a way into a groove that the control works out",
+    291.0: "switches to the language of ISO programs",
+}  # fmt: skip
+
+HARMLESS_NAMES = _all(
+    "BRISK BRISKA SOFT SOFTA DRIVE DRIVEA FFWON FFWOF COMPOF STOPRE DIAMOF CFC CFTCP CFIN FNORM FLIN FCUB "
+    "ORIAXES ORIVECT ORIEULER ORIRPY ORIMACHAX ORIPLANE NORM KONT KONTC KONTT CUT2D CUT2DF SPATH UPATH "
+    "WALIMON WALIMOF RTLION RTLIOF DYNNORM DYNPOS DYNROUGH DYNSEMIFIN DYNFINISH DYNPREC GROUP_END BLSYNC OVRA "
+    "STARTFIFO STOPFIFO FIFOCTRL COMPON COMPCURV COMPCAD COMPSURF PATHCTRL AXCTSWED DISC LIFTFAST CPRECON CPRECOF "
+    "OST OSOF OSS OSC OSSE OSD ORISON ORISOF PAROTOF TOROTOF TOFRAMEOF EXTERN FENDNORM SCPARA ADISPOSA"
+)
+"""Modes of speed and smoothing, of the path through the rotary axes where these are programmed themselves, resets."""
+FRAME_ENDS = _all("PAROTOF TOROTOF TOFRAMEOF")
+"""They end rotations of the table and of the tool, which only CYCLE800 may have set here."""
+HARMLESS_CALLS = _all(
+    "MSG SETAL CYCLE832 CYCLE62 GROUP_BEGIN GROUP_END WORKPIECE FGROUP STOPRE SPCON SPCOF WAITM FFWON DELAYFSTON "
+    "SOFTA BRISKA DRIVEA SPOS WAITS WAITP"
+)
+MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800") | WORKED_OUT
+"""Words that the interpreter follows, alone or with parentheses."""
+FRAME_NAMES = _all("TRANS ATRANS ROT AROT ROTS AROTS CROTS SCALE ASCALE MIRROR AMIRROR")
+SPATIAL_NAMES = _all("ROTS AROTS CROTS")
+
+CYCLES_AT_PLACE = _all("CYCLE81 CYCLE82 CYCLE83 CYCLE84 CYCLE840 CYCLE85 CYCLE86 CYCLE87 CYCLE88 CYCLE89")
+"""One hole where the tool stands; they leave it above the hole, on the retraction plane of their first argument."""
+CYCLES_ELSEWHERE = _all(
+    "HOLES1 HOLES2 CYCLE801 CYCLE802 POCKET1 POCKET2 POCKET3 POCKET4 SLOT1 SLOT2 LONGHOLE CYCLE61 CYCLE63 CYCLE64 "
+    "CYCLE70 CYCLE71 CYCLE72 CYCLE76 CYCLE77 CYCLE78 CYCLE79 CYCLE90 CYCLE899"
+)
+"""Their places are arguments."""
+CYCLES = CYCLES_AT_PLACE | CYCLES_ELSEWHERE
+
+REFUSED_NAMES = {
+    **dict.fromkeys(("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "splines are not corrected"),
+    **dict.fromkeys(("INVCW", "INVCCW"), "an arc whose circle the control works out is not corrected"),
+    **dict.fromkeys(("DIAMON", "DIAM90", "DIAMONA"), "diameter programming is not corrected"),
+    **dict.fromkeys(("TRANSMIT", "TRACYL", "TRAANG"), "transforms the coordinates"),
+    **dict.fromkeys(("CALL", "PCALL", "EXTCALL", "ISOCALL"), "calls what stands elsewhere"),
+    **dict.fromkeys(("PROC", "DEFINE", "SETINT"), "declares what other programs are needed for"),
+    **dict.fromkeys(("WHEN", "WHENEVER", "EVERY", "FROM", "DO", "ID", "IDS"), "acts beside the program"),
+    **dict.fromkeys(("TOROT", "TOFRAME", "PAROT", "TOFRAMEX", "TOFRAMEY", "TOROTX", "TOROTY"), "turns the coordinates"),
+    **dict.fromkeys(("MEAS", "MEAW", "MEASA", "MEAWA"), "where a probing move ends is not known"),
+    **dict.fromkeys(("CUT3DC", "CUT3DF", "CUT3DFS", "CUT3DFF"), "tool radius compensation in space is not corrected"),
+}  # fmt: skip
+HARMLESS_ADDRESSES = _all("N F S H FA FB FZ FD FRC FRCM SPOS SPOSA OVR OVRRAP ADIS ADISPOS SCC DISC")
+"""Of words that move no axis of the path."""
+VECTOR = ("A3", "B3", "C3")
+"""The direction of the tool, from its tip."""
+VECTOR_WORDS = frozenset(VECTOR)
+CORNERS = frozenset(("RND", "RNDM", "CHF", "CHR"))
+"""Of corners that the control breaks between this block and the next."""
+MOVE_ADDRESSES = frozenset((*CENTRES, *MIDDLES, "CR", "AR", "TURN", "AP", "RP")) | VECTOR_WORDS

@@ -1,0 +1,76 @@
+"""Cycles of Siemens programs: where they run and where they leave the tool; their arguments stay as they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from postproc.motion.recorder import Recorder
+from postproc.siemens.codes import CYCLES, CYCLES_AT_PLACE
+from postproc.siemens.words import Content
+from postproc.text.block import Block, Word
+from postproc.text.expressions import NotKnown, Scope, number
+from postproc.text.notes import Notes
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A call of a cycle."""
+
+    name: str
+    retraction: float | None
+    """Where it leaves the tool along its axis, in units of the program; None where its arguments do not say."""
+
+
+@dataclass
+class Cycles:
+    """The modal cycle, and what cycles do to the position."""
+
+    scope: Scope
+    notes: Notes
+    modal: Cycle | None = None
+
+    def read(self, index: int, block: Block, content: Content, recorder: Recorder, unit: float, normal: str) -> bool:
+        """Take over a cycle that a block calls; False where it calls none.
+
+        With MCALL before it, it runs behind every move from then on; MCALL alone ends that.
+        """
+        called = [block.words[i] for name, i in content.names.items() if name in CYCLES]
+        modal = "MCALL" in content.names
+        if not called and not modal:
+            return False
+        if len(called) > 1 or len(content.names) > len(called) + modal or content.axes or content.g:
+            raise block.refuse("a cycle and something beside it")
+        cycle = self._cycle(called[0]) if called else None
+        if modal:
+            self.modal = cycle
+        elif cycle is not None:
+            self._run(index, block, cycle, recorder, unit, normal)
+        return True
+
+    def run_modal(self, index: int, block: Block, recorder: Recorder, unit: float, normal: str) -> None:
+        """The modal cycle, at the end of a move."""
+        if self.modal is not None:
+            self._run(index, block, self.modal, recorder, unit, normal)
+
+    def _cycle(self, word: Word) -> Cycle:
+        try:
+            retraction = number((word.arguments or ())[0], self.scope)
+        except (NotKnown, IndexError):
+            retraction = None
+        return Cycle(word.address, retraction)
+
+    def _run(self, index: int, block: Block, cycle: Cycle, recorder: Recorder, unit: float, normal: str) -> None:
+        if recorder.frame.tcp and not recorder.frame.couples:
+            raise block.refuse(f"{cycle.name} while TRAORI is on")
+        machine = recorder.machine
+        if cycle.name not in CYCLES_AT_PLACE:
+            recorder.forget([machine.index(axis) for axis in "XYZ" if axis in machine.names])
+            text = f"{cycle.name}: its places are arguments, which stay as they are: not corrected"
+            self.notes.add(text, block.line)
+            return
+        self.notes.add(f"{cycle.name} runs from the corrected place; its arguments stay as they are", block.line)
+        axis = machine.index(normal)
+        if cycle.retraction is None:
+            recorder.forget([axis])
+        else:
+            recorder.leave_at(index, axis, cycle.retraction * unit)

@@ -1,0 +1,88 @@
+"""Programmable frames of Siemens programs: TRANS, ROT, SCALE, MIRROR, those with an A before them, and what swivels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from kinematics.machine import Machine
+from postproc.motion.frames import Placement, mirrored, rotated, scaled, shifted
+from postproc.siemens.codes import SPATIAL_NAMES
+from postproc.siemens.words import Content, plain_of
+from postproc.text.block import Block
+from postproc.text.notes import Notes
+
+NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
+"""The plane that a rotation about an axis turns."""
+
+
+@dataclass
+class Places:
+    """The shifts and turns of X Y Z that are in force, and the shifts of axes that turn."""
+
+    machine: Machine
+    notes: Notes
+    programmed: Placement = field(default_factory=Placement)
+    swivelled: Placement | None = None
+    """A tilted plane, in which the programmed frame stands."""
+    turning: dict[str, float] = field(default_factory=dict)
+    """Of axes that turn, degrees."""
+
+    @property
+    def placement(self) -> Placement:
+        """What both make of X Y Z."""
+        return self.programmed if self.swivelled is None else self.swivelled.then(self.programmed)
+
+    def swivel(self, plane: Placement | None) -> None:
+        """Program in a tilted plane, without any frame in it; None for the end of it."""
+        self.swivelled, self.programmed, self.turning = plane, Placement(), {}
+
+    def change(self, block: Block, content: Content, unit: float, plane: str) -> set[str]:
+        """Apply the frame statement of a block, absolute or additive (with an A); returns the axes that it shifts."""
+        (name,) = content.frames
+        if name in SPATIAL_NAMES:
+            raise block.refuse(f"{name} turns the coordinates by angles in space")
+        kind = name.removeprefix("A")
+        words = {block.words[i].address: plain_of(block, block.words[i]) for i in content.axes}
+        turned = {axis: value for axis, value in words.items() if axis not in "XYZ"}
+        for axis in turned:
+            if axis not in self.machine.names:
+                raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {axis}")
+        if turned and kind != "TRANS":
+            raise block.refuse(f"{name} of an axis that turns")
+        inner = self._inner(block, content, kind, {a: v for a, v in words.items() if a in "XYZ"}, unit, plane)
+        if kind == name:
+            self.programmed, self.turning = Placement(), {}
+        self.programmed = self.programmed.then(inner)
+        for axis, value in turned.items():
+            self.turning[axis] = self.turning.get(axis, 0.0) + value
+        return set(words) if kind == "TRANS" else set()
+
+    def _inner(
+        self, block: Block, content: Content, kind: str, words: Mapping[str, float], unit: float, plane: str
+    ) -> Placement:
+        if kind == "TRANS":
+            return shifted(*(words.get(axis, 0.0) * unit for axis in "XYZ"))
+        if kind == "MIRROR":
+            return mirrored("".join(words))
+        if kind == "SCALE":
+            if any(factor <= 0.0 for factor in words.values()):
+                raise block.refuse("a scale that is not above 0")
+            return scaled(*(words.get(axis, 1.0) for axis in "XYZ"))
+        angle = content.other.get("RPL")
+        if angle is not None:
+            if words:
+                raise block.refuse("RPL beside an axis")
+            return rotated(plain_of(block, block.words[angle]), plane)
+        if len(words) > 1:
+            self.notes.add("rotations in one block taken in the order Z, Y, X (RPY: MD10600 = 1)", block.line)
+        return rotated_rpy(words)
+
+
+def rotated_rpy(angles: Mapping[str, float]) -> Placement:
+    """Turned about Z, then about the Y that came of it, then about the X that came of both; degrees by axis."""
+    result = Placement()
+    for axis in "ZYX":
+        if angles.get(axis):
+            result = result.then(rotated(angles[axis], NORMALS[axis]))
+    return result

@@ -1,0 +1,473 @@
+"""Meaning of Siemens 840D blocks: modal state in, moves out; what could move the tool unseen is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kinematics.machine import Machine
+from postproc.control.setup import Setup
+from postproc.control.state import ControlState
+from postproc.iso.codes import HARMLESS_M, TOOL_CHANGE
+from postproc.motion.cutter_compensation import follow_contour
+from postproc.motion.frames import Frame, Placement, cartesian, renamed
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Arc, AxisWord, Kind, Known
+from postproc.motion.recorder import Recorder
+from postproc.siemens.arcs import ARC_WORDS, Said, Turn, arc_of, with_angle, worked_out
+from postproc.siemens.calls import ends
+from postproc.siemens.codes import (
+    COMPENSATION,
+    COMPENSATION_END,
+    CORNERS,
+    DISTANCES,
+    DWELL,
+    END_OF_SUBPROGRAM,
+    FEED_MODES,
+    FRAME_ENDS,
+    HARMLESS_G,
+    INVERSE_TIME,
+    LIMITS,
+    MACHINE,
+    MOTION,
+    PLANES,
+    POLES,
+    REFERENCE,
+    REFUSED_G,
+    UNITS,
+    VECTOR_WORDS,
+    WORK_OFFSETS,
+)
+from postproc.siemens.control_data import edge_key
+from postproc.siemens.cycle800 import read_swivel, rotary_positions
+from postproc.siemens.cycles import Cycles
+from postproc.siemens.frames import Places
+from postproc.siemens.polar import POLAR, Polar
+from postproc.siemens.tool_vectors import turn_to_vector
+from postproc.siemens.variables import EMPTY, SiemensVariables
+from postproc.siemens.words import Content, check, sort, value_of, whole_of
+from postproc.text.block import Block, Word
+from postproc.text.expressions import Constant, NotKnown, whole
+from postproc.text.notes import Notes
+from postproc.write.added_blocks import WORKED_OUT
+
+BY_CONTROL = -1.0
+"""Instead of a G code: a circle that the control calculates (CIP, CT) is active."""
+OLDER_TOLERANCE_MODE = range(100, 1_000_000)
+"""Second arguments of CYCLE832 whose second last digit switches TRAORI; in others it is for the orientation."""
+LENGTH_STAYS = (
+    "G18 or G19 with a tool length, which is taken to stay along Z: the control needs setting data SD42940 "
+    "($SC_TOOL_LENGTH_CONST) other than 0"
+)
+STANDING = LIMITS | {DWELL}
+"""The tool stays where it is, whatever the words of the block."""
+
+
+@dataclass
+class SiemensInterpreter:
+    """Reads blocks in order; modal state carries over from chunk to chunk."""
+
+    machine: Machine
+    setup: Setup
+    notes: Notes
+    scope: SiemensVariables = field(default_factory=SiemensVariables)
+
+    def __post_init__(self) -> None:
+        self.control_state = ControlState(self.setup)
+        self.scope.passive = frozenset(self.machine.control.passive_axes)
+        self.begun = self.ended = False
+        self.motion: float | None = None
+        self.timed = False
+        self.plane = "XYZ"
+        self.absolute = True
+        self.unit = 1.0
+        self.work_offset, self.offset_said = "G500", False
+        """Active work offset, and whether the program has named it: a named G500 that is not given is machine zero."""
+        self.places = Places(self.machine, self.notes)
+        self.polar = Polar()
+        self.cycles = Cycles(self.scope, self.notes)
+        self.selected_tool: int | str = 0
+        self.spindle_tool: int | str | None = None
+        self.edge, self.length, self.length_key = 1, 0.0, ""
+        """The cutting edge in force, its length, mm, and its name in the set-up."""
+        self.tcp = self.machine.control.tcp_at_start
+        self.machine_vectors = False
+        """ORIMKS: vectors are those of the machine."""
+        self.compensated = self.rounded = self.cornered = False
+        """The control shifts the path by the radius of the tool, rounds every corner, rounds the one behind a block."""
+        self.recorder = Recorder(self.machine, self._frame())
+        self._columns = {name: i for i, name in enumerate(self.machine.names)}
+
+    def read(self, blocks: Iterable[Block]) -> Motions:
+        """The moves of a chunk of blocks, each read before the next is asked for.
+
+        Refusal at the first block that isn't fully understood.
+        """
+        done = []
+        for index, block in enumerate(blocks):
+            done.append(block)
+            if block.kind == "words":
+                done[-1] = self._read_block(index, block)
+                self.control_state.use(block, self.recorder.used)
+            elif block.kind == "header":
+                if self.begun:
+                    raise block.refuse("the program before it has no end (M30, M17, RET)")
+                self.begun = True
+        return self.recorder.finish(done)
+
+    @property
+    def moved(self) -> bool:
+        """False: MCALL of a subprogram is refused, so that no call waits for a move."""
+        return False
+
+    def _read_block(self, index: int, block: Block) -> Block:
+        """Take over a block; returned with the words that a correction may change."""
+        if self.ended:
+            self.notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+            return block
+        content = sort(block, self.machine.control.passive_axes)
+        check(block, content)
+        self.begun = True
+        frame = self.recorder.frame
+        self._functions(block, content)
+        claimed = self._modes(block, content) if content.g or content.names else None
+        corner = self._corner(block, content)
+        if content.frames:
+            self._change_frame(block, content)
+        elif claimed in POLES:
+            self.polar.set_pole(block, content, self.recorder, self._turn, claimed or 0.0)
+        elif claimed in REFERENCE:
+            self.recorder.forget(list(range(len(self.machine.axes))))
+        elif claimed in MACHINE or "SUPA" in content.names:
+            self._machine_move(index, block, content)
+        elif "CYCLE800" in content.names:
+            self._swivel(index, block, content)
+        elif self.cycles.read(index, block, content, self.recorder, self.unit, self.plane[2]):
+            self.polar.forget()
+        elif content.moves and claimed not in STANDING:
+            drills, points = self.cycles.modal is not None, not VECTOR_WORDS.isdisjoint(content.other)
+            block = self._move(index, block, content, frame == self.recorder.frame and not drills)
+            if corner or self.compensated or drills or points:
+                block = block._replace(alone=True)
+            self.cycles.run_modal(index, block, self.recorder, self.unit, self.plane[2])
+        self.ended = bool(content.m or content.names) and ends(block) and not self.scope.depth
+        return block
+
+    def _corner(self, block: Block, content: Content) -> bool:
+        """True where the corner that this block begins at, or ends at, is one that the control breaks."""
+        before, here = self.cornered, not CORNERS.isdisjoint(content.other)
+        if here:
+            self.notes.add("corners that the control breaks: their points are corrected", block.line)
+        if "RNDM" in content.other:
+            self.rounded = value_of(block, block.words[content.other["RNDM"]]) > 0.0
+        if content.moves:
+            self.cornered = here
+        return self.rounded or before or here
+
+    # ---- tools and functions
+
+    def _functions(self, block: Block, content: Content) -> None:
+        before = self._tool_key(), self.length
+        if "T" in content.other:
+            word = block.words[content.other["T"]]
+            self.selected_tool = word.mode or whole_of(block, word)
+        for code in content.m:
+            if code not in HARMLESS_M and code != END_OF_SUBPROGRAM and not 40.0 <= code <= 45.0:
+                self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
+                self.recorder.doubt()
+            if code == TOOL_CHANGE:
+                self._change_tool(block)
+        if "D" in content.other:
+            self.edge = whole_of(block, block.words[content.other["D"]])
+        if "D" in content.other or TOOL_CHANGE in content.m:
+            self.length = self._tool_length(block)
+        if (self._tool_key(), self.length) != before:
+            self._note_edge(block)
+            x_y_z = cartesian(self.machine)
+            self.recorder.set_frame(self._frame(), x_y_z if self.recorder.frame.tcp else x_y_z[2:])
+
+    def _note_edge(self, block: Block) -> None:
+        tool, edge = self._tool_key()
+        if tool and edge > 1 and not self.control_state.knows(edge_key(tool, edge)):
+            self.notes.add(f"D{edge} of tool {tool} taken to be as long as D1", block.line)
+
+    def _change_tool(self, block: Block) -> None:
+        self.spindle_tool = self.selected_tool
+        names = [name for name in self.machine.control.tool_change_moves if name in self.machine.names]
+        text = f"a tool change taken to move {' '.join(names) or 'no axis'} (machine file: tool_change_moves)"
+        self.notes.add(text, block.line)
+        self.recorder.forget([self.machine.index(name) for name in names])
+
+    def _tool_key(self) -> tuple[int | str | None, int]:
+        return self.spindle_tool, self.edge
+
+    def _tool_length(self, block: Block) -> float:
+        self.length_key = ""
+        if not self.edge or not self.spindle_tool:
+            return 0.0
+        self.control_state.tools.update(self.scope.data.tools())
+        key = edge_key(self.spindle_tool, self.edge)
+        if key in self.scope.data.worn():
+            raise block.refuse(
+                f"wear or base of tool {key} without its length ($TC_DP3): whether they are part of the "
+                "length in the set-up is not known"
+            )
+        self.length_key = key if self.control_state.knows(key) else str(self.spindle_tool)
+        return self.control_state.tool_length(self.length_key)
+
+    # ---- modes and frames
+
+    def _modes(self, block: Block, content: Content) -> float | None:
+        """Take over the modal codes; the G code that claims the block's axis words for itself, or None."""
+        claimed = None
+        for code in content.g:
+            if code in STANDING or code in MACHINE or code in REFERENCE or code in POLES:
+                claimed = code
+            elif code in WORK_OFFSETS:
+                self._set_work_offset(block, f"G{code:.0f}")
+            elif code in COMPENSATION:
+                self._compensate(block)
+            elif not self._take_mode(code) and code not in HARMLESS_G:
+                raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
+        if DWELL in content.g and content.axes:
+            raise block.refuse("G4 with a coordinate: a dwell takes F or S")
+        if self.places.swivelled is not None and not FRAME_ENDS.isdisjoint(content.names):
+            raise block.refuse(f"{', '.join(FRAME_ENDS & content.names.keys())} in a plane of CYCLE800")
+        if "CYCLE832" in content.names:
+            self._check_tolerance_cycle(block, block.words[content.names["CYCLE832"]])
+        if not WORKED_OUT.isdisjoint(content.names):
+            self._work_out(block, content)
+        if "TRAORI" in content.names or "TRAFOOF" in content.names:
+            self._switch_tcp(block, content)
+        if "ORIWKS" in content.names or "ORIMKS" in content.names:
+            self.machine_vectors = "ORIMKS" in content.names
+        if "RET" in content.names and block.words[content.names["RET"]].arguments is not None:
+            raise block.refuse("RET with arguments: a return to somewhere else")
+        return claimed
+
+    def _work_out(self, block: Block, content: Content) -> None:
+        """CIP and CT instead of G2 and G3."""
+        if len(WORKED_OUT & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
+            raise block.refuse("CIP or CT beside another kind of move")
+        if not POLAR.isdisjoint(content.other) or self.tcp:
+            raise block.refuse("CIP or CT with polar coordinates, or while TRAORI is on")
+        if self.cornered or self.rounded:
+            raise block.refuse("CIP or CT behind a corner that the control breaks")
+        self.motion = BY_CONTROL
+
+    def _check_tolerance_cycle(self, block: Block, word: Word) -> None:
+        """CYCLE832 in the older form, whose second digit switches the five-axis transformation."""
+        given = word.arguments or ()
+        try:
+            mode = whole(given[1], self.scope) if len(given) > 1 and given[1] != EMPTY else 0
+        except NotKnown as reason:
+            raise block.refuse(f"second argument of CYCLE832: {reason}") from None
+        if mode in OLDER_TOLERANCE_MODE and mode // 10 % 10 != int(self.tcp):
+            raise block.refuse(f"CYCLE832 with {mode}, whose second last digit switches TRAORI on or off")
+
+    def _take_mode(self, code: float) -> bool:
+        if code in MOTION:
+            self.motion = code
+        elif code in PLANES:
+            self.plane = PLANES[code]
+            self.polar = Polar()
+        elif code in UNITS:
+            self.unit = UNITS[code]
+        elif code in DISTANCES:
+            self.absolute = code == 90.0
+        elif code in FEED_MODES:
+            self.timed = code == INVERSE_TIME
+        elif code == COMPENSATION_END:
+            self._end_compensation()
+        else:
+            return False
+        return True
+
+    def _set_work_offset(self, block: Block, name: str) -> None:
+        if self.places.swivelled is not None and name != self.work_offset:
+            raise block.refuse("another work offset in a plane of CYCLE800")
+        data = self.scope.data
+        if name in data.offsets:
+            self.control_state.offsets[name] = data.coarse(name)
+            self.control_state.fine[name] = dict(data.fine.get(name, {}))
+        self.work_offset, self.offset_said = name, True
+        self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
+
+    def _compensate(self, block: Block) -> None:
+        if self.tcp:
+            raise block.refuse("tool radius compensation while TRAORI is on is not corrected")
+        self.compensated = True
+        self.notes.add("tool radius compensation: the points of the contour are corrected", block.line)
+
+    def _end_compensation(self) -> None:
+        """G40: the tool is beside the contour until both axes of the plane are programmed again."""
+        if self.compensated:
+            self.recorder.doubt(self.machine.index(axis) for axis in self.plane[:2])
+        self.compensated = False
+
+    def _switch_tcp(self, block: Block, content: Content) -> None:
+        on = "TRAORI" in content.names
+        arguments = block.words[content.names["TRAORI" if on else "TRAFOOF"]].arguments
+        given = [argument for argument in arguments or () if argument != EMPTY]
+        if given and (not on or given != [Constant(1.0)]):
+            raise block.refuse("TRAORI of another transformation than the first, or with a direction, is not known")
+        if on and self.places.swivelled is not None:
+            raise block.refuse("TRAORI in a plane of CYCLE800")
+        if on:
+            text = "TRAORI: X Y Z taken as the tool point in the workpiece frame that turns with a table"
+            self.notes.add(text, block.line)
+        if on != self.tcp:
+            self.tcp = on
+            self.recorder.set_frame(self._frame(), cartesian(self.machine))
+
+    def _change_frame(self, block: Block, content: Content) -> None:
+        """A statement of the programmable frame."""
+        before, placed, x_y_z = self.recorder.frame, self.places.programmed, cartesian(self.machine)
+        shifted = self.places.change(block, content, self.unit, self.plane)
+        after = self._frame()
+        changed = {self.machine.index(axis) for axis in shifted}
+        changed.update(x_y_z[i] for i in renamed(placed, self.places.programmed))
+        turning = np.flatnonzero(self.machine.rotary).tolist()
+        changed.update(i for i in turning if before.offset[i] != after.offset[i])
+        self.recorder.set_frame(after, changed)
+
+    def _swivel(self, index: int, block: Block, content: Content) -> None:
+        """CYCLE800: turns the rotary axes on a way of its own, and tilts the coordinates with them."""
+        swivel = read_swivel(block, block.words[content.names["CYCLE800"]], self.scope, self.unit)
+        if content.axes or content.g or len(content.names) > 1 or self.tcp:
+            raise block.refuse("CYCLE800 and something beside it, or TRAORI before it")
+        self.polar.forget()
+        if swivel is None:
+            self.places.swivel(None)
+            self.notes.add("CYCLE800(): rotary axes taken to stay where they are", block.line)
+        else:
+            before = self.places.swivelled
+            if swivel.added and before is not None:
+                swivel = swivel._replace(plane=before.then(swivel.plane))
+            positions = rotary_positions(block, self.machine, swivel)
+            self.recorder.move_to_machine_position(index, positions, tuple(AxisWord(i, 0, False) for i in positions))
+            said = " ".join(f"{self.machine.names[i]}{angle:g}" for i, angle in positions.items())
+            self.notes.add(f"CYCLE800 taken to turn the rotary axes to {said}", block.line)
+            tilts = swivel.plane != Placement() or any(positions.values())
+            self.places.swivel(swivel.plane if tilts else None)
+        self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
+        self.recorder.forget(list(cartesian(self.machine)))
+
+    def _frame(self) -> Frame:
+        offset = list(self.control_state.work_offset(self._offset_name()))
+        for axis, shift in self.places.turning.items():
+            offset[self.machine.index(axis)] += shift
+        length, x_y_z, placed = self.length, cartesian(self.machine), self.places.placement
+        for column, shift in zip(x_y_z, placed.shift, strict=True):
+            offset[column] += shift
+        on_the_tip = self.tcp or self.places.swivelled is not None
+        if not on_the_tip:
+            offset[x_y_z[2]] += length
+        touched, names = self.control_state.touch_off(self.work_offset), (self._offset_name(), self.length_key)
+        return Frame(tuple(offset), length, on_the_tip, placed.frame_turn, touched, *names)
+
+    def _offset_name(self) -> str:
+        """Name of the work offset in force, empty for machine zero: a G500 that the program names and nobody gave."""
+        if self.work_offset == "G500" and self.offset_said and not self.control_state.names_offset("G500"):
+            return ""
+        return self.work_offset
+
+    # ---- moves
+
+    @property
+    def _turn(self) -> Turn:
+        return Turn(self.plane, 1 if self.motion == 3.0 else -1, self.unit)
+
+    def _axis_words(self, block: Block, content: Content) -> list[tuple[AxisWord, float]]:
+        """Axis words with their values, mm or degrees, in the order of the block."""
+        result = []
+        for i in content.axes:
+            word = block.words[i]
+            axis = self._columns.get(word.address)
+            if axis is None:
+                axis = self.recorder.axis(block, word.address)
+            rotary = self.machine.axes[axis].rotary
+            if word.mode in ("DC", "ACP", "ACN") and not rotary:
+                raise block.refuse(f"{word.mode} for an axis that does not turn")
+            if rotary and self.places.swivelled is not None and not self.tcp:
+                raise block.refuse(
+                    "a rotary axis in a plane of CYCLE800: the control leaves the coordinates as they are"
+                )
+            incremental = word.mode == "IC" or (not word.mode and not self.absolute)
+            result.append((AxisWord(axis, i, incremental), value_of(block, word) * (1.0 if rotary else self.unit)))
+        return result
+
+    def _machine_move(self, index: int, block: Block, content: Content) -> None:
+        if self.motion not in (None, 0.0, 1.0):
+            raise block.refuse("machine coordinates need G0 or G1")
+        words = self._axis_words(block, content)
+        if any(word.incremental for word, _ in words):
+            raise block.refuse("an increment in machine coordinates")
+        if words and (self.tcp or self.cycles.modal is not None):
+            raise block.refuse("machine coordinates while TRAORI or MCALL is on")
+        if words:
+            x_y_z = cartesian(self.machine)
+            length = self.length
+            targets = {w.axis: value + (length if w.axis == x_y_z[2] else 0.0) for w, value in words}
+            self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
+            self.polar.forget()
+
+    def _move(self, index: int, block: Block, content: Content, settled: bool) -> Block:
+        """Record a move; its block comes back with the words that a correction may change."""
+        if self.motion is None:
+            self.notes.add("no G0 or G1 before it: coordinates taken for straight lines", block.line)
+            self.motion = 1.0
+        if self.motion == BY_CONTROL and WORKED_OUT.isdisjoint(content.names):
+            raise block.refuse(
+                "CIP or CT from a block before: ncomp writes G2 or G3 instead of it, so write it in every block"
+            )
+        if self.length and self.plane != "XYZ":
+            self.notes.add(LENGTH_STAYS, block.line)
+        kind, turn = MOTION.get(self.motion, Kind.ARC), self._turn
+        said = Said(block, self._axis_words(block, content), {})
+        if any(word.incremental for word, _ in said.words):
+            self._check_increments(block, said)
+        polar = not POLAR.isdisjoint(content.other)
+        if polar:
+            said = self.polar.coordinates(block, content, self.recorder, turn, said, self.absolute)
+        elif self.polar.radius is not None and any(block.words[i].address in self.plane[:2] for i in content.axes):
+            self.polar.forget()
+        if kind is not Kind.ARC and content.other.keys() & ARC_WORDS:
+            raise block.refuse("a centre, a radius or turns without an arc")
+        if kind is Kind.ARC and "AR" in content.other:
+            said = with_angle(block, content, self.recorder, turn, said, self.absolute)
+        target = said.target(self.recorder)
+        if not VECTOR_WORDS.isdisjoint(content.other):
+            self._point(block, content, target)
+        arc = self._arc(said.block, content, turn, target, polar) if kind is Kind.ARC else None
+        if self.compensated:
+            follow_contour(self.recorder, turn.columns(self.recorder)[:2], target, arc)
+        named = tuple(word for word, _ in said.words)
+        modes = {"incremental": not self.absolute, "timed": self.timed, "settled": settled}
+        self.recorder.move(index, kind, target, self.unit, named, arc, **modes)
+        return said.block
+
+    def _arc(self, block: Block, content: Content, turn: Turn, target: list[float], polar: bool) -> Arc:
+        if polar:
+            return self.polar.arc(block, content, self.recorder, turn, target)
+        if not WORKED_OUT.isdisjoint(content.names):
+            return worked_out(block, content, self.recorder, turn, target, absolute=self.absolute)
+        return arc_of(block, content, self.recorder, turn, target)
+
+    def _point(self, block: Block, content: Content, target: list[float]) -> None:
+        """A tool vector."""
+        if not self.tcp or self.machine_vectors:
+            raise block.refuse("a tool vector without TRAORI, or in machine coordinates (ORIMKS)")
+        turn_to_vector(block, content, self.recorder, target)
+        self.notes.add("tool vectors: the control is taken to turn the rotary axes the nearest way", block.line)
+
+    def _check_increments(self, block: Block, said: Said) -> None:
+        for word, _ in said.words:
+            if word.incremental and self.recorder.known[word.axis] == Known.MACHINE:
+                name = self.machine.names[word.axis]
+                raise block.refuse(
+                    f"an increment of {name} before its position is said in this frame: whether the control runs the "
+                    "new offset with it depends on its settings"
+                )

@@ -1,0 +1,273 @@
+"""Variables, operators and functions of Siemens 840D programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from postproc.siemens.control_data import PARTS, ControlData, chained, translation, unscaled, unturned
+from postproc.text.expressions import (
+    ARITHMETIC,
+    COMPARISONS,
+    Expression,
+    NotKnown,
+    Operation,
+    Operations,
+    Scope,
+    Value,
+    evaluate,
+    nearly,
+    truth,
+    whole,
+)
+
+NAMES = frozenset("XYZABCUVWE") | PARTS
+"""Of axes, and of what a frame consists of: they may be the index of a variable."""
+CONSTANTS = {"TRUE": 1.0, "FALSE": 0.0, "$PI": math.pi}
+MACHINING = {
+    "_OFF": 0.0, "_FINISH": 1.0, "_SEMIFIN": 2.0, "_ROUGH": 3.0,
+    "_ORI_FINISH": 11.0, "_ORI_SEMIFIN": 12.0, "_ORI_ROUGH": 13.0,
+    "_TOP_SURFACE_SMOOTH_OFF": 1e6, "_TOP_SURFACE_SMOOTH_ON": 2e6,
+}  # fmt: skip
+"""Names of the control for the second argument of CYCLE832; SINUMERIK ONE, NC programming 12/2019, p. 1108."""
+DATA = ("$P_UIFR", "$TC_")
+"""Tables of the control that a program may fill."""
+EITHER_WAY = "read with comparisons last, and with comparisons first"
+_SPEEDS = "ACC ACCLIMA JERKLIM JERKLIMA VELOLIM VELOLIMA OVRA FL FGREF FA SPOS SPOSA"
+_OUTPUTS = "OUT OUTA DBB DBW DBD DBR"
+SETTINGS = frozenset((*_SPEEDS.split(), *(f"$A_{name}" for name in _OUTPUTS.split())))
+"""Speeds of axes, positions of spindles, and outputs: they move nothing elsewhere."""
+MOST = 100_000
+"""Elements of a field."""
+
+
+def _quotient(a: float, b: float) -> float:
+    return float(math.trunc(a / b + math.copysign(1e-12, a * b)))
+
+
+def _modulo(a: float, b: float) -> float:
+    if a < 0.0 or b <= 0.0:
+        raise NotKnown("MOD of a negative number: its sign is not documented")
+    return math.fmod(a, b)
+
+
+def _rounded(a: float) -> float:
+    if nearly(a % 1.0, 0.5) and a < 0.0:
+        raise NotKnown(f"how {a:g} is rounded is not documented")
+    return float(math.floor(a + 0.5))
+
+
+def _joined(a: Value, b: Value) -> str:
+    parts = [part if isinstance(part, str) else f"{part:.10g}" for part in (a, b)]
+    return "".join(parts)
+
+
+def _agreed(as_documented: Value, as_usual: Value) -> Value:
+    if as_documented != as_usual:
+        raise NotKnown("a comparison binds least of all: parentheses round the comparisons are missing")
+    return as_documented
+
+
+OPERATIONS: Operations = {
+    **ARITHMETIC,
+    **COMPARISONS,
+    "DIV": _quotient,
+    "MOD": _modulo,
+    "AND": lambda a, b: truth(bool(a) and bool(b)),
+    "OR": lambda a, b: truth(bool(a) or bool(b)),
+    "XOR": lambda a, b: truth(bool(a) != bool(b)),
+    "NOT": lambda a: truth(not a),
+    "B_AND": lambda a, b: float(_bits(a) & _bits(b)),
+    "B_OR": lambda a, b: float(_bits(a) | _bits(b)),
+    "B_XOR": lambda a, b: float(_bits(a) ^ _bits(b)),
+    "<<": _joined,
+    "POT": lambda a: a * a,
+    "ATAN2": lambda a, b: math.degrees(math.atan2(a, b)),
+    "TRUNC": lambda a: float(math.trunc(a)),
+    "ROUND": _rounded,
+    "MINVAL": min,
+    "MAXVAL": max,
+    "BOUND": lambda low, high, value: min(max(low, value), high),
+    EITHER_WAY: _agreed,
+    "CTRANS": translation,
+    "CFINE": translation,
+    "CROT": unturned,
+    "CSCALE": unscaled,
+    "CMIRROR": unturned,
+    ":": chained,
+}
+
+
+def _bits(a: float) -> int:
+    if a != int(a) or a < 0.0:
+        raise NotKnown(f"{a:g} bit by bit")
+    return int(a)
+
+
+@dataclass
+class _Level:
+    """The variables of a program, or of a subprogram while it runs."""
+
+    values: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
+    """Of declared variables."""
+    arguments: dict[int, Value | NotKnown] = field(default_factory=dict)
+    """By their place in the call, from 1."""
+
+
+@dataclass
+class SiemensVariables:
+    """R parameters, which all programs share, and declared variables; nothing is known of others."""
+
+    operations: Operations = field(default_factory=lambda: OPERATIONS)
+    shared: dict[tuple[str, tuple[int, ...]], Value | NotKnown] = field(default_factory=dict)
+    levels: list[_Level] = field(default_factory=lambda: [_Level()])
+    data: ControlData = field(default_factory=ControlData)
+    passive: frozenset[str] = frozenset()
+    """Names of axes outside the chain."""
+
+    @property
+    def depth(self) -> int:
+        """Subprograms in one another."""
+        return len(self.levels) - 1
+
+    def get(self, name: str, indices: tuple[Value, ...]) -> Value:
+        """The value of a variable; the name of an axis that stands alone is its own value."""
+        shown = name + (f"[{', '.join(map(_shown, indices))}]" if indices and name != "R" else "")
+        if name == "R" and indices:
+            shown = f"R{_shown(indices[0])}"
+        here = self.levels[-1]
+        if name in CONSTANTS and not indices:
+            return CONSTANTS[name]
+        if name in MACHINING and name not in here.kinds:
+            return MACHINING[name]
+        if name.startswith("$"):
+            raise NotKnown(f"{shown} belongs to the control")
+        if name in SETTINGS:
+            raise NotKnown(f"{shown} is a setting of an axis and no coordinate")
+        if name in NAMES and not indices and name not in here.kinds:
+            return name
+        value = (self.shared if name == "R" else here.values).get((name, _places(indices)))
+        if value is None and any(name in level.kinds for level in self.levels[:-1]):
+            raise NotKnown(f"{shown} belongs to the calling program: whether it is seen here depends on the control")
+        if value is None:
+            raise NotKnown(f"{shown} is not set by the program")
+        if isinstance(value, NotKnown):
+            raise NotKnown(f"{shown} is not known: {value}")
+        return value
+
+    def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
+        """Set it; NotKnown for one that is not declared: it could be an axis."""
+        if name in SETTINGS or name in self.passive:
+            return
+        if name.startswith(DATA):
+            if isinstance(value, NotKnown):
+                raise value
+            self.data.set(name, indices, value)
+            return
+        if name.startswith("$"):
+            raise NotKnown(f"{name} belongs to the control: what it changes is not known")
+        here = self.levels[-1]
+        if name != "R" and name not in here.kinds:
+            raise NotKnown(f"{name} is declared nowhere: an axis, a variable of the control or of another program")
+        if here.kinds.get(name) == "INT" and isinstance(value, float):
+            value = _rounded(value)
+        (self.shared if name == "R" else here.values)[name, _places(indices)] = value
+
+    def declare(self, kind: str, name: str, sizes: Sequence[int], values: Sequence[Value | NotKnown | None]) -> None:
+        """A new variable, with first values in the order of its elements, last index first."""
+        here = self.levels[-1]
+        here.kinds[name] = kind
+        empty: Value = "" if kind in ("STRING", "CHAR", "AXIS", "FRAME") else 0.0
+        elements = math.prod(sizes)
+        if elements > MOST:
+            raise NotKnown(f"a field of {elements} elements")
+        for i in range(elements):
+            place, left = [], i
+            for size in reversed(sizes):
+                left, index = divmod(left, size)
+                place.append(index)
+            given = values[i] if i < len(values) else None
+            here.values[name, tuple(reversed(place))] = empty
+            if given is not None:
+                self.set(name, tuple(float(index) for index in reversed(place)), given)
+
+    def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
+        """A subprogram has variables of its own."""
+        self.levels.append(_Level(arguments=arguments or {}))
+
+    def leave(self) -> dict[int, Value | NotKnown]:
+        """They end with it; what it was called with stays."""
+        return self.levels.pop().arguments
+
+
+class Receive(NamedTuple):
+    """PROC: the parameters of a subprogram take the arguments of its call."""
+
+    parameters: tuple[tuple[str, str, Expression | None], ...]
+    """Kind, name, and the value that holds where the call gives none."""
+
+    def run(self, scope: Scope) -> None:
+        """Declare them with what is given; a program that nothing has called gets nothing that is known."""
+        assert isinstance(scope, SiemensVariables)
+        arguments = scope.levels[-1].arguments
+        if len(arguments) and max(arguments) > len(self.parameters):
+            raise NotKnown("a call with more arguments than parameters")
+        for i, (kind, name, default) in enumerate(self.parameters, start=1):
+            unsaid = NotKnown(f"{name} is a parameter that the call leaves out")
+            given = arguments.get(i, unsaid if default is None else _known(default, scope))
+            scope.declare(kind, name, (), [given])
+
+
+class Declare(NamedTuple):
+    """DEF: a new variable."""
+
+    kind: str
+    name: str
+    sizes: tuple[Expression, ...]
+    first: Expression | None
+
+    def run(self, scope: Scope) -> None:
+        """Declare it; SET gives the elements one by one, REP all alike."""
+        assert isinstance(scope, SiemensVariables)
+        sizes = [whole(size, scope) for size in self.sizes]
+        scope.declare(self.kind, self.name, sizes, self._values(scope, math.prod(sizes)))
+
+    def _values(self, scope: Scope, elements: int) -> list[Value | NotKnown | None]:
+        first = self.first
+        if isinstance(first, Operation) and first.name == "SET":
+            return [None if part == EMPTY else _known(part, scope) for part in first.operands]
+        if isinstance(first, Operation) and first.name == "REP":
+            if not first.operands:
+                raise NotKnown("REP without a value")
+            times = whole(first.operands[1], scope) if len(first.operands) > 1 else elements
+            return [_known(first.operands[0], scope)] * min(times, elements, MOST)
+        return [] if first is None else [_known(first, scope)]
+
+
+EMPTY = Operation("nothing", ())
+"""An argument that is left out."""
+
+
+def _known(expression: Expression, scope: Scope) -> Value | NotKnown:
+    try:
+        return evaluate(expression, scope)
+    except NotKnown as reason:
+        return reason
+
+
+def _places(indices: tuple[Value, ...]) -> tuple[int, ...]:
+    places = []
+    for index in indices:
+        if not isinstance(index, float):
+            raise NotKnown(f"a value of the axis {index}")
+        if index != int(index) or index < 0.0:
+            raise NotKnown(f"{index:g} is no index")
+        places.append(int(index))
+    return tuple(places)
+
+
+def _shown(index: Value) -> str:
+    return index if isinstance(index, str) else f"{index:g}"

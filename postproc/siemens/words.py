@@ -1,0 +1,166 @@
+"""The words of a Siemens 840D block, sorted; what could move the tool unseen is refused."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from postproc.iso.codes import LARGEST, SKIPPABLE_M
+from postproc.siemens.codes import (
+    CORNERS,
+    CYCLES,
+    FRAME_NAMES,
+    GROUPS,
+    HARMLESS_ADDRESSES,
+    HARMLESS_CALLS,
+    HARMLESS_NAMES,
+    MEANT_NAMES,
+    MOVE_ADDRESSES,
+    REFERENCE,
+    REFUSED_NAMES,
+)
+from postproc.text.block import Block, Word
+from postproc.text.expressions import Constant, Formula
+
+AXES = "XYZABCUVWEQ"
+ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | {"T", "D"}
+"""Addresses that may stand in any block."""
+_SPINDLE_M = re.compile(r"M\d+")
+_SPINDLE_S = re.compile(r"[SH]\d+")
+_MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
+"""Of G74 and G75, with the number of a fixed point."""
+
+
+@dataclass
+class Content:
+    """The words of one block, sorted."""
+
+    g: list[float] = field(default_factory=list)
+    m: list[float] = field(default_factory=list)
+    axes: list[int] = field(default_factory=list)
+    """Indices of the axis words."""
+    names: dict[str, int] = field(default_factory=dict)
+    """Indices of words that stand alone, and of calls, by what they name."""
+    other: dict[str, int] = field(default_factory=dict)
+    """Indices of all other words by address."""
+
+    @property
+    def moves(self) -> bool:
+        """True for a block that says where to go, or round what."""
+        return bool(self.axes) or not MOVE_ADDRESSES.isdisjoint(self.other)
+
+    @property
+    def frames(self) -> set[str]:
+        """The statements of the programmable frame."""
+        return self.names.keys() & FRAME_NAMES if self.names else set()
+
+
+def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
+    """The words of a block by what they are; those of `passive` axes are left out."""
+    content, axes = Content(), ""
+    for i, word in enumerate(block.words):
+        address = word.address
+        if address in passive:
+            continue
+        if word.arguments is not None or word.start == word.end:
+            content.names[address] = i
+        elif address in AXES:
+            if address in axes:
+                raise block.refuse(f"two {address} words")
+            axes += address
+            content.axes.append(i)
+        elif address == "G":
+            content.g.append(word.value or 0.0)
+        elif address[0] == "M" and (address == "M" or _SPINDLE_M.fullmatch(address)):
+            content.m.append(word.value or 0.0)
+        elif address in content.other:
+            raise block.refuse(f"two {address} words")
+        else:
+            content.other[address] = i
+    return content
+
+
+def check(block: Block, content: Content) -> None:
+    """Refuse words that are not known, and those that do not go together."""
+    if block.skippable:
+        active = content.moves or content.g or content.names or not {"T", "D"}.isdisjoint(content.other)
+        if active or not SKIPPABLE_M.issuperset(content.m):
+            raise block.refuse("whether it runs depends on the block-skip switch")
+    for name, i in content.names.items():
+        _check_name(block, name, block.words[i])
+    if not ALLOWED.issuperset(content.other):
+        _check_others(block, content)
+    for group in GROUPS if len(content.g) > 1 else ():
+        clash = sorted(group.intersection(content.g))
+        if len(clash) > 1:
+            raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
+    if content.frames and (content.g or content.m or len(content.names) > 1 or content.other.keys() - {"N", "RPL"}):
+        raise block.refuse("a frame and something beside it")
+
+
+def _check_others(block: Block, content: Content) -> None:
+    """Words that are not known to stand anywhere: numbers of spindles, RPL in a frame, machine axes in G74 and G75."""
+    machine_axes = set(filter(_MACHINE_AXIS.fullmatch, content.other)) if REFERENCE & set(content.g) else set()
+    rotation = {"RPL"} if content.frames else set()
+    for address in sorted(content.other.keys() - ALLOWED - machine_axes - rotation):
+        if not _SPINDLE_S.fullmatch(address):
+            raise block.refuse(_strange(address))
+
+
+def _check_name(block: Block, name: str, word: Word) -> None:
+    if name in REFUSED_NAMES:
+        raise block.refuse(f"{name} {REFUSED_NAMES[name]}")
+    known = HARMLESS_CALLS | CYCLES if word.arguments is not None else HARMLESS_NAMES | FRAME_NAMES
+    if name not in known and name not in MEANT_NAMES:
+        raise block.refuse(f"{name} is not known: a cycle, a subprogram or a function of the control")
+
+
+def _strange(address: str) -> str:
+    if address == "L":
+        return "L calls a subprogram"
+    if address == "RPL":
+        return "RPL: a rotation without ROT or AROT"
+    if re.fullmatch(r"[ABC][24-7]|LEAD|TILT|THETA|PHI|PSI", address):
+        return f"{address}: orientations by these words are not corrected"
+    return f"{address} in a block: what it does is not known"
+
+
+# ---- values
+
+
+def value_of(block: Block, word: Word) -> float:
+    """The number of a word; Refusal where it has none that a control reads."""
+    if word.value is None or not abs(word.value) < LARGEST:
+        raise block.refuse(f"{word.address} with a number that no control reads")
+    return word.value
+
+
+def whole_of(block: Block, word: Word) -> int:
+    """The whole number of a word."""
+    value = value_of(block, word)
+    if value != int(value):
+        raise block.refuse(f"{word.address} with a number that is not whole")
+    return int(value)
+
+
+def plain_of(block: Block, word: Word) -> float:
+    """The number of a word that does not say itself how it counts."""
+    if word.mode:
+        raise block.refuse(f"{word.mode} in {word.address}: how it counts is not known")
+    return value_of(block, word)
+
+
+def value_in(block: Block, content: Content, address: str) -> float | None:
+    """The number of a word that a block may have, None where it has none."""
+    index = content.other.get(address)
+    return None if index is None else value_of(block, block.words[index])
+
+
+def with_word(block: Block, index: int, word: Word) -> Block:
+    """The block with one word in the place of another."""
+    return block._replace(words=(*block.words[:index], word, *block.words[index + 1 :]))
+
+
+def given_as(word: Word, address: str, value: float) -> Word:
+    """The word of a coordinate, or of a radius, that stands for it where a correction has to say it."""
+    return Word(address, value, word.at, word.at, word.end + word.tail, Formula(Constant(value), instead=True))

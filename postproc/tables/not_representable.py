@@ -1,0 +1,150 @@
+"""What tables can't carry, by name: the part of each error motion that is no function of what the tables know.
+
+Each error motion is turned into the correction it asks for on a grid of the volume; what the tables' functions, means
+over the grid, leave of that is what they can't hold, however fine they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.effects import COMPONENTS
+from kinematics.effects.base import own_component
+from kinematics.error_model.model import ErrorModel
+from kinematics.error_transform import place_names, place_transform
+from kinematics.forward import tool_point
+from kinematics.inverse import linear_positions
+from kinematics.state import State
+from kinematics.transforms import Array
+from postproc.tables.target import Target, shortest_wave, standing, too_fine
+from postproc.tables.terms import Surface, Term
+
+GRID = {3: 9}
+"""Places along each axis, by the number of axes; COARSE for more."""
+COARSE = 5
+POINTS_A_WAVE = 6
+"""Of a table: fewer leave more than a tenth of it."""
+WORTH = 0.05
+"""um RMS: less is not named."""
+
+
+class Left(NamedTuple):
+    """An error that stays."""
+
+    name: str
+    rms_um: float
+    """At the tool point, over the volume, beside what the tables take away of it."""
+    why: str
+
+
+def not_carried(target: Target, whole: ErrorModel, terms: Sequence[Term] | None) -> list[Left]:
+    """The errors that stay, the largest first; those that depend on more than positions and directions at the end.
+
+    Without `terms`, of tables of error motions: what depends on other axes than their own.
+    """
+    machine = target.machine
+    n = GRID.get(len(machine.axes), COARSE)
+    axes = [low + (high - low) * (np.arange(n) + 0.5) / n for low, high in target.bounds]
+    q = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes)) * machine.scale
+    errors = target.model.errors(machine, State(q, np.zeros_like(q))).reshape(len(q), -1)
+    transform = place_transform(machine, q, target.tool)[:, :3]
+    if terms is None:
+        return [*_not_of_their_own_axis(target, errors, transform, n), *_beyond(whole)]
+    nominal = tool_point(machine, q, target.tool)
+    found = []
+    for k, name in enumerate(place_names(machine)):
+        if not errors[:, k].any() or _by_a_rotary_table(target, k, terms):
+            continue
+        aim = nominal - transform[:, :, k] * errors[:, [k]]
+        wanted = (linear_positions(machine, q, aim, target.tool) - q).reshape(*(n,) * len(axes), -1)
+        left = float(np.sqrt(np.mean(np.sum(_beside_tables(target, wanted, terms) ** 2, axis=-1)))) * 1e3
+        if left > WORTH:
+            found.append(Left(name, round(left, 4), _reason(name)))
+    return [*sorted(found, key=lambda left: -left.rms_um), *_reversals(target, terms), *_beyond(whole)]
+
+
+def short_waves(target: Target, points: int) -> list[Left]:
+    """Effects that repeat faster than so many points along their axis can follow."""
+    machine, found = target.machine, []
+    for effect in target.model.effects:
+        wave = shortest_wave(effect)
+        if wave is None:
+            continue
+        i = machine.index(wave[0])
+        if wave[1] * points < POINTS_A_WAVE * np.ptp(target.bounds[i]) or too_fine(effect, machine):
+            found.append(Left(effect.name, float("nan"), f"waves of {wave[1]:g} {machine.axes[i].unit} are too short"))
+    return found
+
+
+def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: int) -> list[Left]:
+    count, found = len(target.machine.axes), []
+    for k, name in enumerate(place_names(target.machine)):
+        grid = errors[:, k].reshape((n,) * count)
+        others = tuple(j for j in range(count) if j != k // 6)
+        beside = (grid - grid.mean(axis=others, keepdims=True) if k // 6 < count else grid).reshape(-1, 1)
+        left = float(np.sqrt(np.mean(np.sum((transform[:, :, k] * beside) ** 2, axis=1)))) * 1e3
+        if left > WORTH:
+            found.append(Left(name, round(left, 4), "depends on other axes too"))
+    return sorted(found, key=lambda left: -left.rms_um)
+
+
+def _by_a_rotary_table(target: Target, column: int, terms: Sequence[Term]) -> bool:
+    """True of the positioning error of a rotary axis that has a table of its own."""
+    place, component = divmod(column, 6)
+    if place >= len(target.machine.axes):
+        return False
+    axis = target.machine.axes[place]
+    own = axis.rotary and own_component(axis.name) == COMPONENTS[component]
+    return own and any(term.output == axis.name and term.inputs == (axis.name,) for term in terms)
+
+
+def _beside_tables(target: Target, wanted: Array, terms: Sequence[Term]) -> Array:
+    """What the means that the tables can hold leave of a correction on the grid `(n, ..., axes)`."""
+    axes, left = target.machine.axes, wanted.copy()
+    every = tuple(range(len(axes)))
+    for i, axis in enumerate(axes):
+        sources: set[tuple[int, ...]] = set()
+        for term in (term for term in terms if term.output == axis.name):
+            columns = tuple(sorted(target.machine.index(name) for name in term.inputs))
+            sources |= {(), columns}
+            if isinstance(term.factors[0], Surface):
+                sources |= {(column,) for column in columns}
+        for source in sorted(sources, key=len):
+            rest = tuple(j for j in every if j not in source)
+            left[..., i] = left[..., i] - left[..., i].mean(axis=rest, keepdims=True)
+    return left
+
+
+def _reason(name: str) -> str:
+    component = name[2] if name.startswith("E_") else ""
+    if component in tuple("ABC"):
+        return "angular: what it does away from the line that tables hold"
+    return "in a direction, or along an axis, that the tables don't have" if component else "at the tool"
+
+
+def _reversals(target: Target, terms: Sequence[Term]) -> list[Left]:
+    """Play of axes whose table is the same both ways."""
+    both_ways = {term.output for term in terms if term.way}
+    machine, found = target.machine, []
+    low, high = target.bounds.T
+    middle = (low + high) / 2 * machine.scale
+    for i, axis in enumerate(machine.axes):
+        if axis.name in both_ways or not target.depends_on_way(i):
+            continue
+        ways = np.zeros((2, len(machine.axes)))
+        ways[:, i] = 1.0, -1.0
+        q = np.tile(middle, (2, 1))
+        corrections = target.correction(q, ways)[:, i] / machine.scale[i]
+        half = abs(float(corrections[0] - corrections[1])) / 2 * (1e3 if not axis.rotary else np.radians(1.0) * 1e6)
+        found.append(Left(f"reversal of {axis.name}", round(half, 4), "the table is the same in both directions"))
+    return found
+
+
+def _beyond(whole: ErrorModel) -> list[Left]:
+    """Effects that depend on more than tables know: no size can be told."""
+    beyond = [e for e in whole.effects if e.ACTS_ON != "instrument" and not standing(e)]
+    reasons = {e.name: ", ".join(e.needs).replace("_", " ") or "nothing that a table can put right" for e in beyond}
+    return [Left(name, float("nan"), f"depends on {why}") for name, why in reasons.items()]

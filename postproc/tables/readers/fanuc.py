@@ -1,0 +1,116 @@
+"""FANUC: pitch error data, a text of `N<number>P<value>` with the parameters of the axes; straightness as CSV."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from kinematics.effects import Effect
+from kinematics.user_error import UserError
+from postproc.tables.readers.source import Source, increasing, numbers, refusal
+
+_WORD = re.compile(r"N(\d+)(?:A(\d+))?P([+-]?[\d.]+);?")
+TEXT = 10000
+"""Number that is added to a point number in the text."""
+NEEDED = (3620, 3621, 3622, 3624)
+
+
+def read(source: Source) -> list[Effect]:
+    """The running sums of all axes, and straightness."""
+    files = [name for name in source.files if name.lower().endswith(".txt")]
+    if len(files) != 1:
+        raise UserError("FANUC tables: one text of N...P... must be among the files")
+    said, points = _words(files[0], source.files[files[0]])
+    unit = _number(source, "unit_um", "1.0") * 1e-3
+    sign = 1.0 if source.value_is == "correction" else -1.0
+    lettered = sorted((axis.name for axis in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))
+    found: list[Effect] = []
+    for k, parameters in sorted(said.items()):
+        if not 1 <= k <= len(lettered):
+            raise UserError(f"{files[0]}: axis A{k}, and the machine has {len(lettered)}")
+        axis = lettered[k - 1]
+        lacking = [f"N{name:05d}" for name in NEEDED if name not in parameters]
+        if lacking:
+            raise UserError(f"{files[0]}: axis {axis} lacks {', '.join(lacking)}")
+        step = sign * unit * parameters.get(3623, 1.0)
+        reference, low, high = (int(parameters[name]) for name in NEEDED[:3])
+        if not low <= reference <= high:
+            raise UserError(f"{files[0]}: axis {axis}: reference point {reference} is not in {low} ... {high}")
+        home = source.machine.axes[source.machine.index(axis)].home
+        up = _sums(files[0], points, low, reference, high)
+        down = up
+        if 3626 in parameters:
+            start = int(parameters[3626])
+            if parameters.get(3623, 1.0) != 1.0:
+                raise UserError(f"{files[0]}: axis {axis}: 3627 beside a magnification (3623) has no known size")
+            if start <= high and low <= start + high - low:
+                raise UserError(
+                    f"{files[0]}: axis {axis}: points of negative travel from {start} on overlap {low} ... {high}"
+                )
+            amount = parameters.get(3627, 0.0)
+            shifted = _sums(files[0], points, start, start + reference - low, start + high - low)
+            down = [value + amount for value in shifted]
+        positions = [home + (n - reference) * parameters[3624] for n in range(low, high + 1)]
+        found += source.own(axis, [(x, step * u, step * d) for x, u, d in zip(positions, up, down, strict=True)])
+    return found + _straightness(source, sign * unit * _number(source, "magnification", "1"))
+
+
+def _number(source: Source, name: str, default: str) -> float:
+    (value,) = numbers([source.setting(name, default)], "--set", 1, name)
+    return value
+
+
+def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int, float]]:
+    """Parameters by axis number, and values by point number."""
+    said: dict[int, dict[int, float]] = {}
+    points: dict[int, float] = {}
+    for line, row in enumerate(text.splitlines(), 1):
+        content = row.strip()
+        if content in ("", "%"):
+            continue
+        match = _WORD.fullmatch(content)
+        if match is None:
+            raise refusal(name, line, row, "no N...P...")
+        (value,) = numbers([match[3]], name, line, row)
+        number = int(match[1])
+        if match[2]:
+            said.setdefault(int(match[2]), {})[number] = value
+        elif number in points:
+            raise refusal(name, line, row, "a second value of this point")
+        elif value != int(value):
+            raise refusal(name, line, row, "an increment is a whole number")
+        else:
+            points[number] = value
+    return said, points
+
+
+def _sums(name: str, points: Mapping[int, float], low: int, reference: int, high: int) -> list[float]:
+    """Amounts at the points low ... high: running sums, 0 at the reference."""
+    lacking = next((n for n in range(low + 1, high + 1) if TEXT + n not in points), None)
+    if lacking is not None:
+        raise UserError(f"{name}: no value of point {lacking} (N{TEXT + lacking})")
+    found = {reference: 0.0}
+    for n in range(reference + 1, high + 1):
+        found[n] = found[n - 1] + points[TEXT + n]
+    for n in range(reference, low, -1):
+        found[n - 1] = found[n] - points[TEXT + n]
+    return [found[n] for n in range(low, high + 1)]
+
+
+def _straightness(source: Source, step: float) -> list[Effect]:
+    found: list[Effect] = []
+    for name in (name for name in source.files if "straight" in name.lower()):
+        rows: dict[tuple[str, str], list[tuple[int, list[float]]]] = {}
+        for line, row in enumerate(source.files[name].splitlines()[1:], 2):
+            words = row.split(",")
+            if len(words) != 4:
+                raise refusal(name, line, row, "four columns are needed")
+            rows.setdefault((words[0], words[1]), []).append((line, numbers(words[2:], name, line, row)))
+        for (moving, compensated), points in rows.items():
+            if len(points) > 4:
+                raise refusal(name, points[4][0], compensated, "a straightness compensation has four points")
+            increasing(points, name)
+            nodes, amounts = zip(*(row for _, row in points), strict=True)
+            source.machine.index(moving), source.machine.index(compensated)
+            found.append(source.table(compensated, (moving,), (nodes,), [step * a for a in amounts]))
+    return found

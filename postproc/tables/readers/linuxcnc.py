@@ -1,0 +1,61 @@
+"""LinuxCNC: the INI file and the COMP_FILEs it names."""
+
+from __future__ import annotations
+
+import configparser
+
+from kinematics.effects import Effect
+from kinematics.user_error import UserError
+from postproc.tables.readers.source import Source, increasing, numbers, refusal
+
+MOST = 256
+
+
+def read(source: Source) -> list[Effect]:
+    """Of every joint with a table; what LinuxCNC would leave out without a word is refused."""
+    found: list[Effect] = []
+    inis = [name for name in source.files if name.lower().endswith(".ini")]
+    if len(inis) != 1:
+        raise UserError("LinuxCNC tables: the INI file (one) must be among the files, it says which joint has which")
+    ini = configparser.ConfigParser(strict=False, interpolation=None, comment_prefixes=("#", ";"))
+    try:
+        ini.read_string(source.files[inis[0]])
+    except configparser.Error as fault:
+        raise UserError(f"{inis[0]}: {fault}") from None
+    named = [a.name for a in sorted(source.machine.axes, key=lambda a: "XYZABCUVW".index(a.name[0]))]
+    joints = list(source.setting("joints", "")) or named
+    for section in ini.sections():
+        file = ini.get(section, "COMP_FILE", fallback="")
+        if not section.startswith("JOINT_") or not file:
+            continue
+        joint = section.removeprefix("JOINT_")
+        if joint not in map(str, range(len(joints))):
+            raise UserError(f"{inis[0]}: [{section}] is no joint of {' '.join(joints)}")
+        name = file.rsplit("/", 1)[-1]
+        if name not in source.files:
+            raise UserError(f"{inis[0]}: [{section}] names {file}, which is not among the files")
+        kind = ini.get(section, "COMP_FILE_TYPE", fallback="0").strip()
+        if kind not in ("0", "1"):
+            raise UserError(f"{inis[0]}: [{section}] COMP_FILE_TYPE {kind}: 0 or 1")
+        rows = _rows(name, source.files[name])
+        if kind == "0":
+            rows = [[nominal, nominal - up, nominal - down] for nominal, up, down in rows]
+        source.machine.index(joints[int(joint)])
+        found += source.own(joints[int(joint)], rows)
+    return found
+
+
+def _rows(name: str, text: str) -> list[list[float]]:
+    found: list[tuple[int, list[float]]] = []
+    lines = text.rstrip().splitlines()
+    for line, row in enumerate(lines, 1):
+        words = row.split()
+        if len(words) < 3:
+            raise refusal(name, line, row, "LinuxCNC stops reading at a line without three numbers")
+        found.append((line, numbers(words[:3], name, line, row)))
+    if len(found) > MOST:
+        raise refusal(name, MOST + 1, lines[MOST], f"LinuxCNC takes {MOST} rows")
+    if not found:
+        raise UserError(f"{name}: no rows")
+    increasing(found, name)
+    return [row for _, row in found]

@@ -1,0 +1,149 @@
+"""Siemens SINUMERIK: archive text with `$AA_ENC_COMP` and `$AN_CEC`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from kinematics.effects import Effect
+from kinematics.user_error import UserError
+from postproc.tables.readers.source import Source, numbers, refusal
+
+_EEC = re.compile(r"\$AA_ENC_COMP(?P<what>_\w+)?\[(?P<index>[^\]]*)\]$")
+_CEC = re.compile(r"\$AN_CEC(?P<what>_\w+)?\[(?P<index>[^\]]*)\]$")
+_NEEDED = ("_STEP", "_MIN", "_MAX")
+
+
+@dataclass
+class _Table:
+    """What a file says of one table."""
+
+    name: str
+    values: dict[int, float] = field(default_factory=dict)
+    said: dict[str, float] = field(default_factory=dict)
+    axes: dict[str, str] = field(default_factory=dict)
+
+    def points(self) -> list[tuple[float, float]]:
+        """Positions and values; UserError where the control would fill in or leave out some."""
+        lacking = [what for what in _NEEDED if what not in self.said]
+        if lacking:
+            raise UserError(f"{self.name}: no {', '.join(lacking)}")
+        step, low, high = (self.said[what] for what in _NEEDED)
+        if step <= 0 or high <= low:
+            raise UserError(f"{self.name}: MIN {low:g}, MAX {high:g} and STEP {step:g} are no table")
+        last = round((high - low) / step)
+        if abs((high - low) / step - last) > 1e-6:
+            raise UserError(f"{self.name}: MAX - MIN is {(high - low) / step:.6g} steps, not a whole number")
+        if len(self.values) != last + 1 or sorted(self.values) != list(range(last + 1)):
+            raise UserError(f"{self.name}: points 0 to {last} are needed, each once; {len(self.values)} are given")
+        return [(low + k * (high - low) / last, self.values[k]) for k in range(last + 1)]
+
+
+def read_eec(source: Source) -> list[Effect]:
+    """Encoder compensation of all axes."""
+    found: list[Effect] = []
+    for (system, axis), table in _gathered(source, _EEC).items():
+        if system != source.setting("system", "0"):
+            raise UserError(f"{table.name}: measuring system {system}; give --set system={system}")
+        name = _axis(source, axis)
+        sign = 1.0 if source.value_is == "correction" else -1.0
+        points = table.points()
+        found += source.own(name, [(x, sign * v, sign * v) for x, v in _modulo(source, name, table, points)])
+    return found
+
+
+def read_cec(source: Source) -> list[Effect]:
+    """Cross error compensation: tables, and products of two."""
+    tables = {int(key[0]): table for key, table in _gathered(source, _CEC).items()}
+    factors = {int(table.said.get("_MULT_BY_TABLE", 0)) - 1 for table in tables.values()} - {-1}
+    sign = 1.0 if source.value_is == "correction" else -1.0
+    found: list[Effect] = []
+    for index, table in sorted(tables.items()):
+        if index in factors:
+            continue
+        output, of, points = _cross(source, table)
+        way = int(table.said.get("_DIRECTION", 0))
+        if way not in (-1, 0, 1):
+            raise UserError(f"{table.name}: DIRECTION {way}")
+        nodes, values = zip(*points, strict=True)
+        second = int(table.said.get("_MULT_BY_TABLE", 0)) - 1
+        if second < 0:
+            found.append(source.table(output, (of,), (nodes,), [sign * v for v in values], way))
+            continue
+        if second not in tables or second == index:
+            raise UserError(f"{table.name}: MULT_BY_TABLE names table {second}, which is not there")
+        _, other, more = _cross(source, tables[second])
+        places, shares = zip(*more, strict=True)
+        products = [sign * v * share for v in values for share in shares]
+        found.append(source.table(output, (of, other), (nodes, places), products, way))
+    return found
+
+
+def _cross(source: Source, table: _Table) -> tuple[str, str, list[tuple[float, float]]]:
+    for what in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
+        if what not in table.axes:
+            raise UserError(f"{table.name}: no {what}")
+    of, output = (_axis(source, table.axes[what]) for what in ("_INPUT_AXIS", "_OUTPUT_AXIS"))
+    return output, of, _modulo(source, of, table, table.points())
+
+
+def _modulo(source: Source, axis: str, table: _Table, points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The points; UserError for a modulo table that is not one turn, or of an axis that does not turn without end."""
+    if table.said.get("_IS_MODULO", 0) == 0:
+        return points
+    if not source.machine.axes[source.machine.index(axis)].rotary or abs(points[-1][0] - points[0][0] - 360) > 1e-9:
+        raise UserError(f"{table.name}: IS_MODULO without a turn of 360 degrees")
+    if points[0][1] != points[-1][1]:
+        raise UserError(f"{table.name}: IS_MODULO, and its first and last value differ")
+    return points
+
+
+def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...], _Table]:
+    """All tables of the files by index; other assignments, comments and checksums are passed over."""
+    found: dict[tuple[str, ...], _Table] = {}
+    for name, text in source.files.items():
+        for line, row in enumerate(text.splitlines(), 1):
+            content = re.sub(r"^N\d+\s+", "", row.partition(";")[0].partition("'")[0].strip())
+            left, equals, right = content.partition("=")
+            match = pattern.fullmatch(left.strip())
+            if match is None:
+                if content.startswith(("$AA_ENC_COMP", "$AN_CEC")) and not (_EEC.match(left) or _CEC.match(left)):
+                    raise refusal(name, line, row, "no assignment to one element")
+                continue
+            if not equals:
+                raise refusal(name, line, row, "no assignment")
+            index, what = [part.strip() for part in match["index"].split(",")], match["what"] or ""
+            key = (index[0], index[-1]) if pattern is _EEC else (index[0],)
+            if len(index) != (2 if pattern is _EEC else 1) + (not what):
+                raise refusal(name, line, row, "not as many indices as it should have")
+            if not all(part.isdecimal() for part in (index[:-1] if pattern is _EEC else index)):
+                raise refusal(name, line, row, "an index is a whole number")
+            table = found.setdefault(key, _Table(f"{name}, {left.strip().partition('[')[0]} {','.join(key)}"))
+            if what in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
+                table.axes[what] = right.strip().strip("()").strip()
+                continue
+            (value,) = numbers([right], name, line, row)
+            if what:
+                table.said[what] = value
+                continue
+            point = int(index[1])
+            if point in table.values:
+                raise refusal(name, line, row, "a second value of this point")
+            table.values[point] = value
+    return found
+
+
+def _axis(source: Source, name: str) -> str:
+    """The machine's axis that the control calls so: as said with names=X:X1, X1 for X, or AX1 for the first."""
+    said = {own: letter for letter, _, own in (p.partition(":") for p in source.setting("names", "").split(",")) if own}
+    if name in said:
+        return said[name]
+    lettered = sorted((a.name for a in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))
+    if name.startswith("AX") and name[2:].isdigit():
+        if not 1 <= int(name[2:]) <= len(lettered):
+            raise UserError(f"axis {name}: the machine has {len(lettered)}")
+        return lettered[int(name[2:]) - 1]
+    for axis in lettered:
+        if name in (axis, f"{axis}1"):
+            return axis
+    raise UserError(f"axis {name} is none of {' '.join(lettered)}; give --set names=AXIS:{name}")

@@ -1,0 +1,90 @@
+"""What tables leave: tool point errors before, with the tables, with corrected programs, and with both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinematics.correction import correct_position
+from kinematics.error_model.model import ErrorModel
+from kinematics.state import State
+from kinematics.transforms import Array
+from postproc.compensation.correction import Missed, missed
+from postproc.tables.table_model import joined
+from postproc.tables.target import Target, spread_out
+
+GRID = 4096
+"""Positions of the volume that errors are told for."""
+SEED = 230
+
+Move = Callable[[Array, Array], Array]
+"""Where the control sends the axes `(n, axes)` for commands `(n, axes)`, mm and rad, come to in directions."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where errors are looked at: commands `(n, axes)`, mm and rad, directions `(n, axes)`, tools `(n, 3)`, mm."""
+
+    q: Array
+    approach: Array
+    tool: Array
+
+
+def in_the_volume(target: Target) -> Places:
+    """Spread evenly over the travels of all axes, come to from either side."""
+    low, high = target.bounds.T
+    q = (low + (high - low) * spread_out(GRID, len(low))) * target.machine.scale
+    approach = np.random.default_rng(SEED).choice([-1.0, 1.0], q.shape)
+    return Places(q, approach, np.broadcast_to(target.tool, (len(q), 3)))
+
+
+def stages(
+    target: Target, tables: Move, taken: ErrorModel, datum: dict[str, float], places: Places
+) -> dict[str, Missed]:
+    """What the machine misses of its commands, by what is done about it.
+
+    tables: what the control with the tables does; taken: the errors that the tables take away, as a model. datum: by
+    axis, mm or degrees, what a shift of its zero adds to commands.
+    """
+    machine, model = target.machine, target.model
+    rest = joined(model, taken.effects, -1.0)
+
+    def corrected(by: ErrorModel) -> Array:
+        def errors(q: Array) -> Array:
+            return by.errors(machine, State(q, places.approach))
+
+        return correct_position(machine, errors, places.q, places.tool, np.ones(places.q.shape, bool))
+
+    def left(q: Array) -> Missed:
+        return missed(machine, model, q, places.q, places.tool, lambda q: State(q, places.approach))
+
+    with_tables = tables(places.q, places.approach)
+    shift = np.array([datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale
+    return {
+        "before": left(places.q),
+        "after_tables": left(with_tables),
+        **({"after_tables_and_datum_shift": left(with_tables + shift)} if datum else {}),
+        "after_nc_correction": left(corrected(model)),
+        "after_tables_and_nc_correction_of_the_rest": left(tables(corrected(rest), places.approach)),
+    }
+
+
+def summary(found: dict[str, Missed]) -> dict[str, Any]:
+    """RMS, 95 % quantile and largest of each stage: tool point, um, and tool axis, urad."""
+    return {
+        "tool_point_um": {stage: _numbers(left.point_um) for stage, left in found.items()},
+        "tool_axis_urad": {stage: _numbers(left.axis_urad) for stage, left in found.items()},
+    }
+
+
+def _numbers(sizes: Array) -> dict[str, float]:
+    if not len(sizes):
+        return {"rms": 0.0, "p95": 0.0, "max": 0.0}
+    return {
+        "rms": round(float(np.sqrt(np.mean(sizes**2))), 4),
+        "p95": round(float(np.quantile(sizes, 0.95)), 4),
+        "max": round(float(sizes.max()), 4),
+    }

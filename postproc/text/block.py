@@ -1,0 +1,90 @@
+"""NC text without loss: blocks with their words and where each number stands; edits that touch nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from kinematics.user_error import UserError
+from postproc.text.expressions import Expression, Formula
+from postproc.text.statements import Code
+
+
+class Refusal(UserError):
+    """A block that can't be used as it stands: names file, line, text and reason."""
+
+    def __init__(self, line: int, text: str, reason: str) -> None:
+        super().__init__(reason)
+        self.line = line
+        self.text = text.strip()
+        self.reason = reason
+
+    def located(self, file: str, read_as: str = "") -> UserError:
+        """The message a user sees; `read_as`: the dialect, and why."""
+        shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
+        behind = f" ({read_as})" if read_as else ""
+        return UserError(f"{file}:{self.line}: {shown!r}: {self.reason}{behind}")
+
+
+class Word(NamedTuple):
+    """An address and its number, with the places of both in the text of the block."""
+
+    address: str
+    """Upper case; Klartext increments as IX, IY, ..."""
+    value: float | None
+    """None for an address that stands alone (`FMAX` is the address FMAX; Klartext also has a bare `M`)."""
+    at: int
+    start: int
+    end: int
+    """The word is text[at:end], its number text[start:end]."""
+    formula: Formula | None = None
+    """What stands in the place of the number; the value is then that of the present pass, if known."""
+    mode: str = ""
+    """AC, IC, DC, ... of a Siemens word that says itself how its value counts."""
+    tail: int = 0
+    """Characters behind the number that belong to the word."""
+    arguments: tuple[Expression, ...] | None = None
+    """Of a call."""
+
+
+class Block(NamedTuple):
+    """One NC block, a line or several joined by continuation marks."""
+
+    line: int
+    """Number of its first line in the file, from 1."""
+    text: str
+    """With its end of line; joining the texts of all blocks gives the file."""
+    kind: str
+    """What it says, in the words of its dialect's module."""
+    words: tuple[Word, ...] = ()
+    detail: str = ""
+    """The construct behind `kind`, for messages and rare statements."""
+    skippable: bool = False
+    """True when the operator's block-skip switch decides whether it runs."""
+    code: Code | None = None
+    """Its statements; a block whose words hold formulas has one too, be it empty."""
+    alone: bool = False
+    """True where control comes or goes by a jump: what is put in front of it, or behind it, need not run."""
+
+    def refuse(self, reason: str) -> Refusal:
+        """The exception that stops the run at this block."""
+        return Refusal(self.line, self.text, reason)
+
+
+class Edit(NamedTuple):
+    """Replace text[start:end] of a block."""
+
+    start: int
+    end: int
+    text: str
+
+
+def edited(text: str, edits: Iterable[Edit]) -> str:
+    """The text with all edits made; edits do not overlap, those at one place keep their order."""
+    pieces: list[str] = []
+    done = 0
+    for start, end, replacement in sorted(edits, key=lambda edit: edit[:2]):
+        pieces += text[done:start], replacement
+        done = end
+    pieces.append(text[done:])
+    return "".join(pieces)

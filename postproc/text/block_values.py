@@ -1,0 +1,82 @@
+"""Blocks with the values that their formulas have when they run, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from postproc.text.block import Block, Word
+from postproc.text.expressions import Constant, Expression, NotKnown, Scope, evaluate, may_be_one, number, variables
+from postproc.text.statements import TURNS, Assign, Code, Step, When
+
+FREE = frozenset(("F", "S", "FU", "FZ", "FT"))
+"""Addresses whose values need not be known: they move the tool nowhere."""
+
+
+def straight(blocks: Iterable[Block], scope: Scope) -> Iterator[Block]:
+    """The blocks of a program without jumps, with the values of their words."""
+    for block in blocks:
+        if block.code is None:
+            yield block
+            continue
+        _assign(block, block.code.before, scope)
+        yield with_values(block, scope)
+        _assign(block, block.code.after, scope)
+
+
+def with_values(block: Block, scope: Scope) -> Block:
+    """The block with values in the place of formulas; Refusal where a value that moves something is not known."""
+    if all(word.formula is None and not word.arguments for word in block.words):
+        return block
+    return block._replace(words=tuple(_with_value(block, word, scope) for word in block.words))
+
+
+def _with_value(block: Block, word: Word, scope: Scope) -> Word:
+    if word.arguments:
+        return word._replace(arguments=tuple(_argument(argument, scope) for argument in word.arguments))
+    if word.formula is None:
+        return word
+    try:
+        return word._replace(value=number(word.formula.expression, scope))
+    except NotKnown as reason:
+        if word.address in FREE:
+            return word
+        raise block.refuse(f"{block.text[word.at : word.end]}: {reason}") from None
+
+
+def _argument(expression: Expression, scope: Scope) -> Expression:
+    """An argument of a call as it is now: its value where it reads variables that are known."""
+    if not any(True for _ in variables(expression)):
+        return expression
+    try:
+        return Constant(evaluate(expression, scope))
+    except NotKnown:
+        return expression
+
+
+def _assign(block: Block, steps: Iterable[Step], scope: Scope) -> None:
+    """Run steps that do not turn."""
+    for step in steps:
+        try:
+            if not isinstance(step, When):
+                assert not isinstance(step, TURNS)
+                step.run(scope)
+            elif number(step.condition, scope):
+                _assign(block, (step.then,), scope)
+        except NotKnown as reason:
+            raise block.refuse(str(reason)) from None
+
+
+def check_order(block: Block) -> Block:
+    """The block, refused when it sets a variable and reads it elsewhere: controls differ in what comes first."""
+    code = block.code or Code()
+    steps = [step for step in code.before + code.after if isinstance(step, Assign)]
+    if not steps:
+        return block
+    read = [(-1, v) for word in block.words if word.formula for v in variables(word.formula.expression)]
+    read += [(-1, v) for word in block.words for e in word.arguments or () for v in variables(e)]
+    for i, step in enumerate(steps):
+        read += [(i, v) for e in (step.value, *step.target.indices) for v in variables(e)]
+    for i, step in enumerate(steps):
+        if any(j != i and may_be_one(variable, step.target) for j, variable in read):
+            raise block.refuse("sets a variable and reads it in one block: controls differ in what comes first")
+    return block

@@ -1,0 +1,132 @@
+"""Loops and branches as they run: the block that follows where one opens, divides or closes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, cast
+
+from postproc.text.block import Block
+from postproc.text.control_flow import find_structures
+from postproc.text.expressions import Expression, NotKnown, Scope, evaluate, number, whole
+from postproc.text.statements import Again, Begin, Else, End, Leave
+
+Part = TypeVar("Part")
+
+
+def _given(part: Part | None) -> Part:
+    """What a structure of its kind always has."""
+    assert part is not None
+    return part
+
+
+class StructureSteps:
+    """Of every step of a structure: the block to go on with, None for the next one."""
+
+    def __init__(
+        self, blocks: Sequence[Block], scope: Scope, passes: Callable[[], dict[int, int]], leave: Callable[[], int]
+    ) -> None:
+        """`passes` gives, by the block that opens a loop, how often the present subprogram has still to run it;
+        `leave` ends the subprogram."""
+        self.structures, self.scope, self.passes, self.leave = find_structures(blocks), scope, passes, leave
+        self.after_break = False
+        """A WHILE with a break in it has ended, and no DO since."""
+        self.after_continue = False
+        """A DO has gone on with its next pass by a continue."""
+        self.turns: dict[type, Callable[[int, Block, Any], int | None]] = {
+            Begin: self._begin,
+            Else: self._else,
+            End: self._end,
+            Leave: self._leave_loop,
+            Again: self._next_pass,
+        }
+
+    def _begin(self, at: int, block: Block, __: Begin) -> int | None:
+        step = cast(Begin, self.structures.steps.get(at))
+        if isinstance(step, End):  # a WHILE that closes a DO
+            return self._end(at, block, step)
+        end = self.structures.end[at]
+        match step.kind:
+            case "IF" if not self._holds(step.test):
+                return self._branch(at)
+            case "WHILE":
+                runs = self._holds(step.test)
+            case "REPEAT":
+                passes = whole(_given(step.test), self.scope)
+                self.passes()[at] = passes
+                runs = passes > 0
+            case "FOR":
+                self._count(step, number(_given(step.first), self.scope))
+                runs = self._counting(step)
+            case kind:
+                runs = kind != "SUB"
+        if not runs and step.kind == "WHILE" and at in self.structures.left:
+            self.after_break = True
+        return None if runs else end + 1
+
+    def _else(self, at: int, _: Block, __: Else) -> int:
+        return self.structures.end[at] + 1
+
+    def _end(self, at: int, block: Block, __: End) -> int | None:
+        begin = self.structures.begin[at]
+        opened, step = cast(Begin, self.structures.steps[begin]), cast(End, self.structures.steps[at])
+        match step.kind:
+            case "WHILE" | "LOOP":
+                return begin
+            case "SUB":
+                return self.leave()
+            case "DO" if step.until is not None:
+                again = not self._holds(step.until)
+            case "DO":
+                again = self._again(step.again)
+            case "REPEAT":
+                if self.after_continue:
+                    raise block.refuse(
+                        "a repeat loop that ends behind the continue of a do loop: LinuxCNC 2.9 runs it too often"
+                    )
+                self.passes()[begin] -= 1
+                again = self.passes()[begin] > 0
+            case "FOR":
+                self._count(opened, number(_given(opened.counter), self.scope) + 1.0)
+                again = self._counting(opened)
+            case _:
+                again = False
+        return begin + 1 if again else None
+
+    def _again(self, condition: Expression | None) -> bool:
+        """Whether a DO of O-words runs once more; NotKnown where LinuxCNC 2.9 ends it for the break of a WHILE."""
+        again = self._holds(condition)
+        if again and self.after_break:
+            raise NotKnown(
+                "after a while loop with a break LinuxCNC 2.9 leaves the next do loop after its first pass; "
+                "the behaviour of other versions is not known: write the loop without a break"
+            )
+        self.after_break = False
+        return again
+
+    def _leave_loop(self, at: int, _: Block, __: Leave) -> int:
+        begin = self.structures.begin[at]
+        self.after_break = cast(Begin, self.structures.steps[begin]).kind == "WHILE"
+        return self.structures.end[begin] + 1
+
+    def _next_pass(self, at: int, _: Block, __: Again) -> int:
+        begin = self.structures.begin[at]
+        self.after_continue |= cast(Begin, self.structures.steps[begin]).kind == "DO"
+        return self.structures.end[begin]
+
+    def _branch(self, at: int) -> int:
+        """The first block of the branch of an IF that runs when the first one does not."""
+        while True:
+            at = self.structures.following[at]
+            step = self.structures.steps[at]
+            if not isinstance(step, Else) or step.test is None or self._holds(step.test):
+                return at + 1
+
+    def _holds(self, condition: Expression | None) -> bool:
+        return number(_given(condition), self.scope) != 0.0
+
+    def _count(self, step: Begin, value: float) -> None:
+        counter = _given(step.counter)
+        self.scope.set(counter.name, tuple(evaluate(index, self.scope) for index in counter.indices), value)
+
+    def _counting(self, step: Begin) -> bool:
+        return number(_given(step.counter), self.scope) <= number(_given(step.test), self.scope)

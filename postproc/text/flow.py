@@ -1,0 +1,337 @@
+"""Programs as they run: which block comes next, and what its words say then.
+
+A program without jumps, loops and calls runs straight on, block after block, and none is kept. The others are held as
+a whole and walked through; every block comes as often as it runs, with the values that its words have that time.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, cast
+
+from postproc.text.block import Block
+from postproc.text.block_values import with_values
+from postproc.text.branches import StructureSteps
+from postproc.text.expressions import Expression, NotKnown, Scope, Value, evaluate, number, whole
+from postproc.text.statements import (
+    Call,
+    EndModal,
+    Jump,
+    Modal,
+    Rerun,
+    Return,
+    Select,
+    Simple,
+    Step,
+    When,
+    turns,
+)
+
+LONGEST = 2_000_000
+"""Blocks that a program may run."""
+DEEPEST = 100
+"""Subprograms in subprograms."""
+
+
+class Variables(Scope, Protocol):
+    """A scope whose variables a subprogram may have of its own."""
+
+    def enter(self, arguments: dict[int, Value | NotKnown] | None) -> None:
+        """Begin a subprogram, with its own local variables or, for None, those of its caller."""
+
+    def leave(self) -> dict[int, Value | NotKnown]:
+        """End it; what its numbered local variables hold then."""
+
+
+class Reader(Protocol):
+    """What reads the blocks as they run."""
+
+    @property
+    def ended(self) -> bool:
+        """The last block ended the program."""
+
+    @property
+    def moved(self) -> bool:
+        """The last block moved the tool; Refusal where whether a modal call follows it depends on the control."""
+
+
+@dataclass(eq=False)
+class _Called:
+    """A subprogram and what it is called with."""
+
+    first: int
+    """The block that it begins with."""
+    times: int
+    arguments: dict[int, Value | NotKnown] | None
+    depth: int = 0
+    """Of a modal call: in how many frames its G66 stands."""
+
+    def after(self, left: dict[int, Value | NotKnown]) -> None:
+        """Take over what a pass has left in its variables: whether the next one finds it depends on the control."""
+        if self.arguments is None:
+            return
+        unsure = NotKnown("a macro that runs again finds it as it was called, or as it left it: controls differ")
+        given = self.arguments
+        self.arguments = {
+            n: given[n] if n in given and left.get(n) == given[n] else unsure for n in given.keys() | left.keys()
+        }
+
+
+@dataclass
+class _Frame:
+    """A subprogram, or a part of the program that is run again."""
+
+    caller: int
+    first: int
+    last: int
+    """The block behind which a part is done; -1 for a subprogram, which says so itself."""
+    left: int
+    """Passes still to come behind this one."""
+    called: _Called | None
+    """The subprogram; None for a part, and for the main program."""
+    modals: int | None
+    """How many of the modal calls hold for its moves; None for all."""
+    loops: dict[int, int] = field(default_factory=dict)
+    """By the block that opens it: passes that a loop has still to run."""
+
+
+def never(_: Block) -> bool:
+    """False, whatever the block: where one file holds one program."""
+    return False
+
+
+class Flow:
+    """Walks through a program that is held as a whole."""
+
+    def __init__(
+        self,
+        blocks: Sequence[Block],
+        scope: Variables,
+        labels: Callable[[Block], Iterable[str]],
+        begins: Callable[[Block], bool] = never,
+    ) -> None:
+        self.blocks, self.scope = blocks, scope
+        self.programs = list(itertools.accumulate(map(begins, blocks)))
+        """Of every block: which program of the file it belongs to."""
+        self.labels: dict[str, list[int]] = {}
+        for i, block in enumerate(blocks):
+            for label in labels(block):
+                self.labels.setdefault(label, []).append(i)
+        self.frames = [_Frame(len(blocks), 0, -1, 0, None, None)]
+        self.modals: list[_Called] = []
+        """Calls that run behind moves, in the order of their G66."""
+        self._turns: dict[type, Callable[[int, Block, Any], int | None]] = {
+            Jump: self._jump,
+            When: self._when,
+            Select: self._select,
+            **StructureSteps(blocks, scope, lambda: self.frames[-1].loops, self._leave).turns,
+            Call: self._call,
+            Return: self._return,
+            Modal: self._modal,
+            EndModal: self._end_modal,
+            Rerun: self._rerun,
+        }
+        self.ran: set[int] = set()
+        """Blocks that have run."""
+        self._jumped = False
+        """The block that comes now has been jumped to."""
+
+    def run(self, reader: Reader) -> Iterator[tuple[int, Block]]:
+        """Blocks in the order in which they run, with their indices; each is read before the next is asked for."""
+        at, ran = 0, 0
+        while at < len(self.blocks):
+            block = self.blocks[at]
+            ran += 1
+            if ran > LONGEST:
+                raise block.refuse(f"the program does not come to an end within {LONGEST} blocks")
+            self.ran.add(at)
+            jumped, self._jumped, then = self._jumped, False, None
+            if block.code is not None:
+                then = self._steps(at, block, block.code.before)
+            if then is None:
+                modal = self._modal_call()
+                turning = block.code is not None and any(map(turns, block.code.after))
+                alone = jumped or turning or modal is not None
+                yield at, with_values(block._replace(alone=True) if alone else block, self.scope)
+                if modal is not None and reader.moved:
+                    if reader.ended or (block.code is not None and block.code.after):
+                        raise block.refuse("a move, and what turns the run of the program, while G66 is on")
+                    then = self._enter(at, block, modal)
+                elif block.code is not None and not reader.ended:
+                    then = self._steps(at, block, block.code.after)
+            if reader.ended:
+                return
+            at = self._behind(at) if then is None else then
+
+    def _behind(self, at: int) -> int:
+        """The block that runs behind one that says nothing of it."""
+        frame = self.frames[-1]
+        if at != frame.last:
+            return at + 1
+        if frame.left > 0:
+            frame.left -= 1
+            return frame.first
+        return self._leave()
+
+    def _steps(self, at: int, block: Block, steps: Iterable[Step]) -> int | None:
+        """Run steps; the block to go on with, None for the next one."""
+        for step in steps:
+            try:
+                then = self._step(at, block, step)
+            except NotKnown as reason:
+                raise block.refuse(str(reason)) from None
+            if then is not None:
+                return then
+        return None
+
+    def _step(self, at: int, block: Block, step: Step) -> int | None:
+        turn = self._turns.get(type(step))
+        if turn is not None:
+            return turn(at, block, step)
+        cast(Simple, step).run(self.scope)
+        return None
+
+    def _when(self, at: int, block: Block, step: When) -> int | None:
+        chosen = step.then if number(step.condition, self.scope) else step.otherwise
+        return None if chosen is None else self._step(at, block, chosen)
+
+    def _select(self, at: int, block: Block, step: Select) -> int | None:
+        value = evaluate(step.value, self.scope)
+        same = (jump for case, jump in step.cases if evaluate(case, self.scope) == value)
+        chosen = next(same, step.default)
+        return None if chosen is None else self._jump(at, block, chosen)
+
+    # ---- jumps and calls
+
+    def _jump(self, at: int, block: Block, step: Jump) -> int | None:
+        name = self._name(step.label)
+        places = self._labelled(name, at)
+        if len(step.ways) > 1 and len(places) > 1:
+            raise block.refuse(f"{name} is the label of {len(places)} blocks")
+        later, earlier = [place for place in places if place > at], [place for place in places if place <= at]
+        found = {"F": later[:1], "B": earlier[-1:]}
+        target = next((place for way in step.ways for place in found[way]), None)
+        if target is None:
+            if step.optional:
+                return None
+            raise block.refuse(f"no block with the label {name}")
+        frame = self.frames[-1]
+        if frame.last >= 0 and not frame.first <= target <= frame.last:
+            raise block.refuse("a jump out of a part of the program that is repeated")
+        self._jumped = True
+        return target
+
+    def _labelled(self, name: str, at: int) -> list[int]:
+        """The blocks of a label in the program that a block belongs to."""
+        return [place for place in self.labels.get(name, []) if self.programs[place] == self.programs[at]]
+
+    def _name(self, label: str | Expression) -> str:
+        value = label if isinstance(label, str) else evaluate(label, self.scope)
+        return value if isinstance(value, str) else f"{value:.10g}"
+
+    def _call(self, at: int, block: Block, step: Call) -> int | None:
+        if step.arguments is not None and self._modal_call() is not None:
+            raise block.refuse("a macro within a modal call: whether its moves call the other depends on the control")
+        return self._enter(at, block, self._called(block, step))
+
+    def _called(self, block: Block, step: Call) -> _Called:
+        name = self._name(step.name)
+        places = self.labels.get(name, [])
+        if len(places) != 1:
+            raise block.refuse(
+                f"{len(places)} subprograms {name} in this file" if places else f"no {name} in this file"
+            )
+        arguments: dict[int, Value | NotKnown] | None = None
+        if step.arguments is not None:
+            arguments = {number_: self._argument(expression) for number_, expression in step.arguments}
+        times = 1 if step.times is None else whole(step.times, self.scope)
+        return _Called(places[0] + 1, times, arguments, len(self.frames))
+
+    def _enter(self, at: int, block: Block, called: _Called) -> int | None:
+        """Begin the subprogram; one that runs behind a move has the modal calls before its own."""
+        if called.times < 1:
+            return None
+        if len(self.frames) > DEEPEST:
+            raise block.refuse("subprograms that call each other without end")
+        modals = self.modals.index(called) if called in self.modals else self.frames[-1].modals
+        self.scope.enter(called.arguments)
+        self.frames.append(_Frame(at, called.first, -1, called.times - 1, called, modals))
+        return called.first
+
+    def _argument(self, expression: Expression) -> Value | NotKnown:
+        try:
+            return evaluate(expression, self.scope)
+        except NotKnown as reason:
+            return reason
+
+    def _return(self, at: int, block: Block, step: Return) -> int | None:
+        frame = self.frames[-1]
+        if frame.called is None:
+            if step.label is None and step.outside:
+                raise block.refuse(step.outside)
+            return None if step.label is None else self._jump(at, block, Jump(step.label))
+        if step.label is None:
+            return self._leave()
+        if frame.left > 0 or frame.called in self.modals:
+            raise block.refuse("M99 with P in a subprogram with passes to come, or behind a move while G66 is on")
+        back = Jump(self._name(step.label))
+        self._end_frame(frame)
+        return self._jump(frame.caller, block, back)
+
+    def _leave(self) -> int:
+        """The end of a subprogram or a part: once more, or behind its call."""
+        frame = self.frames[-1]
+        if frame.left > 0:
+            frame.left -= 1
+            if frame.called is not None:
+                frame.called.after(self.scope.leave())
+                self.scope.enter(frame.called.arguments)
+            return frame.first
+        self._end_frame(frame)
+        return self._behind(frame.caller)
+
+    def _end_frame(self, frame: _Frame) -> None:
+        if self.modals and self.modals[-1].depth == len(self.frames):
+            raise self.blocks[frame.caller].refuse("a subprogram that ends while its G66 is on")
+        self.frames.pop()
+        if frame.called is not None:
+            frame.called.after(self.scope.leave())
+
+    # ---- modal calls
+
+    def _modal_call(self) -> _Called | None:
+        """What runs behind a move of the present frame."""
+        modals = self.frames[-1].modals
+        held = len(self.modals) if modals is None else modals
+        return self.modals[held - 1] if held else None
+
+    def _modal(self, _: int, block: Block, step: Modal) -> None:
+        if self.frames[-1].modals is not None:
+            raise block.refuse("G66 in a macro that runs behind moves")
+        self.modals.append(self._called(block, step.call))
+
+    def _end_modal(self, _: int, block: Block, __: EndModal) -> None:
+        if not self.modals:
+            return
+        if self.frames[-1].modals is not None or self.modals[-1].depth != len(self.frames):
+            raise block.refuse("G67 in another program than its G66")
+        self.modals.pop()
+
+    def _rerun(self, at: int, block: Block, step: Rerun) -> int | None:
+        times = 1 if step.times is None else whole(step.times, self.scope)
+        if times < 1:
+            return None
+        firsts = self._labelled(step.first, at)
+        if len(firsts) != 1 or (firsts[0] >= at and not step.last) or "ENDLABEL" in self.labels:
+            raise block.refuse(f"no block {step.first} before it, or more than one")
+        last = at - 1
+        if step.last:
+            places = self._labelled(step.last, at)
+            if len(places) != 1 or places[0] < firsts[0]:
+                raise block.refuse(f"no block {step.last} behind {step.first}, or more than one")
+            last = places[0]
+        self.frames.append(_Frame(at, firsts[0], last, times - 1, None, self.frames[-1].modals))
+        self._jumped = True
+        return firsts[0]

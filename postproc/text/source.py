@@ -1,0 +1,156 @@
+"""NC files as numbered lines of text that give the same bytes when written back."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import itertools
+import os
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from kinematics.user_error import UserError
+
+ENCODING = "latin-1"
+"""Gives every byte a character and back, whatever the file's real encoding: only comments hold more than ASCII."""
+
+BYTE_ORDER_MARK = "\xef\xbb\xbf"
+HEAD_SIZE = 20_000
+LONGEST_LINE = 1_000_000
+"""Characters; a control takes some hundred, a line of a Klartext cycle's text a few thousand."""
+CHUNK = 4096
+"""Blocks that are worked on together: enough for NumPy, few enough for the processor's cache."""
+_CONTROLS = frozenset(range(32)) - frozenset(b"\t\n\r\x00\x0c\x1a")
+
+_ODD = re.compile(f"[{re.escape(''.join(map(chr, sorted({0, *_CONTROLS}))))}]")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A program to be read, more than once if need be; a file is never held in memory as a whole."""
+
+    name: str
+    head: str
+    """Its beginning."""
+    data: bytes | None = None
+    """What came from standard input or another pipe."""
+    origin: str = ""
+    """Fingerprint of the program that this one was made from."""
+    state: tuple[int, int, int] | None = None
+    """State of the file when it was opened first: it is read more than once and must not change."""
+
+    def open(self) -> io.BufferedReader | io.BytesIO:
+        """The bytes from the start; UserError where the file has changed since it was opened first."""
+        if self.data is not None:
+            return io.BytesIO(self.data)
+        try:
+            stream = Path(self.name).open("rb")  # noqa: SIM115
+        except OSError as fault:
+            raise UserError(f"program {self.name}: {fault.strerror or fault}") from None
+        self.check_unchanged(stream)
+        return stream
+
+    def check_unchanged(self, stream: io.BufferedReader | io.BytesIO) -> None:
+        """UserError where the file has changed since it was opened first."""
+        if self.state is not None and isinstance(stream, io.BufferedReader) and _state(stream) != self.state:
+            raise UserError(f"program {self.name} was changed while it was read; run ncomp again when it is complete")
+
+    @cached_property
+    def hash(self) -> str:
+        """Fingerprint of the bytes, as `kinematics.files.fingerprint`."""
+        if self.origin:
+            return self.origin
+        with self.open() as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()[:12]
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        return Path(self.name).stat().st_size if self.data is None else len(self.data)
+
+    @property
+    def mark(self) -> str:
+        """A byte order mark that stands in front of the first line, or nothing."""
+        return BYTE_ORDER_MARK if self.head.startswith(BYTE_ORDER_MARK) else ""
+
+    @property
+    def text_head(self) -> str:
+        """The beginning behind a byte order mark, for finding the dialect."""
+        return self.head.removeprefix(BYTE_ORDER_MARK)
+
+    @property
+    def line_end(self) -> str:
+        """How its first line ends, a line feed when nothing shows it."""
+        match = re.search(r"\r*\n|\r", self.head)
+        return match[0] if match else "\n"
+
+    def lines(self) -> Iterator[tuple[int, str]]:
+        """Lines with their ends, numbered from 1, behind a byte order mark."""
+        with self.open() as stream:
+            stream.seek(len(self.mark))
+            newline = "\n" if "\n" in self.head or "\r" not in self.head else "\r"
+            text = io.TextIOWrapper(stream, encoding=ENCODING, newline=newline)
+            for number, line in enumerate(iter(lambda: text.readline(LONGEST_LINE), ""), start=1):
+                if len(line) == LONGEST_LINE:
+                    raise UserError(
+                        f"{self.name}:{number}: a line of more than {LONGEST_LINE} characters: this is no NC program"
+                    )
+                odd = _ODD.search(line)
+                if odd and not _is_tape_end(line, number):
+                    raise UserError(f"{self.name}:{number}: {odd[0]!r} is no character of an NC program")
+                yield number, line
+            self.check_unchanged(stream)
+
+
+def open_source(path: str) -> Source:
+    """The program in a file, `-` for standard input; UserError when it can't be read or is no NC text."""
+    if path == "-":
+        data = sys.stdin.buffer.read()
+        source = Source("<stdin>", data[:HEAD_SIZE].decode(ENCODING), data)
+    else:
+        try:
+            with Path(path).open("rb") as stream:
+                head = stream.read(HEAD_SIZE)
+                # a pipe can be read but once
+                data = None if stream.seekable() else head + stream.read()
+                source = Source(path, head.decode(ENCODING), data, state=_state(stream))
+        except OSError as fault:
+            raise UserError(f"program {path}: {fault.strerror or fault}") from None
+    _check(source)
+    return source
+
+
+def chunks(items: Iterator[tuple[int, str]], size: int) -> Iterator[list[tuple[int, str]]]:
+    """The items in lists of `size`."""
+    while chunk := list(itertools.islice(items, size)):
+        yield chunk
+
+
+def _state(stream: io.BufferedReader) -> tuple[int, int, int]:
+    """Identity of the file, its size, and the time of its last change."""
+    found = os.fstat(stream.fileno())
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _is_tape_end(line: str, number: int) -> bool:
+    """True for a line whose only control characters are the NULs that lead or trail a tape."""
+    text = line.lstrip("\0") if number == 1 else line
+    text = text if line.endswith(("\n", "\r")) else text.rstrip("\0")
+    return not _ODD.search(text) or not text.strip("\0 \t\r\n")
+
+
+def _check(source: Source) -> None:
+    head = source.head.encode(ENCODING)
+    if not head.strip(b"\0 \t\r\n"):
+        if len(head) == HEAD_SIZE:
+            raise UserError(f"program {source.name} begins with {HEAD_SIZE} blank or NUL characters: no NC text")
+        raise UserError(f"program {source.name} is empty")
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise UserError(f"program {source.name} is UTF-16 text; save it as plain text (ASCII or UTF-8)")
+    body = head.strip(b"\0")
+    if b"\0" in body or not _CONTROLS.isdisjoint(body):
+        raise UserError(f"program {source.name} is a binary file, no NC text")

@@ -1,0 +1,173 @@
+"""What a block says beside its words: assignments, jumps, loops, calls; shared by all dialects."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol, TypeAlias
+
+from postproc.text.expressions import Expression, NotKnown, Scope, Value, Variable, evaluate
+
+
+class Simple(Protocol):
+    """A statement after which the next one runs."""
+
+    def run(self, scope: Scope) -> None:
+        """Do it; NotKnown for what can't be done."""
+
+
+class Assign(NamedTuple):
+    """Give a variable a value."""
+
+    target: Variable
+    value: Expression
+
+    def run(self, scope: Scope) -> None:
+        """Set it, or note why its value is not known."""
+        indices = tuple(evaluate(index, scope) for index in self.target.indices)
+        value: Value | NotKnown
+        try:
+            value = evaluate(self.value, scope)
+        except NotKnown as reason:
+            value = reason
+        scope.set(self.target.name, indices, value)
+
+
+class Label(NamedTuple):
+    """A name for a block, to be jumped to."""
+
+    name: str
+
+    def run(self, scope: Scope) -> None:
+        """Nothing happens."""
+
+
+class Jump(NamedTuple):
+    """Go on at a label: a text, or an expression whose value names it."""
+
+    label: str | Expression
+    ways: str = "FB"
+    """Where it is looked for: towards the end (F), the beginning (B), in this order."""
+    optional: bool = False
+    """Go on behind the jump where there is no such label."""
+
+
+class When(NamedTuple):
+    """Do something on a condition."""
+
+    condition: Expression
+    then: Step
+    otherwise: Step | None = None
+
+
+class Select(NamedTuple):
+    """Do what belongs to the first value that the expression has, otherwise the default."""
+
+    value: Expression
+    cases: tuple[tuple[Expression, Jump], ...]
+    default: Jump | None
+
+
+class Begin(NamedTuple):
+    """Opens a structure: IF, WHILE, FOR, LOOP, DO, REPEAT, or SUB, which runs only when it is called."""
+
+    kind: str
+    key: str = ""
+    """Number or name that opening and end share, where the dialect has one."""
+    test: Expression | None = None
+    """Condition of IF and WHILE, number of passes of REPEAT, last value of FOR."""
+    counter: Variable | None = None
+    first: Expression | None = None
+    """Of FOR."""
+
+
+class Else(NamedTuple):
+    """The other branch of an IF, with a condition or without."""
+
+    key: str = ""
+    test: Expression | None = None
+
+
+class End(NamedTuple):
+    """Closes a structure; one that is run at least once has its condition here."""
+
+    kind: str
+    key: str = ""
+    until: Expression | None = None
+    """The condition on which it is left."""
+    again: Expression | None = None
+    """The condition on which it is not."""
+
+
+class Leave(NamedTuple):
+    """Go on behind a loop."""
+
+    key: str = ""
+
+
+class Again(NamedTuple):
+    """Go on with the next pass of a loop."""
+
+    key: str = ""
+
+
+class Call(NamedTuple):
+    """Run a subprogram."""
+
+    name: str | Expression
+    arguments: tuple[tuple[int, Expression], ...] | None = ()
+    """Number of a local variable, and its value; None when it has the variables of its caller."""
+    times: Expression | None = None
+
+
+class Return(NamedTuple):
+    """The end of a subprogram."""
+
+    outside: str = ""
+    """Why it can't stand outside of one; nothing where it then does nothing."""
+    label: Expression | None = None
+    """Where its caller goes on, instead of behind the call; in the main program a jump."""
+
+
+class Modal(NamedTuple):
+    """Run a subprogram behind every move from here on."""
+
+    call: Call
+
+
+class EndModal(NamedTuple):
+    """End the last of the modal calls, if any."""
+
+    def run(self, scope: Scope) -> None:
+        """Nothing to end where the program has none."""
+
+
+class Rerun(NamedTuple):
+    """Run a part of the program again, which stands between two labels."""
+
+    first: str
+    last: str
+    """Nothing: up to the statement itself."""
+    times: Expression | None = None
+
+
+Step: TypeAlias = Simple | Jump | When | Select | Begin | Else | End | Leave | Again | Call | Return | Modal | Rerun
+TURNS = (Jump, When, Select, Begin, Else, End, Leave, Again, Call, Return, Modal, Rerun)
+"""Steps after which not always the next one runs."""
+
+
+class Code(NamedTuple):
+    """The statements of a block."""
+
+    before: tuple[Step, ...] = ()
+    """Run before its words."""
+    after: tuple[Step, ...] = ()
+    """Run behind them."""
+
+    @property
+    def turns(self) -> bool:
+        """True when not always the next block runs."""
+        return any(turns(step) for step in self.before + self.after)
+
+
+def turns(step: Step) -> bool:
+    """True when not always the next step runs."""
+    return isinstance(step, TURNS) and not (isinstance(step, When) and not turns(step.then) and step.otherwise is None)

@@ -1,0 +1,1 @@
+"""Corrected moves written back into the words of the program."""

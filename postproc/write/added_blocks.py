@@ -1,0 +1,192 @@
+"""Blocks of ncomp's own: how they are written beside the program's, and how they are known again."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from postproc.iso.codes import DISTANCES, FEED_MODES, UNITS
+from postproc.text.block import Block, Word
+from postproc.text.editing import Iterations, Layout, place
+
+ARCS = frozenset((2.0, 3.0))
+WORKED_OUT = frozenset(("CIP", "CT"))
+"""Siemens arcs that a correction writes as G2 or G3."""
+MODES = DISTANCES | FEED_MODES | UNITS.keys()
+ALONE = "no block may stand beside it: a jump, a call, radius compensation, a rounded corner, a cycle or a tool axis"
+"""Why a block has none of ncomp's own beside it."""
+START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
+"""M functions that every control runs before the move of their block: they stay with the first piece of it."""
+END_M = frozenset((0.0, 1.0, 2.0, 30.0))
+"""Those that every control runs behind it: they go to the last piece."""
+EXACT_STOP = 9.0
+"""G9: at the end of its block."""
+SINGLE_FEEDS = frozenset(("FB", "FT", "FMAXT"))
+"""Feeds of one block."""
+LASTING = frozenset(("DC", "ACP", "ACN"))
+"""Siemens: which way round an axis turns to a position."""
+
+TURN_WORDS = frozenset(("P", "TURN"))
+"""ISO and Siemens: how many turns an arc has."""
+
+
+class Tag(StrEnum):
+    """What a block of ncomp's own is, in its comment; upper case and plain, as the oldest control reads it."""
+
+    TAKE_UP = "NCOMP TAKE-UP"
+    PIECE = "NCOMP ARC"
+    """Of an arc, from where an axis turns back."""
+    PART = "NCOMP FROM"
+    """Of a move, from a share of its way that stands behind it: NCOMP FROM 3/8."""
+
+
+_SHARE = re.compile(rf"{Tag.PART} (\d+)/(\d+)")
+
+
+def tag_of(text: str) -> Tag | None:
+    """What a block is, None for one of the program."""
+    return next((tag for tag in Tag if tag in text), None) if "NCOMP" in text else None
+
+
+def begin_of(text: str) -> float:
+    """The share of its programmed move at which a block of ncomp's own begins; nan where it does not say it."""
+    match = _SHARE.search(text)
+    return int(match[1]) / max(int(match[2]), 1) if match else math.nan
+
+
+def part(begin: float) -> str:
+    """The comment of a block that begins at a share of its programmed move."""
+    count, of = begin.as_integer_ratio()
+    return f"{Tag.PART} {count}/{of}"
+
+
+def mode_words(block: Block) -> list[str]:
+    """The G codes of a block that say how it is read: whoever stands before it and is read alike says them too."""
+    return [block.text[word.at : word.end] for word in block.words if word.address == "G" and word.value in MODES]
+
+
+def feed_words(block: Block) -> list[str]:
+    """What a block says of the feed, as it stands there."""
+    return [block.text[word.at : word.end] for word in block.words if word.address in ("F", "FU", "FZ", "FAUTO")]
+
+
+def end_words(block: Block) -> list[Word]:
+    """What the control does at the end of a block."""
+    return [
+        word
+        for word in block.words
+        if (word.address == "M" and word.value in END_M) or (word.address == "G" and word.value == EXACT_STOP)
+    ]
+
+
+def feed_index(block: Block) -> int | None:
+    """Index of the F word."""
+    return next((i for i, word in enumerate(block.words) if word.address == "F"), None)
+
+
+def lacks_motion(block: Block) -> bool:
+    """True for an ISO arc that has G2 or G3 from a block before."""
+    said = (w.address in WORKED_OUT or (w.address == "G" and w.value in ARCS) for w in block.words)
+    return block.kind == "words" and not any(said)
+
+
+@dataclass
+class AddedBlock:
+    """A block beside one of the program, word by word, in the program's style."""
+
+    beside: Block
+    layout: Layout
+    tag: str
+    sense: int = 0
+    """Of an arc, 0 of a straight line."""
+    preface: str = ""
+    """A block before it."""
+    iterations: Iterations | None = None
+    """Iterations of the block beside it, if that may run several times."""
+    number: int = 0
+    """Number among the blocks that are added beside the same block."""
+    _modes: list[str] = field(default_factory=list)
+    _words: list[tuple[str, str]] = field(default_factory=list)
+    _feed: list[str] = field(default_factory=list)
+    _functions: list[str] = field(default_factory=list)
+
+    @property
+    def klartext(self) -> bool:
+        """True beside a block of Klartext."""
+        return self.beside.kind != "words"
+
+    def beside_says(self, mode: str) -> bool:
+        """True beside a Siemens block with a word in that mode: AC, IC, ..."""
+        return any(word.mode == mode and word.address in "IJK" for word in self.beside.words)
+
+    @property
+    def says_nothing(self) -> bool:
+        """True as long as it names no axis."""
+        return not self._words
+
+    def names(self, axis: str) -> bool:
+        """True when it says where an axis goes."""
+        return any(address == axis for address, _ in self._words)
+
+    def agreed(self, name: str, number: float, decimals: int) -> float:
+        """The number that a word of this name had when the block ran first, where that is near enough."""
+        own = f"{self.number} {name}"
+        return number if self.iterations is None else self.iterations.agreed(own, number, decimals)
+
+    def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
+        """Add a word if the rounded wanted value differs from the held one; returns the value of the control then."""
+        number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
+        if self.iterations is not None:
+            number = self.iterations.added(f"{self.number} {address}", number, wanted, held, decimals)
+        if number is None:
+            return held
+        self.insert(address, number, decimals)
+        return number
+
+    def insert(self, address: str, value: float, decimals: int) -> None:
+        """Add a word."""
+        self._words.append((address, self.layout.numbers.write(value, decimals)))
+
+    def modes(self, *texts: str) -> None:
+        """Say how it is read."""
+        self._modes += texts
+
+    def feed(self, *texts: str) -> None:
+        """Say the feed."""
+        self._feed += texts
+
+    def functions(self, *texts: str) -> None:
+        """Say what the control does at the end of the move."""
+        self._functions += texts
+
+    def feed_of(self, value: float) -> None:
+        """Say the feed by its number, with six digits."""
+        digits = max(0, 6 - len(f"{value:.0f}"))
+        self._feed.append(f"F{self.layout.numbers.write(value, max(1, digits)).lstrip('+')}")
+
+    def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
+        """Klartext: the pole of an arc."""
+        body = " ".join(address + self.layout.numbers.write(value, decimals) for address, value in words)
+        self.preface = f"CC {body}"
+
+    def end_by_angle(self, axes: list[str], angle: float, decimals: int) -> None:
+        """Klartext: say the end of an arc by an angle about its pole in the place of axes, as a helix has to."""
+        self._words = [word for word in self._words if word[0] not in axes]
+        self.insert("IPA", angle, decimals)
+
+    def lines(self, comment: str) -> list[str]:
+        """The block, and the one before it, without ends of line; `comment` with a place for the tag."""
+        ordered = [address + number for address, number in sorted(self._words, key=lambda w: place(w[0]))]
+        if self.klartext:
+            heads = {"R": "CR", "IPA": "CP"}
+            head = next((heads[address] for address, _ in self._words if address in heads), "C" if self.sense else "L")
+            ordered += ["DR+" if self.sense > 0 else "DR-"] if self.sense else []
+        else:
+            head = "G1" if not self.sense else "G3" if self.sense > 0 else "G2"
+        blank = " " if self.klartext or self.layout.blank else ""
+        said = blank.join([*self._modes, head, *ordered, *self._feed, *self._functions])
+        lower = self.beside.words and self.beside.text[self.beside.words[0].at].islower()
+        line = f"{said.lower() if lower else said}{blank}{comment.format(self.tag)}"
+        return [self.preface, line] if self.preface else [line]

@@ -1,0 +1,199 @@
+"""Arcs as they are written: where ends and middle go, one circle again, by its centre, radius or pole."""
+
+from __future__ import annotations
+
+import math
+
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from postproc.motion.circles import (
+    OUT_OF_ROUND,
+    SAME,
+    Point,
+    between,
+    centre_from_radius,
+    height_over_chord,
+    moved_centre,
+    point_at,
+    same,
+    sweep,
+)
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Arc, Known
+from postproc.motion.segments import arc_ends, arc_turned
+from postproc.text.editing import WordEditor
+from postproc.text.number_style import decimals_for
+from postproc.write.added_blocks import WORKED_OUT, AddedBlock
+from postproc.write.poles import Ends, PoleWriter
+
+STRAY = 5e-4
+"""mm: an arc by radius whose middle strays farther than this is rewritten by its centre. Near a half circle rounding
+the radius, and near a full one rounding the end points, moves the path by many times as much."""
+HALF = 1e-6
+"""rad: arcs nearer than this to half a turn are half a turn, which the signs of the radius say alike."""
+DOT = 0.01
+"""mm: the radius of an arc so small that it does not matter which way round it is run."""
+ABOUT_POLES = frozenset(("pole", "polar", "tangent"))
+"""Forms of arcs whose centre is a pole, or is written as one."""
+
+
+class CircleWriter:
+    """Makes arcs with corrected ends circles again."""
+
+    def __init__(self, machine: Machine, poles: PoleWriter) -> None:
+        self.machine, self._poles = machine, poles
+
+    def write(
+        self,
+        motions: Motions,
+        row: int,
+        ends: Ends,
+        middle_shift: Array,
+        editor: WordEditor | AddedBlock,
+        pole_editor: WordEditor | None,
+        dropped: list[int] | None = None,
+    ) -> Arc:
+        """Make start, end and centre as written one circle again, moved as the path along the arc is moved.
+
+        Returns it round the centre that the control finds. `pole_editor`, `dropped`: as of `PoleWriter.write_arc`,
+        which `ends` are for too. Refusal if the written text would be another arc.
+        """
+        arc, block = motions.arcs[row], motions.blocks[motions.block[row]]
+        i, j = arc.plane[:2]
+        if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
+            raise block.refuse("an arc from a position that the program has not given in this frame")
+        start, end = ((at[i], at[j]) for at in ends)
+        if same(start, end) != arc.full:
+            raise block.refuse("an arc so short, or so nearly a full circle, that rounding makes it the other")
+        turned = arc_turned(motions, row)
+        centre = _new_centre(motions, row, start, end, middle_shift)
+        unit = float(motions.unit[row])
+        if arc.form in ABOUT_POLES or dropped or self._helix_beside(arc, editor):
+            about = arc._replace(centre=between(start, end, centre) if dropped else centre)
+            centre = self._poles.write_arc(motions, row, about, ends, pole_editor, editor, dropped)
+            end = (ends[1][i], ends[1][j])
+        elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
+            centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
+        else:
+            # a Siemens block says by itself that its centre is absolute (I=AC), one of our own does not
+            absolute = arc.form.endswith("absolute") and not (
+                isinstance(editor, AddedBlock) and editor.beside_says("AC")
+            )
+            centre = self._write_centre(editor, arc, (0.0, 0.0) if absolute else start, centre, unit)
+            if arc.form == "worked-out" and isinstance(editor, WordEditor):
+                say_circle(editor, arc.sense)
+        if (
+            abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0
+            and math.dist(start, centre) > DOT
+        ):
+            raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
+        if math.dist(start, centre) < SAME or math.dist(end, centre) < SAME:
+            raise block.refuse("an arc so small that rounding leaves it no radius")
+        return arc._replace(centre=centre)
+
+    def _helix_beside(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
+        """True for a Klartext piece of ncomp's own that moves across the plane of its arc, which CR can't."""
+        return isinstance(editor, AddedBlock) and editor.klartext and editor.names(self.machine.names[arc.plane[2]])
+
+    def _centre_letter(self, axis: int) -> str:
+        return "IJK"["XYZ".index(self.machine.names[axis][0])]
+
+    def _write_centre(
+        self, editor: WordEditor | AddedBlock, arc: Arc, base: Point, centre: Point, unit: float
+    ) -> Point:
+        """Say the centre as seen from `base`; returns where that puts it."""
+        written = []
+        for axis, index, origin, place in zip(arc.plane, arc.words, base, centre, strict=False):
+            decimals = decimals_for(self.machine.axes[axis].resolution / unit)
+            value = round((place - origin) / unit, decimals)
+            if isinstance(editor, WordEditor) and index is not None:
+                value = editor.set(index, (place - origin) / unit, decimals)
+            elif isinstance(editor, AddedBlock):
+                value = editor.agreed(self._centre_letter(axis), value, decimals)
+                editor.insert(self._centre_letter(axis), value, decimals)
+            else:
+                value = editor.add(self._centre_letter(axis), (place - origin) / unit, 0.0, decimals)
+            written.append(origin + value * unit)
+        return written[0], written[1]
+
+    def _write_radius(
+        self,
+        editor: WordEditor | AddedBlock,
+        arc: Arc,
+        points: tuple[Point, Point, Point],
+        unit: float,
+        turned: float,
+    ) -> Point:
+        """Say the radius, or the centre in its place where that leads the path astray; returns the control's centre."""
+        start, end, centre = points
+        decimals = decimals_for(self.machine.axes[arc.plane[0]].resolution / unit)
+        radius = math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)) / unit
+        if isinstance(editor, AddedBlock):
+            radius = editor.agreed("R", round(radius, decimals), decimals)
+            by_radius = centre_from_radius(start, end, radius * unit, arc.sense)
+            if by_radius is None or _strays(start, end, centre, by_radius, arc.sense) >= STRAY:
+                raise editor.beside.refuse("rounding its radius would move this arc in pieces: give its centre (CC, C)")
+            editor.insert("R", radius, decimals)
+            return by_radius
+        index = arc.words[0]
+        assert index is not None
+        said = editor.block.words[index].value or 0.0
+        # a piece of an arc of more than half a turn may be less than that
+        signed = math.copysign(radius, said if abs(turned) > math.pi - HALF else 1.0)
+        by_radius = centre_from_radius(start, end, editor.rounded(index, signed, decimals) * unit, arc.sense)
+        if by_radius is not None and _strays(start, end, centre, by_radius, arc.sense) < STRAY:
+            editor.set(index, signed, decimals)
+            return by_radius
+        if editor.block.kind != "words":
+            raise editor.block.refuse("rounding its radius would move this arc: give its centre (CC and C)")
+        base = (0.0, 0.0) if arc.form == "radius-absolute" else start
+        letters = [self._centre_letter(axis) for axis in arc.plane[:2]]
+        offsets = [round((c - b) / unit, decimals) for c, b in zip(centre, base, strict=True)]
+        values = [editor.agreed(letter, value, decimals) for letter, value in zip(letters, offsets, strict=True)]
+        editor.replace(index, sorted(zip(letters, values, strict=True)), decimals)
+        return base[0] + values[0] * unit, base[1] + values[1] * unit
+
+
+def round_off(motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
+    """Move the wanted end of a nearly full circle in or out where it would be too far from round.
+
+    A full circle ends where it starts, whatever the correction there; so does one that is nearly full.
+    """
+    arc = motions.arcs[row]
+    i, j, _ = arc.plane
+    first, last = (start[i], start[j]), (wanted[i], wanted[j])
+    before, after = arc_ends(motions, row)
+    centre = _new_centre(motions, row, first, last, shift)
+    radius = math.dist(last, centre)
+    fault = math.dist(first, centre) - radius - math.dist(before, arc.centre) + math.dist(after, arc.centre)
+    excess = abs(fault) - OUT_OF_ROUND / 2
+    if excess > 0.0:
+        share = math.copysign(excess, fault) / radius
+        wanted[i] += share * (last[0] - centre[0])
+        wanted[j] += share * (last[1] - centre[1])
+
+
+def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
+    """Centre of an arc whose ends go to other places, and its middle by `middle_shift` `(axes,)`, mm."""
+    arc = motions.arcs[row]
+    before, after = arc_ends(motions, row)
+    start_shift = (start[0] - before[0], start[1] - before[1])
+    end_shift = (end[0] - after[0], end[1] - after[1])
+    x, y = middle_shift[list(arc.plane[:2])].tolist()
+    turned = arc_turned(motions, row)
+    return moved_centre((before, after), arc.centre, turned, (start_shift, (x, y), end_shift))
+
+
+def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
+    """Distance of the middles of two arcs with the same ends."""
+    middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
+    return math.dist(*middles)
+
+
+def say_circle(editor: WordEditor, sense: int) -> None:
+    """Siemens: G2 or G3 instead of CIP or CT, without the intermediate point."""
+    for index, word in enumerate(editor.block.words):
+        if word.address in WORKED_OUT:
+            editor.put(word.at, word.end, "G3" if sense > 0 else "G2")
+        elif word.address in ("I1", "J1", "K1"):
+            editor.remove(index)

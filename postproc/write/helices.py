@@ -1,0 +1,79 @@
+"""Klartext arcs whose correction moves an axis across their plane: whether and how their blocks can name it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.compensation.correction import Correction
+from postproc.motion.motions import Motions
+from postproc.text.editing import WordEditor
+from postproc.text.line_numbers import ranges, shortened
+from postproc.write.added_blocks import AddedBlock
+
+BY_ANGLE = frozenset(("circle", "circle_radius", "tangent", "polar_circle", "polar_tangent"))
+"""Kinds of blocks that become a helix by an angle instead of their end: C, CR, CT, CP, CTP."""
+
+
+def axes_across(motions: Motions, row: int, moved: Iterable[int]) -> list[int]:
+    """Those of the `moved` axes that a Klartext arc holds still nominally and does not name."""
+    arc = motions.arcs.get(row)
+    if arc is None or motions.blocks[motions.block[row]].kind == "words":
+        return []
+    named = {word.axis for word in motions.words[row]}.union(arc.plane[:2])
+    still = motions.target[row] == motions.start[row]
+    return [axis for axis in moved if axis not in named and still[axis]]
+
+
+def replaced_by_angle(
+    motions: Motions, row: int, across: list[int], editor: WordEditor | AddedBlock
+) -> list[int] | None:
+    """Indices of the words that an angle has to replace so that the block may name the axes `across`.
+
+    None where it may name none of them, because of the control (`klartext_arcs`) or of how the block is written.
+    """
+    how, arc = motions.machine.control.klartext_arcs, motions.arcs[row]
+    if how == "axes":
+        return []
+    if how == "plane" or across != [arc.plane[2]]:
+        return None
+    if isinstance(editor, AddedBlock):
+        return []
+    block = editor.block
+    if block.kind == "polar_circle" and any(word.address == "IPA" for word in block.words):
+        return []
+    replaced = [word.word for word in motions.words[row] if word.axis in arc.plane[:2] and word.word >= 0]
+    replaced += [index for index in arc.words[:1] if arc.form == "radius" and index is not None]
+    replaced += [i for i, word in enumerate(block.words) if word.address.removeprefix("I") in ("PR", "PA")]
+    movable = block.kind in BY_ANGLE and not block.alone
+    return replaced if movable and not any(block.words[i].formula for i in replaced) else None
+
+
+@dataclass
+class FlatArcs:
+    """Klartext arcs that leave the correction of an axis across their plane to the next line."""
+
+    lines: list[int] = field(default_factory=list)
+    largest_um: float = 0.0
+
+    def take(self, motions: Motions, correction: Correction, ends: np.ndarray) -> None:
+        """Take in a chunk, which the control ends at positions `ends` `(n, axes)`, mm and degrees."""
+        translators = list(motions.machine.translators)
+        for row, arc in motions.arcs.items():
+            block = motions.blocks[motions.block[row]]
+            across = [axis for axis in translators if axis not in arc.plane[:2]]
+            left = float(np.abs(ends[row] - correction.target[row])[across].max(initial=0.0))
+            if block.kind != "words" and left >= motions.machine.axes[across[0]].resolution:
+                self.lines.append(block.line)
+                self.largest_um = max(self.largest_um, left * 1e3)
+
+    def notes(self) -> list[str]:
+        """Notes on these arcs for the user."""
+        if not self.lines:
+            return []
+        return [
+            f"arcs stay in their plane: up to {self.largest_um:.3g} um of the correction across it waits for the next "
+            f"line (lines {shortened(ranges(self.lines))}; see klartext_arcs of the machine file)"
+        ]

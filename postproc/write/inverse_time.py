@@ -1,0 +1,57 @@
+"""Inverse time (G93): what F of a piece of a move, and of a take-up, has to say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from kinematics.transforms import Array
+from postproc.motion.circles import SAME
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Kind
+from postproc.motion.segments import arc_ends, arc_turned
+from postproc.text.editing import WordEditor
+from postproc.write.added_blocks import AddedBlock, Tag, feed_index
+
+
+def say_time(motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
+    """Under G93: a piece takes its share of the time of its move, a take-up goes as fast as the move does."""
+    if added.tag is Tag.TAKE_UP:
+        added.feed_of(_per_minute(motions, row, _way) / max(moved, SAME))
+    else:
+        added.feed_of(_per_minute(motions, row, _extent) / max(_extent(motions, row), SAME))
+
+
+def share_time(motions: Motions, row: int, editor: WordEditor) -> None:
+    """Under G93: the first piece of a move takes its share of the time that the block says for all."""
+    index = feed_index(editor.block)
+    assert index is not None
+    editor.set(index, _per_minute(motions, row, _extent) / max(_extent(motions, row), SAME), 3)
+
+
+def _per_minute(motions: Motions, row: int, way: Callable[[Motions, int], float]) -> float:
+    """Under G93: how far the programmed move of a row goes in a minute, by what `way` measures of its pieces."""
+    block = motions.blocks[motions.block[row]]
+    index = feed_index(block)
+    assert index is not None
+    rows = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP))
+    return (block.words[index].value or 0.0) * sum(way(motions, int(i)) for i in rows)
+
+
+def _extent(motions: Motions, row: int) -> float:
+    """Length of a piece, in a measure that is the same for all pieces of its move."""
+    way = motions.target[row] - motions.start[row]
+    return _way(motions, row) if row in motions.arcs else float(np.linalg.norm(way))
+
+
+def _way(motions: Motions, row: int) -> float:
+    """Length of a move, mm, nominal."""
+    arc = motions.arcs.get(row)
+    linear = list(motions.machine.translators)
+    way: Array = (motions.target - motions.start)[row]
+    if arc is None:
+        return float(np.linalg.norm(way[linear]))
+    start, _ = arc_ends(motions, row)
+    return math.hypot(math.dist(start, arc.centre) * arc_turned(motions, row), float(way[arc.plane[2]]))

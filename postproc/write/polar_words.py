@@ -1,0 +1,142 @@
+"""Klartext moves that are said by an angle about a pole, or by a tangent, written back into their own words."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from postproc.motion.circles import Point
+from postproc.motion.moves import Arc, PolarEnd
+from postproc.text.editing import WordEditor
+from postproc.text.number_style import decimals_for
+from postproc.write.added_blocks import AddedBlock
+
+_TANGENT = re.compile(r"CTP?", re.IGNORECASE)
+_CIRCLE = re.compile(r"CTP|C[RTP]?", re.IGNORECASE)
+FINEST = 9
+"""Decimals of an angle."""
+
+
+def write_line_end(
+    editor: WordEditor, polar: PolarEnd, pole: Point, way: tuple[Point, Point], unit: float, resolution: float
+) -> Point:
+    """Make an LP, or its first piece, from the first point of `way` end at the second, mm; returns where it then ends.
+
+    `pole`: as the control holds it. `unit`: mm per unit of the words; `resolution`: mm.
+    """
+    start, end = (_seen_from(pole, point) for point in way)
+    radius = _set(editor, ("PR", polar.radius), start[0] / unit, end[0] / unit, decimals_for(resolution / unit)) * unit
+    angle = _set_angle(editor, polar, (start[1], end[1]), _said(editor, polar), angle_decimals(resolution, radius))
+    return at_polar(pole, radius, angle)
+
+
+def write_arc_end(
+    editor: WordEditor, polar: PolarEnd, pole: Point, way: tuple[Point, Point], turned: float, resolution: float
+) -> Point:
+    """Make a CP about `pole` end at the angle of the second point of `way`, at the radius of the first.
+
+    `turned`: what it turns through nominally, degrees.
+    """
+    (radius, begun), (_, ended) = (_seen_from(pole, point) for point in way)
+    angle = _set_angle(editor, polar, (begun, ended), turned, angle_decimals(resolution, radius))
+    return at_polar(pole, radius, angle)
+
+
+def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, way: tuple[Point, Point], resolution: float) -> Point:
+    """A piece of a helix, about the pole that stands before it: its end by an angle in the place of two axes."""
+    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in way)
+    decimals = angle_decimals(resolution, radius)
+    turned = round(arc.sense * ((arc.sense * (ended - begun)) % 360.0), decimals)
+    added.end_by_angle(axes, turned, decimals)
+    return at_polar(arc.centre, radius, begun + turned)
+
+
+def write_circle_as_helix(
+    editor: WordEditor, dropped: list[int], arc: Arc, way: tuple[Point, Point], turned: float, resolution: float
+) -> Point:
+    """Turn C, CR, CT, CTP or CP PA into CP IPA about the pole before it, instead of the words `dropped`.
+
+    `turned`: nominal sweep of the arc, degrees. Returns the end of the written arc.
+    """
+    block = editor.block
+    match = _CIRCLE.search(block.text, 0, block.words[0].at)
+    assert match is not None
+    editor.put(match.start(), match.end(), "cp" if match[0][0].islower() else "CP")
+    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in way)
+    decimals = angle_decimals(resolution, radius)
+    angle = round(turned + math.remainder(ended - begun - turned, 360.0), decimals)
+    editor.replace(dropped[0], [("IPA", angle)], decimals)
+    for index in dropped[1:]:
+        editor.remove(index)
+    if block.kind in ("tangent", "polar_tangent"):
+        _say_sense(editor, arc.sense)
+    return at_polar(arc.centre, radius, begun + angle)
+
+
+def write_tangent_as_circle(
+    editor: WordEditor, polar: PolarEnd | None, end: list[tuple[str, float]], decimals: int, sense: int
+) -> None:
+    """Turn CT or CTP into C, for the pole that has been put before it; a polar end becomes that of two axes.
+
+    `end`: names and values of the axes in its plane, for CTP.
+    """
+    block = editor.block
+    match = _TANGENT.search(block.text, 0, block.words[0].at)
+    assert match is not None
+    editor.put(match.start(), match.end(), "c" if match[0].islower() else "C")
+    if polar is not None:
+        indices = [i for i in (polar.radius, polar.angle) if i is not None]
+        if any(block.words[i].formula for i in indices):
+            raise block.refuse("CTP by parameters: it has to be written as C, with X and Y")
+        editor.replace(indices[0], end, decimals)
+        for i in indices[1:]:
+            editor.remove(i)
+    _say_sense(editor, sense)
+
+
+def _say_sense(editor: WordEditor, sense: int) -> None:
+    """DR behind the last coordinate."""
+    block = editor.block
+    last = max(word.end for word in block.words if word.start < word.end and word.address[-1] in "XYZABCUVWR")
+    editor.put(last, last, f" DR{'+' if sense > 0 else '-'}")
+
+
+def angle_decimals(resolution: float, radius: float) -> int:
+    """Decimals of an angle, degrees, that tell points apart as finely as coordinates do."""
+    return min(FINEST, decimals_for(math.degrees(resolution / max(radius, resolution))))
+
+
+def at_polar(pole: Point, radius: float, degrees: float) -> Point:
+    """The point at polar coordinates about a pole."""
+    angle = math.radians(degrees)
+    return pole[0] + radius * math.cos(angle), pole[1] + radius * math.sin(angle)
+
+
+def _seen_from(pole: Point, point: Point) -> tuple[float, float]:
+    """Distance and angle, degrees."""
+    x, y = point[0] - pole[0], point[1] - pole[1]
+    return math.hypot(x, y), math.degrees(math.atan2(y, x))
+
+
+def _said(editor: WordEditor, polar: PolarEnd) -> float:
+    return 0.0 if polar.angle is None else editor.block.words[polar.angle].value or 0.0
+
+
+def _set_angle(editor: WordEditor, polar: PolarEnd, angles: tuple[float, float], turned: float, decimals: int) -> float:
+    """Say the angle of the end, degrees, in the turn that the block means; returns it as it then is."""
+    begun, ended = angles
+    said = _said(editor, polar)
+    if polar.angle is None:
+        said = begun
+    elif editor.block.words[polar.angle].address.startswith("I"):
+        said = begun + turned
+    return _set(editor, ("PA", polar.angle), begun, said + math.remainder(ended - said, 360.0), decimals)
+
+
+def _set(editor: WordEditor, word: tuple[str, int | None], before: float, wanted: float, decimals: int) -> float:
+    """Say a polar coordinate; returns its value, which may be said as an increment, or left out where it stays."""
+    name, index = word
+    if index is None:
+        return editor.add(name, wanted, before, decimals)
+    base = before if editor.block.words[index].address.startswith("I") else 0.0
+    return base + editor.set(index, wanted - base, decimals)

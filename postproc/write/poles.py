@@ -1,0 +1,144 @@
+"""Klartext moves about poles, as they are written: poles where arcs need them, ends by angles, tangents as circles."""
+
+from __future__ import annotations
+
+import math
+
+from kinematics.machine import Machine
+from postproc.motion.circles import Point
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Arc
+from postproc.motion.segments import arc_turned
+from postproc.text.editing import WordEditor
+from postproc.text.number_style import decimals_for
+from postproc.write.added_blocks import AddedBlock
+from postproc.write.polar_words import (
+    add_helix_end,
+    write_arc_end,
+    write_circle_as_helix,
+    write_line_end,
+    write_tangent_as_circle,
+)
+
+NEAR = 3e-4
+"""Distance of a pole from the centre of an arc, mm, up to which the arc keeps its path but for this distance."""
+Ends = tuple[list[float], list[float]]
+"""Where the control stands before a move, and behind it: positions of all axes, mm and degrees."""
+
+
+class PoleWriter:
+    """Keeps account of the pole that the control holds."""
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine = machine
+        self._held: tuple[int, Point] | None = None
+        """The pole that an arc was given, which the control holds in the place of the program's of that number."""
+
+    def _decimals(self, axis: int, unit: float) -> int:
+        return decimals_for(self.machine.axes[axis].resolution / unit)
+
+    def write_line(self, motions: Motions, row: int, ends: Ends, said: list[bool], editor: WordEditor) -> None:
+        """An LP: its end as seen from the pole that the control holds; `ends` takes what it then is."""
+        polar, unit = motions.polar_ends[int(motions.block[row])], float(motions.unit[row])
+        (start, held), (i, j, _) = ends, polar.plane
+        if not (said[i] and said[j]):
+            return
+        pole = polar.pole
+        if self._held is not None and self._held[0] == polar.number:
+            pole = self._held[1]
+        else:
+            pole = pole if polar.sure else self._put(polar.plane, pole, unit, editor)
+            self._held = polar.number, pole
+        way, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
+        held[i], held[j] = write_line_end(editor, polar, pole, way, unit, resolution)
+
+    def write_arc(
+        self,
+        motions: Motions,
+        row: int,
+        arc: Arc,
+        ends: Ends,
+        pole_editor: WordEditor | None,
+        editor: WordEditor | AddedBlock,
+        dropped: list[int] | None = None,
+    ) -> Point:
+        """An arc with its corrected centre; `ends` takes what its end then is; returns the centre as it is written.
+
+        `pole_editor`: of a CC right before it, None where it takes one of ncomp's own. `dropped`: indices of the words
+        that an angle replaces if the arc becomes a helix.
+        """
+        if arc.form == "tangent" and not dropped and isinstance(editor, WordEditor) and _still(motions, row, ends):
+            return motions.arcs[row].centre
+        unit = float(motions.unit[row])
+        if pole_editor is not None:
+            centre = self._say(pole_editor, arc, unit)
+        elif self._stands(arc, editor):
+            assert self._held is not None
+            _, centre = self._held
+        else:
+            centre = self._put(arc.plane, arc.centre, unit, editor)
+        self._held = arc.pole, centre
+        self._write_end(motions, row, arc._replace(centre=centre), ends, editor, dropped)
+        return centre
+
+    def _stands(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
+        """The pole that the control holds is near enough to the centre of an arc."""
+        near = self._held is not None and self._held[0] == arc.pole and math.dist(self._held[1], arc.centre) < NEAR
+        return near and (editor.iterations is None or editor.iterations.chosen("pole stands", near))
+
+    def _say(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
+        """The pole in a CC of the program."""
+        said = []
+        for axis, index, place in zip(arc.plane, arc.words, arc.centre, strict=False):
+            assert index is not None
+            said.append(editor.set(index, place / unit, self._decimals(axis, unit)) * unit)
+        return said[0], said[1]
+
+    def _put(self, plane: tuple[int, int, int], pole: Point, unit: float, editor: WordEditor | AddedBlock) -> Point:
+        """A pole of our own before a block; returns it as it is written."""
+        names = [self.machine.names[axis] for axis in plane[:2]]
+        decimals = self._decimals(plane[0], unit)
+        values = [
+            editor.agreed(f"pole {name}", round(place / unit, decimals), decimals)
+            for name, place in zip(names, pole, strict=True)
+        ]
+        editor.centre_before(list(zip(names, values, strict=True)), decimals)
+        return values[0] * unit, values[1] * unit
+
+    def _write_end(
+        self,
+        motions: Motions,
+        row: int,
+        arc: Arc,
+        ends: Ends,
+        editor: WordEditor | AddedBlock,
+        dropped: list[int] | None,
+    ) -> None:
+        """The end of an arc, where it is not said by its axes; `ends` takes what it then is."""
+        (start, held), (i, j, normal) = ends, arc.plane
+        way, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
+        names, unit = [self.machine.names[axis] for axis in (i, j)], float(motions.unit[row])
+        polar = motions.polar_ends.get(int(motions.block[row]))
+        if isinstance(editor, AddedBlock):
+            if editor.names(self.machine.names[normal]):
+                held[i], held[j] = add_helix_end(editor, names, arc, way, resolution)
+        elif dropped:
+            turned = math.degrees(arc_turned(motions, row))
+            held[i], held[j] = write_circle_as_helix(editor, dropped, arc, way, turned, resolution)
+        elif arc.form == "tangent":
+            decimals = self._decimals(i, unit)
+            end = [(name, round(held[axis] / unit, decimals)) for name, axis in zip(names, (i, j), strict=True)]
+            write_tangent_as_circle(editor, polar, end, decimals, arc.sense)
+            if polar is not None:
+                held[i], held[j] = (value * unit for _, value in end)
+        elif arc.form == "polar" and not arc.full:
+            assert polar is not None
+            turned = math.degrees(arc_turned(motions, row))
+            held[i], held[j] = write_arc_end(editor, polar, arc.centre, way, turned, resolution)
+
+
+def _still(motions: Motions, row: int, ends: Ends) -> bool:
+    """True where an arc begins and ends where it does nominally."""
+    plane = list(motions.arcs[row].plane[:2])
+    nominal = motions.start[row, plane].tolist(), motions.target[row, plane].tolist()
+    return nominal == tuple([at[axis] for axis in plane] for at in ends)

@@ -1,0 +1,418 @@
+"""Corrected moves back into the text: only coordinate words change, each in the style it was written in.
+
+A block that does not name an axis leaves it where the control holds it; where the correction of that axis has changed
+by then, a word is inserted. The writer keeps what the control will hold after rounding, so increments never drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from kinematics.machine import Machine
+from kinematics.transforms import Array
+from postproc.compensation.correction import Correction
+from postproc.motion.cutter_compensation import check_turned
+from postproc.motion.frames import Frame, cartesian, to_machine, to_program
+from postproc.motion.motions import Motions
+from postproc.motion.moves import Arc, Kind, Known
+from postproc.text.block import edited
+from postproc.text.editing import ORDER, Iterations, Layout, WordEditor
+from postproc.text.number_style import decimals_for, decimals_holding
+from postproc.write.added_blocks import (
+    TURN_WORDS,
+    AddedBlock,
+    Tag,
+    end_words,
+    feed_words,
+    lacks_motion,
+    mode_words,
+    part,
+)
+from postproc.write.arcs import ABOUT_POLES, CircleWriter, round_off
+from postproc.write.drilling import Depth, HoleWriter
+from postproc.write.helices import axes_across, replaced_by_angle
+from postproc.write.inverse_time import say_time, share_time
+from postproc.write.polar import PolarWriter
+from postproc.write.poles import PoleWriter
+
+MOST_APART_UM = 1.0
+"""Half of it is the most that iterations of a block may need of other corrections than its text has."""
+
+
+class Written(NamedTuple):
+    """A chunk as it was written; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
+
+    texts: list[str]
+    """Of all blocks, edited, with blocks of our own beside them."""
+    starts: Array
+    """Where the control stands before each move."""
+    ends: Array
+    """Where each move takes it, after rounding."""
+    arcs: dict[int, Arc]
+    """By row, round the centres that the control finds."""
+    added: int
+    """Blocks of our own."""
+
+    def moves(self, motions: Motions) -> Motions:
+        """The rows as the control moves them."""
+        return replace(motions, start=self.starts, target=self.ends, arcs=self.arcs)
+
+
+class Writer:
+    """Turns corrections into text, chunk after chunk."""
+
+    def __init__(
+        self, machine: Machine, *, orientation: bool = False, comment: str = "({})", tolerance_um: float = 1.0
+    ) -> None:
+        self.machine, self.comment, self.tolerance_um = machine, comment, tolerance_um
+        corrected = [
+            i for i in range(len(machine.axes)) if i in machine.translators or (orientation and machine.rotary[i])
+        ]
+        self._by_letter = sorted(corrected, key=self._letter)
+        self._all_by_letter = sorted(range(len(machine.axes)), key=self._letter)
+        self._turned_by_vector = np.flatnonzero(machine.rotary).tolist()
+        """Axes that a block may turn without a word for them, by a tool vector."""
+        self._layout = Layout()
+        self._held: list[float] | None = None
+        self._frame: Frame | None = None
+        self._editors: dict[int, WordEditor] = {}
+        self._places: Sequence[int] | None = None
+        self._iterations: dict[int, Iterations] = {}
+        """Iterations by block of the program, if blocks may run several times."""
+        self._said: list[list[bool]] = []
+        self._ours: list[bool] = []
+        self._inner: list[bool] = []
+        self._at_end: dict[int, list[str]] = {}
+        """By block of the chunk: words that go to the last piece of its move."""
+        self._begun: set[int] = set()
+        """Blocks of the chunk whose own move is written."""
+        self._straight = False
+        """The last move written is a take-up: where G2 or G3 is in force, it no longer is."""
+        self._arcs: dict[int, Arc] = {}
+        self._added = 0
+        self._polar = PolarWriter()
+        self._poles = PoleWriter(machine)
+        self._circles = CircleWriter(machine, self._poles)
+        self._holes = HoleWriter()
+        self._bottom = 0.0
+        """Of the last hole."""
+
+    def _letter(self, axis: int) -> int:
+        return ORDER.index(self.machine.names[axis][0])
+
+    def write(self, motions: Motions, correction: Correction, places: Sequence[int] | None = None) -> Written:
+        """Edit the blocks of a chunk; places: their block indices in a program whose blocks may run several times."""
+        self._places = places
+        self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
+        starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
+        turning = motions.turning
+        assumed = (motions.known_start == Known.ASSUMED).tolist()
+        self._said = motions.correctable.tolist()
+        self._ours, self._inner = motions.added.tolist(), motions.inner.tolist()
+        for row in range(len(motions)):
+            held = self._before(motions, row, assumed[row])
+            starts[row] = held
+            if motions.kind[row] == Kind.MACHINE:
+                self._go_to_machine_position(motions, row, held)
+            elif motions.kind[row] == Kind.PRESET:
+                self._call_here(motions, row, held)
+            elif motions.kind[row] == Kind.PATTERN:
+                self._follow(motions, correction, row, held, ends[row - 1] - motions.target[row - 1])
+            else:
+                self._write_row(motions, correction, row, held, bool(turning[row]))
+            ends[row] = self._held = held
+            if row in motions.cycles:
+                ends[row, motions.cycles[row].axis] = self._bottom
+        editors = self._editors
+        texts = [edited(b.text, editors[i].edits) if i in editors else b.text for i, b in enumerate(motions.blocks)]
+        return Written(texts, starts, ends, self._arcs, self._added)
+
+    def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
+        """Programmed position that the control holds before the row, in the row's frame.
+
+        These are the written positions; for axes that the program has not given since, the assumed start.
+        """
+        frame = motions.frames[motions.frame[row]]
+        start: list[float] = motions.start[row].tolist()
+        held = start if self._held is None else self._held
+        if self._frame not in (None, frame):
+            q = to_machine(self.machine, self._frame, np.array([held]))
+            held = to_program(self.machine, frame, q)[0].tolist()
+        self._frame = frame
+        return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
+
+    def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
+        """A move in machine coordinates: the axes that it names move to its coordinates, all others stay."""
+        frame, moved = motions.frames[motions.frame[row]], [word.axis for word in motions.words[row]]
+        q = to_machine(self.machine, frame, np.array([held]))
+        q[0, moved] = motions.machine_target[row, moved]
+        held[:] = to_program(self.machine, frame, q)[0].tolist()
+
+    def _call_here(self, motions: Motions, row: int, held: list[float]) -> None:
+        """G92: the place that the control holds is called as much another as it is another."""
+        editor = self._editor(motions, int(motions.block[row]))
+        for axis, index, _ in motions.words[row]:
+            unit = 1.0 if self.machine.rotary[axis] else float(motions.unit[row])
+            decimals = max(self._decimals(axis, unit), decimals_holding(held[axis] / unit))
+            held[axis] = editor.set(index, held[axis] / unit, decimals) * unit
+
+    def _follow(self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array) -> None:
+        """A hole of a pattern goes by `shift` `(axes,)` as its first one does; Refusal where that is not its own."""
+        own = (correction.target - motions.target)[row]
+        named = [axis for axis in cartesian(self.machine)[:2] if self._said[row][axis]]
+        apart = max((abs(float(own[axis] - shift[axis])) for axis in named), default=0.0) * 1e3
+        if apart > self.tolerance_um:
+            raise motions.blocks[motions.block[row]].refuse(
+                f"the holes of this pattern want corrections that differ by {apart:.1f} um, more than --tolerance-um, "
+                "and it has one place to say them: give the holes one by one"
+            )
+        for axis in cartesian(self.machine)[:2]:
+            held[axis] = float(motions.target[row, axis] + shift[axis])
+
+    def _editor(self, motions: Motions, block: int) -> WordEditor:
+        if block not in self._editors:
+            self._editors[block] = self._new_editor(motions, block)
+        return self._editors[block]
+
+    def _new_editor(self, motions: Motions, block: int) -> WordEditor:
+        iterations = self._iterations_of(motions, block)
+        layout = self._layout if iterations is None else iterations.layout
+        return WordEditor(motions.blocks[block], layout, iterations)
+
+    def _iterations_of(self, motions: Motions, block: int) -> Iterations | None:
+        """What a block of the chunk was given when it ran first; None in a program whose blocks all run once."""
+        if self._places is None:
+            return None
+        if self._places[block] not in self._iterations:
+            # half of the tolerance, but not of one that splits nothing; in units of the last decimal of a coordinate
+            unit = float(motions.unit[np.searchsorted(motions.block, block)])  # of a CC that of its arc
+            counts = (
+                0.5e-3
+                * min(self.tolerance_um, MOST_APART_UM)
+                / unit
+                * 10.0 ** self._decimals(self.machine.translators[0], unit)
+            )
+            self._iterations[self._places[block]] = Iterations(self._layout, counts)
+        return self._iterations[self._places[block]]
+
+    def _decimals(self, axis: int, unit: float) -> int:
+        return decimals_for(self.machine.axes[axis].resolution / unit)
+
+    def _write_row(self, motions: Motions, correction: Correction, row: int, held: list[float], turning: bool) -> None:
+        """Edit the block of one move, or write one of our own; `held` becomes the position after it."""
+        block = int(motions.block[row])
+        if self._ours[row]:
+            added, start = self._added_block(motions, row), list(held)
+            self._write_words(motions, correction, row, held, turning, added)
+            self._put_beside(motions, row, added, math.dist(start, held))
+            return
+        self._layout = self._layout.after(motions.blocks[block])
+        again = block in self._begun and row in motions.cycles
+        editor = self._new_editor(motions, block) if again else self._editor(motions, block)
+        if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
+            editor.say_motion("G3" if motions.arcs[row].sense > 0 else "G2")
+        self._write_words(motions, correction, row, held, turning, editor)
+        if row in motions.cycles:
+            self._write_depth(motions, correction, row, held, editor)
+        if again and sorted(editor.edits) != sorted(self._editor(motions, block).edits):
+            raise motions.blocks[block].refuse("drills several holes, which want different corrections")
+        if self._inner[row]:
+            self._at_end[block] = [editor.cut(word) for word in end_words(editor.block)]
+            for word in editor.block.words if row in motions.arcs else ():
+                if word.address in TURN_WORDS:
+                    editor.cut(word)
+            if motions.timed[row]:
+                share_time(motions, row, editor)
+        self._begun.add(block)
+        self._straight = False
+
+    def _write_words(
+        self,
+        motions: Motions,
+        correction: Correction,
+        row: int,
+        held: list[float],
+        turning: bool,
+        editor: WordEditor | AddedBlock,
+    ) -> None:
+        start = list(held)
+        arc = motions.arcs.get(row)
+        kept = self._kept(motions, row, turning)
+        wanted = _wanted(motions, correction, row, start, kept)
+        linear_unit = float(motions.unit[row])
+        said = self._said[row]
+        named = set()
+        # pieces of a move end where the program says no word: all axes that move are written
+        written = self._all_by_letter if self._inner[row] or self._ours[row] else self._by_letter
+        exact = {*written} - {*self._by_letter} | {*kept}
+        dropped = self._keep_in_plane(motions, row, editor, wanted, start)
+        for axis, index, incremental in motions.words[row]:
+            named.add(axis)
+            if not said[axis]:
+                held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
+            elif index < 0:
+                held[axis] = wanted[axis]
+            elif axis in written and index not in dropped:
+                unit = 1.0 if self.machine.rotary[axis] else linear_unit
+                base = start[axis] if incremental else 0.0
+                number = (wanted[axis] - base) / unit
+                decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
+                assert isinstance(editor, WordEditor)  # one of our own names no axis before
+                held[axis] = base + editor.set(index, number, decimals) * unit
+            else:
+                held[axis] = float(motions.target[row, axis])
+        for axis in motions.arcs[row].plane[:2] if dropped else ():
+            named.add(axis)
+            held[axis] = wanted[axis]
+        for axis in (axis for axis in self._turned_by_vector if axis not in named and not said[axis]):
+            held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
+        if row in motions.polars:
+            named.update(self._write_polar(motions, row, wanted, held, editor))
+        elif arc is None and isinstance(editor, WordEditor) and int(motions.block[row]) in motions.polar_ends:
+            self._poles.write_line(motions, row, (start, held), said, editor)
+        for axis in (axis for axis in written if axis not in named and said[axis]):
+            unit = 1.0 if self.machine.rotary[axis] else linear_unit
+            base = held[axis] if motions.incremental[row] else 0.0
+            number = (wanted[axis] - base) / unit
+            decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
+            held[axis] = self._insert(editor, axis, held[axis], base, number, unit, decimals)
+        if arc is not None:
+            self._arcs[row] = self._circles.write(
+                motions,
+                row,
+                (start, held),
+                correction.middle_shift[row],
+                editor,
+                self._pole_editor(motions, row),
+                dropped,
+            )
+        if row in motions.contours:
+            i, j = motions.contours[row]
+            nominal = motions.start[row].tolist(), motions.target[row].tolist()
+            before, after = (((a[i], a[j]), (b[i], b[j])) for a, b in (nominal, (start, held)))
+            check_turned(motions.blocks[motions.block[row]], before, after)
+
+    def _keep_in_plane(
+        self, motions: Motions, row: int, editor: WordEditor | AddedBlock, wanted: list[float], start: list[float]
+    ) -> list[int]:
+        """Klartext arcs: leave axes across the plane where they are if the block can't name them.
+
+        Otherwise indices of the words that an angle replaces, so that it can.
+        """
+        if row not in motions.arcs:
+            return []
+        said, inner = self._said[row], self._inner[row] or self._ours[row]
+        moved = [
+            axis
+            for axis in (self._all_by_letter if inner else self._by_letter)
+            if said[axis] and abs(wanted[axis] - start[axis]) >= 0.5 * 10.0 ** -self._decimals(axis, 1.0)
+        ]
+        across = axes_across(motions, row, moved)
+        dropped = replaced_by_angle(motions, row, across, editor) if across else []
+        for axis in across if dropped is None else ():
+            wanted[axis] = start[axis]
+        return dropped or []
+
+    def _kept(self, motions: Motions, row: int, turning: bool) -> tuple[int, ...]:
+        """Axes that have to end where they start, to the last digit."""
+        arc, still = motions.arcs.get(row), motions.still.get(row, ())
+        if turning:
+            return (*self.machine.translators, *still)
+        if arc is not None and arc.full:
+            return (*arc.plane[:2], *still)
+        return (motions.cycles[row].axis, *still) if row in motions.cycles else still
+
+    def _write_polar(
+        self, motions: Motions, row: int, wanted: list[float], held: list[float], editor: WordEditor | AddedBlock
+    ) -> tuple[int, int]:
+        """Say a place by radius and angle; the axes that this places."""
+        assert isinstance(editor, WordEditor)  # beside polar coordinates none of our own stands
+        polar = motions.polars[row]
+        i, j = polar.axes
+        place = (wanted[i], wanted[j]) if self._said[row][i] and self._said[row][j] else motions.target[row, [i, j]]
+        names = self.machine.names[i], self.machine.names[j]
+        resolution = self.machine.axes[i].resolution
+        unit = float(motions.unit[row])
+        held[i], held[j] = self._polar.write(editor, polar, names, (place[0], place[1]), unit, resolution)
+        return i, j
+
+    def _write_depth(
+        self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
+    ) -> None:
+        """Say depth and R of a hole, where they are others than those that hold; leaves Z where the cycle does."""
+        cycle, unit = motions.cycles[row], float(motions.unit[row])
+        z = cycle.axis
+        depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), self._said[row][z])
+        decimals, name = self._decimals(z, unit), self.machine.names[z]
+        self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, held[z], unit, decimals)
+
+    def _insert(
+        self,
+        editor: WordEditor | AddedBlock,
+        axis: int,
+        held: float,
+        base: float,
+        number: float,
+        unit: float,
+        decimals: int,
+    ) -> float:
+        """Name an axis that the block leaves out, if it has to move; returns where it stands after the block."""
+        before = (held - base) / unit
+        after = editor.add(self.machine.names[axis], number, before, decimals)
+        return held if after == before else base + after * unit
+
+    def _pole_editor(self, motions: Motions, row: int) -> WordEditor | None:
+        """Klartext: where the pole of an arc can be said, in a CC right before it."""
+        arc = motions.arcs[row]
+        own = arc.form in ABOUT_POLES and arc.pole_block == motions.block[row] - 1 and None not in arc.words
+        return self._editor(motions, arc.pole_block) if own else None
+
+    # ---- blocks of our own
+
+    def _added_block(self, motions: Motions, row: int) -> AddedBlock:
+        arc, begin = motions.arcs.get(row), float(motions.begin[row])
+        takes_up = motions.kind[row] == Kind.TAKE_UP
+        tag = Tag.TAKE_UP if takes_up else Tag.PIECE if math.isnan(begin) else part(begin)
+        block = motions.blocks[motions.block[row]]
+        iterations = self._iterations_of(motions, int(motions.block[row]))
+        layout = (self._layout if iterations is None else iterations.layout).after(block)
+        number = int(np.count_nonzero(motions.added[:row] & (motions.block[:row] == motions.block[row])))
+        return AddedBlock(block, layout, tag, 0 if arc is None else arc.sense, iterations=iterations, number=number)
+
+    def _put_beside(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
+        """Put a block of our own before or behind the one whose move it belongs to, unless it moves nothing."""
+        if added.says_nothing and added.tag is Tag.TAKE_UP:
+            return
+        block = int(motions.block[row])
+        begun = block in self._begun
+        if not begun:
+            added.modes(*mode_words(added.beside))
+        if motions.timed[row]:
+            say_time(motions, row, added, moved)
+        elif not begun:
+            added.feed(*feed_words(added.beside))
+        editor = self._editor(motions, block)
+        if not self._inner[row]:
+            added.functions(*self._at_end.pop(block, ()))
+        lines = added.lines(self.comment)
+        (editor.lines_after if begun else editor.lines_before)(lines)
+        self._added += len(lines)
+        self._straight = added.tag is Tag.TAKE_UP
+
+
+def _wanted(
+    motions: Motions, correction: Correction, row: int, start: list[float], kept: tuple[int, ...]
+) -> list[float]:
+    """Corrected position, mm and degrees, with `kept` axes where the move starts, and its arc round enough."""
+    wanted: list[float] = correction.target[row].tolist()
+    for axis in kept:
+        # exactly: a full circle that closes but for a hair is, for the control, just that hair
+        wanted[axis] = start[axis]
+    if row in motions.arcs and not motions.arcs[row].full:
+        round_off(motions, row, start, wanted, correction.middle_shift[row])
+    return wanted
