@@ -10,7 +10,8 @@
 3. **An arc.** C of trunnion_ac measured from 0 to 340 in steps of 5 degrees: the error left inside and in the gap, its
    standard uncertainty in the report of the correction, and the refusal of `ncomp PROGRAM`.
 
-Errors are those of the virtual calibration paper, Table 1, and ncomp's own of rotary axes (`calibration.simulation.true_model`).
+Errors are those of the virtual calibration paper, Table 1, and those of rotary axes in
+`calibration.simulation.true_model`.
 """
 
 from __future__ import annotations

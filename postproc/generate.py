@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -20,6 +20,10 @@ from kinematics.user_error import UserError
 
 DIALECTS = ("iso", "fanuc", "heidenhain")
 TargetChange = Literal["M0", "M1"]
+
+
+PATH_DWELL_S = 3.0
+"""Dwell at the start of a path, where recording begins, and at its end."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,29 @@ def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) 
         if i == 0 or name != visits.names[i - 1] or not np.array_equal(visits.positions[i], visits.positions[i - 1]):
             yield speech.move(words_of(visits.machine, visits.positions[i] - offset), name)
         yield from speech.dwell()
+    yield from speech.end()
+
+
+def path_program(machine: Machine, corners: Array, manner: Manner, dialect: str, title: str) -> Iterator[str]:
+    """The lines of the program along corners `(m, axes)`, mm and degrees; UserError for what the dialect can't say."""
+    manner = replace(manner, dwell_s=PATH_DWELL_S)
+    speech = speech_of(machine, manner, dialect)
+    offset = [(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in machine.names]
+    yield from speech.head(
+        [
+            f"{title} - MACHINE {machine.name} - {len(corners)} CORNERS - FEED {manner.feed:g} MM/MIN",
+            "RUN IT FROM START TO END ONCE FOR EACH TARGET - STATION AND FEED - RECORDING ALL THE TIME",
+            "SPINDLE OFF - MOVES ARE STRAIGHT LINES FROM CORNER TO CORNER: TRY IT AT LOW OVERRIDE",
+            *assumptions(dialect, manner),
+        ]
+    )
+    yield from speech.stop("M0", "GO ON WHEN THE WAY TO THE FIRST CORNER IS FREE")
+    yield speech.move(words_of(machine, corners[0] - offset), "START")
+    yield from speech.stop("M0", "START RECORDING AND GO ON")
+    yield from speech.dwell()
+    for number, corner in enumerate(corners[1:], start=2):
+        yield speech.move(words_of(machine, corner - offset), f"C{number}")
+    yield from speech.dwell()
     yield from speech.end()
 
 

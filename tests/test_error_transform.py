@@ -20,6 +20,7 @@ from kinematics.deviation import exact_deviation
 from kinematics.forward import forward, tool_point
 from kinematics.machine import ISO_DIRECTION, Axis, Machine
 from kinematics.transforms import BLOCK, Array
+from machines import derive as shipped
 
 ROOT = Path(__file__).parents[1]
 SLANTED = """
@@ -99,11 +100,11 @@ def assert_agrees_with_exact(machine: Machine, seed: int) -> None:
 
 @every_machine
 def test_shipped_module_is_what_the_deriver_writes(name):
-    assert (derive.FOLDER / f"{name}.py").read_bytes() == derive.source(machines.load(name)).encode()
+    assert (shipped.FOLDER / f"{name}.py").read_bytes() == derive.source(machines.load(name)).encode()
 
 
 def test_index_is_what_the_deriver_writes():
-    assert (derive.FOLDER / "__init__.py").read_bytes() == derive.index_source().encode()
+    assert (shipped.FOLDER / "__init__.py").read_bytes() == shipped.index_source().encode()
     assert {machines.load(name).chain_hash: name for name in machines.names()} == MODULES
 
 
@@ -290,15 +291,15 @@ def test_a_cache_that_cant_be_written_is_done_without(slanted, tmp_path, monkeyp
 
 
 def test_main_writes_modules_and_index(monkeypatch, tmp_path):
-    monkeypatch.setattr(derive, "FOLDER", tmp_path)
-    assert derive.main(["gantry", "cframe"]) == 0
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path)
+    assert shipped.main(["gantry", "cframe"]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["__init__.py", "cframe.py", "gantry.py"]
 
 
 @pytest.mark.parametrize("arguments", [[], ["nosuch"], ["--all", "gantry"]])
 def test_main_refuses_what_it_does_not_know(arguments, capsys):
-    assert derive.main(arguments) == 2
-    assert "usage: python -m kinematics.derive" in capsys.readouterr().err
+    assert shipped.main(arguments) == 2
+    assert "usage: python -m machines.derive" in capsys.readouterr().err
 
 
 # --- the tool's own displacement, and long tables

@@ -147,7 +147,7 @@ def test_killed_when_the_input_is_replaced(at):
         f"sys.argv = ['ncomp', 'a.nc', *{JOB!r}, '--in-place']\n"
         "cli.run()\n"
     )
-    folder = str(Path(in_place.__file__).parents[2])
+    folder = str(Path(in_place.__file__).parents[3])
     done = subprocess.run(
         [sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": folder}, capture_output=True, check=False
     )

@@ -46,7 +46,7 @@ class Unseen:
 
     @classmethod
     def of(cls, fits: Fits) -> Unseen | None:
-        """The blocks that `calibration.fit.cross_validation` makes; None off a few diagonals, or where none can be held out."""
+        """The blocks of `calibration.fit.cross_validation`; None off a few diagonals or without such blocks."""
         measurement, registration = fits.columns.measurement, fits.columns.registration
         if lines(measurement) is None:
             return None

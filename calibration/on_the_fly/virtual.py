@@ -57,8 +57,8 @@ def readings_of(
 ) -> Measurement:
     """The readings, with the positions at which the axes really were, which no file of them has.
 
-    Exact kinematics and the tracker's full covariance (`calibration.simulation.simulate`); temperatures run straight over the
-    whole session, K from 20 degC.
+    Exact kinematics and the tracker's full covariance (`calibration.simulation.simulate`); temperatures, K from
+    20 degC, change linearly over the whole session.
     """
     rides = [driven(session.path, manner) for manner in session.manners]
     state, run = _states(session, rides)

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from kinematics.user_error import UserError
+from postproc.control.codes import AXES, PROGRAM_ENDS
 from postproc.dialects import Dialect, Interpreter
 from postproc.execution import Walk, turns
-from postproc.iso.codes import AXES, PROGRAM_ENDS
 from postproc.motion.motions import Motions, merged
 from postproc.siemens.variables import EMPTY
 from postproc.text.block import Block, Edit, Word, edited

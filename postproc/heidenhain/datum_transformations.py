@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from postproc.iso.codes import AXES
+from postproc.control.codes import AXES
 from postproc.motion.frames import Placement, mirrored, rotated, scaled, shifted
 from postproc.text.block import Block
 

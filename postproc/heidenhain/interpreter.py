@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.machine import Machine
+from postproc.control.codes import INCH
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.heidenhain.approach import approach
@@ -35,7 +36,6 @@ from postproc.heidenhain.tilted_planes import Planes
 from postproc.heidenhain.tool_vectors import normal_line
 from postproc.heidenhain.tools import Tools
 from postproc.heidenhain.variables import QParameters, operations_of
-from postproc.iso.codes import INCH
 from postproc.motion.frames import cartesian
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind

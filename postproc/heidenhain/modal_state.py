@@ -10,10 +10,10 @@ import numpy as np
 from kinematics.forward import forward
 from kinematics.machine import Machine
 from kinematics.transforms import Array
+from postproc.control.codes import AXES
 from postproc.control.state import ControlState
 from postproc.heidenhain.datum_transformations import Places
 from postproc.heidenhain.variables import QParameters
-from postproc.iso.codes import AXES
 from postproc.motion.frames import Frame, Placement, cartesian, rotated
 from postproc.motion.moves import AxisWord
 from postproc.motion.recorder import Recorder

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from postproc.iso.codes import LARGEST
+from postproc.control.codes import LARGEST
 from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, Expression, Operation
 from postproc.text.statements import Call, Code, EndModal, Modal, Return, Step

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from postproc.control.codes import AXES, INCH, PALLET_CHANGE, TOOL_CHANGE
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
 
-AXES = "XYZABCUVW"
 MEANINGFUL = frozenset(AXES + CENTRES + "RGMTHO")
 """Addresses that move the tool or change what others mean."""
-INCH = 25.4
-LARGEST = 1e9
-"""No control has a number of this size."""
 
 CYCLES = frozenset(map(float, (73, 74, 81, 82, 83, 84, 85, 86, 89)))
 """One hole at each position: the place and the depth are the program's, all between the control's."""
@@ -106,15 +103,8 @@ REFUSED_M = {
     **dict.fromkeys((70.0, 71.0, 72.0, 73.0), "brings back other modes on some controls, and mirrors on others"),
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }
-TOOL_CHANGE, PALLET_CHANGE = 6.0, 60.0
 AFTER_MOTION = frozenset((TOOL_CHANGE, PALLET_CHANGE))
 """Run before the move of their block on some controls, behind it on others."""
-PROGRAM_ENDS = frozenset((2.0, 30.0))
-HARMLESS_M = frozenset(
-    map(float, [*range(12), 13, 14, 16, 17, 18, 19, 29, 30, 48, 49, 50, 51, 52, 53, PALLET_CHANGE, 88, 89])
-)
-SKIPPABLE_M = HARMLESS_M - PROGRAM_ENDS - {TOOL_CHANGE, PALLET_CHANGE}
-"""Whether they run does not change what other blocks mean."""
 BESIDE_LEAVING = frozenset("NFSTHD$")
 """Words that are allowed beside G28, G30 and G53, besides G, M and axes."""
 MOVE_WORDS = frozenset("NFSTHDPQIJKR$")

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
+from postproc.control.codes import HARMLESS_M, PALLET_CHANGE, PROGRAM_ENDS, TOOL_CHANGE
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.tool_vectors import turned_to
@@ -24,20 +25,17 @@ from postproc.iso.codes import (
     FINE_BORING,
     FRAME_CODES,
     HARMLESS_G,
-    HARMLESS_M,
     LENGTH_CODES,
     MIRROR,
     MOTION,
     MOVE_WORDS,
     OFFSET_CODES,
     ONE_SHOT,
-    PALLET_CHANGE,
     PLACING,
     PLANES,
     POLAR,
     POLAR_END,
     PRESET_END,
-    PROGRAM_ENDS,
     REFUSED_G,
     REFUSED_M,
     ROTATION_END,
@@ -45,7 +43,6 @@ from postproc.iso.codes import (
     SCALE_END,
     STANDING,
     TILT,
-    TOOL_CHANGE,
     TOOL_IS,
     TURNS,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from kinematics.machine import Control
-from postproc.iso.codes import INCH, LARGEST
+from postproc.control.codes import INCH, LARGEST
 from postproc.text.block import Block
 from postproc.text.notes import Notes
 

@@ -4,20 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from postproc.control.codes import AXES, SKIPPABLE_M
 from postproc.iso.blocks import WORDS
-from postproc.iso.codes import (
-    AXES,
-    CYCLES,
-    DWELL,
-    ENDS,
-    GROUPS,
-    LENGTH_CODES,
-    MEANINGFUL,
-    MOTION,
-    NAMING,
-    REFUSED_G,
-    SKIPPABLE_M,
-)
+from postproc.iso.codes import CYCLES, DWELL, ENDS, GROUPS, LENGTH_CODES, MEANINGFUL, MOTION, NAMING, REFUSED_G
 from postproc.text.block import Block, Refusal
 
 

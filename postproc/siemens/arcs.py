@@ -18,10 +18,9 @@ from postproc.motion.arcs import (
 from postproc.motion.circles import Point, circle_through, point_at, tangent_circle
 from postproc.motion.moves import Arc, AxisWord, Known
 from postproc.motion.recorder import Recorder
-from postproc.siemens.codes import MIDDLES
+from postproc.siemens.codes import MIDDLES, WORKED_OUT
 from postproc.siemens.words import Content, given_as, plain_of, value_in, value_of, with_word
 from postproc.text.block import Block
-from postproc.write.added_blocks import WORKED_OUT
 
 ARC_WORDS = frozenset((*CENTRES, *MIDDLES, "CR", "AR", "TURN"))
 

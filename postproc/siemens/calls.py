@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from postproc.iso.codes import PROGRAM_ENDS
+from postproc.control.codes import PROGRAM_ENDS
 from postproc.siemens.codes import END_OF_SUBPROGRAM
 from postproc.siemens.statements import program_name
 from postproc.siemens.variables import EMPTY

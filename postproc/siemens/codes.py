@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from postproc.iso.codes import INCH
+from postproc.control.codes import INCH
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
-from postproc.write.added_blocks import WORKED_OUT
 
 
 def _all(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
+WORKED_OUT = frozenset(("CIP", "CT"))
+"""Arcs that a correction writes as G2 or G3."""
 MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 MIDDLES = ("I1", "J1", "K1")
 """The point between of CIP, along X, Y and Z."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.machine import Machine
+from postproc.control.codes import HARMLESS_M, TOOL_CHANGE
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
-from postproc.iso.codes import HARMLESS_M, TOOL_CHANGE
 from postproc.motion.cutter_compensation import follow_contour
 from postproc.motion.frames import Frame, Placement, cartesian, renamed
 from postproc.motion.motions import Motions
@@ -39,6 +39,7 @@ from postproc.siemens.codes import (
     UNITS,
     VECTOR_WORDS,
     WORK_OFFSETS,
+    WORKED_OUT,
 )
 from postproc.siemens.control_data import edge_key
 from postproc.siemens.cycle800 import read_swivel, rotary_positions
@@ -51,7 +52,6 @@ from postproc.siemens.words import Content, check, sort, value_of, whole_of
 from postproc.text.block import Block, Word
 from postproc.text.expressions import Constant, NotKnown, whole
 from postproc.text.notes import Notes
-from postproc.write.added_blocks import WORKED_OUT
 
 BY_CONTROL = -1.0
 """Instead of a G code: a circle that the control calculates (CIP, CT) is active."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from postproc.iso.codes import LARGEST, SKIPPABLE_M
+from postproc.control.codes import LARGEST, SKIPPABLE_M
 from postproc.siemens.codes import (
     CORNERS,
     CYCLES,

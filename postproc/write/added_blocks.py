@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from postproc.iso.codes import DISTANCES, FEED_MODES, UNITS
+from postproc.siemens.codes import WORKED_OUT
 from postproc.text.block import Block, Word
 from postproc.text.editing import Iterations, Layout, place
 
 ARCS = frozenset((2.0, 3.0))
-WORKED_OUT = frozenset(("CIP", "CT"))
-"""Siemens arcs that a correction writes as G2 or G3."""
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
 ALONE = "no block may stand beside it: a jump, a call, radius compensation, a rounded corner, a cycle or a tool axis"
 """Why a block has none of ncomp's own beside it."""

@@ -21,9 +21,10 @@ from postproc.motion.circles import (
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Known
 from postproc.motion.segments import arc_ends, arc_turned
+from postproc.siemens.codes import WORKED_OUT
 from postproc.text.editing import WordEditor
 from postproc.text.number_style import decimals_for
-from postproc.write.added_blocks import WORKED_OUT, AddedBlock
+from postproc.write.added_blocks import AddedBlock
 from postproc.write.poles import Ends, PoleWriter
 
 STRAY = 5e-4

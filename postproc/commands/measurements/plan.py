@@ -176,7 +176,7 @@ def _plan_on_the_fly(
     from calibration.on_the_fly.planning.predicted_fit import judged
     from postproc.commands.options.path import read_path
     from postproc.commands.show.terminal import console
-    from postproc.path_program import path_program
+    from postproc.generate import path_program
 
     if program is None:
         found = plan_path.planned_path(machine, choices, length)

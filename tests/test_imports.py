@@ -1,0 +1,151 @@
+"""Imports run down: each folder imports folders below it only, and no module imports itself by a detour."""
+
+from __future__ import annotations
+
+import ast
+import graphlib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("grammars", "kinematics", "machines", "calibration", "postproc")
+
+KINEMATICS = ("grammars", "kinematics", "machines")
+CALIBRATION = (
+    "calibration.cores",
+    "calibration.measurement",
+    "calibration.observation",
+    "calibration.plausibility",
+    "calibration.fit",
+    "calibration.single_axis",
+    "calibration.evaluation",
+    "calibration.planning",
+    "calibration.simulation",
+    "calibration.design",
+    "calibration.optimal",
+    "calibration.on_the_fly",
+    "calibration.continuous",
+    "calibration.diagnosis",
+    "calibration.study",
+    "calibration.pages",
+)
+"""From the bottom up: a folder may import those before it."""
+POSTPROC = (
+    "postproc.text",
+    "postproc.motion",
+    "postproc.control",
+    "postproc.iso",
+    "postproc.siemens",
+    "postproc.heidenhain",
+    "postproc.tool_tables",
+    "postproc.dialects",
+    "postproc.compensation",
+    "postproc.write",
+    "postproc.execution",
+    "postproc.program_path",
+    "postproc.generate",
+    "postproc.correct",
+    "postproc.tables",
+)
+TOP = ("postproc.commands", "postproc.cli")
+BOTH_SIDES = ("postproc.commands",)
+"""The only folder where NC programs and calibrations meet."""
+BESIDE_EACH_OTHER = ("postproc.iso", "postproc.siemens", "postproc.heidenhain")
+"""The dialects do not import one another."""
+LARGEST_FOLDER = 23
+
+
+def module_name(path: Path) -> str:
+    """The dotted name of the module in a file."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+FILES = {module_name(path): path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
+
+
+def imported(path: Path) -> set[str]:
+    """The modules of the project that a file imports, also inside functions; not those for annotations only."""
+    found = set()
+    tree = ast.parse(path.read_text())
+    annotations = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if id(node) in annotations:
+            continue
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            found |= {name if name in FILES else node.module for name in names}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return found & FILES.keys()
+
+
+IMPORTS = {name: imported(path) - {name} for name, path in FILES.items()}
+
+
+def floor(name: str, floors: tuple[str, ...]) -> int | None:
+    """The place of a module among floors, -1 for the packages' own __init__; None for a module of another house."""
+    if name in PACKAGES and name not in floors:
+        return -1
+    return next((n for n, folder in enumerate(floors) if name == folder or name.startswith(f"{folder}.")), None)
+
+
+def rising(imports: dict[str, set[str]], floors: tuple[str, ...]) -> list[str]:
+    """The imports that run up among these floors, or to a dialect beside."""
+    wrong = []
+    for name, others in imports.items():
+        here = floor(name, floors)
+        for other in sorted(others):
+            there = floor(other, floors)
+            if here is not None and there is not None and there > here >= 0:
+                wrong.append(f"{name} imports {other}")
+    return wrong
+
+
+@pytest.mark.parametrize("floors", [(*KINEMATICS, *CALIBRATION, *TOP), (*KINEMATICS, *POSTPROC, *TOP)])
+def test_imports_run_down(floors: tuple[str, ...]) -> None:
+    assert rising(IMPORTS, floors) == []
+
+
+def test_every_module_has_a_floor() -> None:
+    floors = (*KINEMATICS, *CALIBRATION, *POSTPROC, *TOP)
+    assert [name for name in FILES if floor(name, floors) is None] == []
+
+
+def test_a_turned_import_is_found() -> None:
+    turned = {"postproc.text.block": {"postproc.motion.motions"}, "postproc.motion.motions": {"postproc.text.block"}}
+    assert rising(turned, POSTPROC) == ["postproc.text.block imports postproc.motion.motions"]
+
+
+def test_programs_and_calibrations_meet_in_the_commands_only() -> None:
+    assert [
+        f"{name} imports {other}"
+        for name, others in IMPORTS.items()
+        for other in sorted(others)
+        if {name.split(".")[0], other.split(".")[0]} == {"postproc", "calibration"} and not name.startswith(BOTH_SIDES)
+    ] == []
+
+
+def test_dialects_do_not_import_one_another() -> None:
+    assert [
+        f"{name} imports {other}"
+        for name, others in IMPORTS.items()
+        for other in sorted(others)
+        for mine in BESIDE_EACH_OTHER
+        if name.startswith(f"{mine}.") and other.startswith(BESIDE_EACH_OTHER) and not other.startswith(f"{mine}.")
+    ] == []
+
+
+def test_no_module_imports_itself_by_a_detour() -> None:
+    graphlib.TopologicalSorter(IMPORTS).prepare()
+
+
+def test_no_folder_is_too_large_to_read() -> None:
+    sizes = {folder: len(list(folder.glob("*.py"))) for package in PACKAGES for folder in (ROOT / package).rglob("*")}
+    assert {str(folder): size for folder, size in sizes.items() if size > LARGEST_FOLDER} == {}
