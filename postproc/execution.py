@@ -116,11 +116,14 @@ class Straight:
         try:
             lines = self.dialect.join_lines(self.source.lines())
             read = (self.dialect.read_block(line, text) for line, text in lines)
-            while blocks := list(_chunk(read, self.dialect.leads)):
-                motions = self.interpreter.read(straight(blocks, self.interpreter.scope))
-                yield Part(motions, range(len(blocks)), sum(len(block.text) for block in blocks))
+            while (motions := self._next(read)).blocks:
+                yield Part(motions, range(len(motions.blocks)), sum(len(block.text) for block in motions.blocks))
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
+
+    def _next(self, read: Iterator[Block]) -> Motions:
+        """The next chunk; of several blocks that can't be used, the first one is refused."""
+        return self.interpreter.read(straight(_chunk(read, self.dialect.leads), self.interpreter.scope))
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """All of them."""

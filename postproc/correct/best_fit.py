@@ -16,14 +16,14 @@ class BestFit:
     """Least squares of three shifts and three small turns over deviations at points, mm, that come in parts.
 
     The sums of the normal equations are kept, about the first points and in units of their size: memory does not grow
-    with the program.
+    with the program. They are solved about the mean of all points, so that the result does not depend on the parts.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self._centre: Array | None = None
         self._size = 1.0
-        self._normal, self._right, self._squares = np.zeros((6, 6)), np.zeros(6), 0.0
+        self._normal, self._right, self._squares, self._points = np.zeros((6, 6)), np.zeros(6), 0.0, np.zeros(3)
 
     def add(self, points: Array, deviations: Array) -> None:
         """Take in points and deviations there, both `(n, 3)`, mm."""
@@ -32,21 +32,29 @@ class BestFit:
         if self._centre is None:
             self._centre = points.mean(axis=0)
             self._size = max(float(np.abs(points - self._centre).max()), 1.0)
+        from_first = points - self._centre
         columns = np.empty((len(points), 3, 6))
         columns[:, :, :3] = np.eye(3)
-        columns[:, :, 3:] = by_turn((points - self._centre) / self._size)
+        columns[:, :, 3:] = by_turn(from_first / self._size)
         flat, um = columns.reshape(-1, 6), deviations.reshape(-1) * 1e3
         self._normal += flat.T @ flat
         self._right += flat.T @ um
         self._squares += float(um @ um)
+        self._points += from_first.sum(axis=0)
         self.count += len(points)
 
     def json(self) -> dict[str, Any]:
-        """RMS length left, um; the shift, um, at `about_mm`, and turn, urad, that were taken off."""
+        """RMS length left, um; shift, um, at `about_mm`, the mean of all points, and turn, urad, of the alignment."""
         if self._centre is None:
             return {"rms": 0.0, "shift_um": [0.0] * 3, "turn_urad": [0.0] * 3, "about_mm": [0.0] * 3, "count": 0}
-        fitted = np.linalg.lstsq(self._normal, self._right, rcond=NULL)[0]
-        left = max(self._squares - float(fitted @ self._right), 0.0)
-        numbers = {"shift_um": fitted[:3], "turn_urad": fitted[3:] * 1e3 / self._size, "about_mm": self._centre}
+        away, size = self._points / self.count, self._size  # the mean of all points, from the first ones
+        squared = np.trace(self._normal[3:, 3:]) / 2.0 * size**2 / self.count - away @ away
+        spread = np.sqrt(max(float(squared), 1.0))
+        anew = np.eye(6)
+        anew[:3, 3:], anew[3:, 3:] = by_turn(-away[None])[0] / spread, np.eye(3) * size / spread
+        right = anew.T @ self._right
+        fitted = np.linalg.lstsq(anew.T @ self._normal @ anew, right, rcond=NULL)[0]
+        left = max(self._squares - float(fitted @ right), 0.0)
+        numbers = {"shift_um": fitted[:3], "turn_urad": fitted[3:] * 1e3 / spread, "about_mm": self._centre + away}
         rounded = {name: np.round(values, 4).tolist() for name, values in numbers.items()}
         return {"rms": round(float(np.sqrt(left / self.count)), 4), **rounded, "count": self.count}

@@ -111,7 +111,7 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
     else:
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
             findings.blocks += len(lines)
-            _read(list(_blocks(lines, dialect, interpreter, findings)), interpreter, findings, take)
+            _read(_blocks(lines, dialect, interpreter, findings), interpreter, findings, take)
     findings.notes = notes.texts()
     findings.assumed, findings.assumption = list(state.assumed), state.assumption()
     return findings
@@ -128,8 +128,10 @@ def _blocks(
                 findings.refuse(refusal)
 
 
-def _read(blocks: list[Block], interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]) -> None:
-    """Read a chunk; behind a block that is refused nothing is known of where the axes are."""
+def _read(
+    blocks: Iterator[Block], interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]
+) -> None:
+    """Read a chunk, block by block; behind a block that is refused nothing is known of where the axes are."""
     while True:
         done: list[Block] = []
         try:
@@ -138,7 +140,6 @@ def _read(blocks: list[Block], interpreter: Interpreter, findings: Findings, tak
             findings.refuse(refusal)
             take(interpreter.recorder.finish(done))
             interpreter.recorder.forget(list(range(len(interpreter.recorder.machine.axes))))
-            blocks = blocks[len(done) :]
         else:
             return
 

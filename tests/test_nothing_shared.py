@@ -1,0 +1,223 @@
+"""Results depend on the input alone: not on chunks, on earlier runs in the process, or on later text."""
+
+import dataclasses
+import io
+import sys
+from collections.abc import Mapping
+from enum import StrEnum
+from types import MappingProxyType, ModuleType
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from program_runs import BEGINS, DIALECTS, REFUSED, Program, corrected, everything, job_of, programs
+
+import machines
+from postproc.correct.check import check
+from postproc.correct.pipeline import Pipeline
+from postproc.correct.verify import read_motions
+from postproc.motion.motions import COLUMNS
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def in_chunks(patch, size):
+    """Work on so many blocks at a time."""
+    for module in ("execution", "check", "verify"):
+        patch.setattr(f"postproc.{module}.CHUNK", size)
+
+
+@settings(max_examples=10)
+@given(program=programs(), seed=seeds, size=st.sampled_from([1, 2, 3, 7]))
+def test_chunks_change_nothing(program, seed, size):
+    job = job_of(program, seed)
+    whole = everything(job)
+    with pytest.MonkeyPatch.context() as patch:
+        in_chunks(patch, size)
+        parted = everything(job)
+    assert parted == whole
+
+
+def interrupted(job):
+    """Run a job and stop it after its first chunk."""
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        in_chunks(patch, 2)
+        with pytest.raises(KeyboardInterrupt):
+            Pipeline(job).run(io.BytesIO(), stop)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_lines_that_check_refuses_do_not_depend_on_chunks(dialect, size):
+    """They are listed in the order of the program, and none behind its end, wherever a chunk ends."""
+    refused = REFUSED[dialect]
+    text = "".join([BEGINS[dialect], refused, MOVES[dialect], UNKNOWN[dialect], refused, "M30\n", refused])
+    job = job_of(Program("gantry", dialect, text), 0)
+    whole = check(job.source, job.dialect, job.machine, job.setup)
+    with pytest.MonkeyPatch.context() as patch:
+        in_chunks(patch, size)
+        parted = check(job.source, job.dialect, job.machine, job.setup)
+    assert parted == whole
+    assert len(whole.refused) == 3
+    assert whole.refused == sorted(whole.refused)
+
+
+MOVES = {"iso": "G1 X5. Y5. Z5. F500\n", "siemens": "G1 X5 Y5 Z5 F500\n", "heidenhain": "L X+5 Y+5 Z+5 F500\n"}
+UNKNOWN = {"iso": "G1 X#500\n", "siemens": "G1 X=R500\n", "heidenhain": "L X+Q99\n"}
+
+
+@settings(max_examples=5)
+@given(first=programs(), second=programs(), seed=seeds)
+def test_a_run_leaves_nothing_to_the_next(first, second, seed):
+    """After another program, after a refused one and after one that was stopped, on the same machine and set-up."""
+    job = job_of(first, seed)
+    alone = everything(job)
+    other = job_of(second, seed + 1)
+    everything(other)
+    refused = dataclasses.replace(first, text=first.text + REFUSED[first.dialect])
+    assert "refused" in everything(dataclasses.replace(job, source=job_of(refused, seed).source))
+    if "text" in alone:
+        interrupted(job)
+    assert everything(job) == alone
+    assert everything(job_of(first, seed)) == alone
+
+
+TAILS = {
+    "iso": {
+        "loop": "#1=0\nWHILE[#1LT2]DO1\nG1 X1. F500\n#1=#1+1\nEND1\n",
+        "subprogram": "M98 P77\nM30\nO77\nG1 X7. F500\nM99\n",
+        "offset": "G10 L2 P1 X77. Y5.\n",
+        "variable": "#101=7\n",
+        "tool": "T2 M6\nG43 H2\n",
+    },
+    "siemens": {
+        "loop": "FOR R90=1 TO 2\nG1 X1 F500\nENDFOR\n",
+        "subprogram": "UP7\nM30\n%_N_UP7_SPF\nG1 X7 F500\nM17\n",
+        "offset": "$P_UIFR[1,X,TR]=77\n$P_UIFR[1,Y,FI]=5\n",
+        "variable": "R1=7\n",
+        "tool": "$TC_DP3[1,1]=77\n",
+    },
+    "heidenhain": {
+        "loop": "LBL 99\nL X+1 F500\nCALL LBL 99 REP1\n",
+        "subprogram": "CALL LBL 77\nM30\nLBL 77\nL X+7 F500\nLBL 0\n",
+        "offset": "CYCL DEF 7.0 DATUM SHIFT\nCYCL DEF 7.1 X+77\n",
+        "variable": "Q1=7\n",
+        "tool": "TOOL DEF 1 L77\n",
+    },
+}
+"""Text behind a program: what it sets holds from there on."""
+
+
+def lines_of(found):
+    """The corrected lines, without the mark: its comment names all work offsets and tools that the program uses."""
+    return [line for line in found["text"].splitlines() if "NCOMP" not in line]
+
+
+@settings(max_examples=10)
+@given(program=programs(), seed=seeds, names=st.lists(st.sampled_from(sorted(TAILS["iso"])), min_size=1, unique=True))
+def test_lines_do_not_depend_on_later_text(program, seed, names):
+    """Except for refusals, and for these decisions, which need more than the lines before:
+
+    - the last position before a feed move of rotary axes alone may be left as in the input (turning.py): no tail
+      begins with such a move;
+    - a program may be of another dialect by later words: the dialect is given here;
+    - the mark in the head names the used set-up, and conditions that were accepted.
+    """
+    text = program.text
+    for end in ("END PGM PART MM\n", "M30\n"):
+        text = text.removesuffix(end)
+    head = dataclasses.replace(program, text=text)
+    tail = "".join(TAILS[program.dialect][name] for name in sorted(names, key=lambda name: name == "subprogram"))
+    alone = corrected(job_of(head, seed))
+    followed = corrected(job_of(dataclasses.replace(head, text=text + tail), seed))
+    assume("text" in alone and "text" in followed)
+    lines = lines_of(alone)
+    assert lines_of(followed)[: len(lines)] == lines
+
+
+MODULES = ("postproc", "calibration", "kinematics", "machines", "grammars")
+KEPT = {("kinematics.error_transform", "_loaded"), ("calibration.study.chunks", "_prepared")}
+"""Caches: derived code by the geometry of its machine, and cases of a study by all that decides their results."""
+
+
+def shown(value, depth=8):
+    """The content of a value in words, without what is worked out once and kept."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    if isinstance(value, dict | MappingProxyType):
+        return [(shown(key), shown(entry, depth - 1)) for key, entry in value.items()] if depth else "..."
+    if isinstance(value, list | tuple | set | frozenset):
+        return [shown(entry, depth - 1) for entry in value] if depth else "..."
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [field.name for field in dataclasses.fields(value) if field.init]
+        return [(name, shown(getattr(value, name), depth - 1)) for name in fields] if depth else "..."
+    return repr(value) if isinstance(value, str | float | int | None | msgspec.Struct | StrEnum) else str(type(value))
+
+
+def state_of_modules():
+    """Every global of ncomp's modules that are loaded, without caches."""
+    return {
+        (name, key): shown(value)
+        for name, module in sorted(sys.modules.items())
+        if name.split(".")[0] in MODULES
+        for key, value in vars(module).items()
+        if not key.startswith("__") and not isinstance(value, ModuleType) and (name, key) not in KEPT
+    }
+
+
+def writable(value, path, seen):
+    """Paths of arrays in a value that can be changed."""
+    if id(value) in seen:
+        return
+    seen.add(id(value))
+    if isinstance(value, np.ndarray):
+        if value.flags.writeable:
+            yield path
+    elif isinstance(value, Mapping):
+        for key, entry in value.items():
+            yield from writable(entry, f"{path}[{key!r}]", seen)
+    elif isinstance(value, list | tuple):
+        for i, entry in enumerate(value):
+            yield from writable(entry, f"{path}[{i}]", seen)
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        for name, entry in vars(value).items():
+            yield from writable(entry, f"{path}.{name}", seen)
+
+
+@pytest.mark.parametrize("name", machines.names())
+def test_runs_change_neither_modules_nor_what_they_are_given(name):
+    """Of every shipped machine, in every dialect: correct, check and verify."""
+    jobs = [job_of(Program(name, dialect, BEGINS[dialect] + MOVES[dialect]), 1) for dialect in DIALECTS]
+    for job in jobs:
+        everything(job)  # everything is loaded and derived
+    modules, given_ = state_of_modules(), [shown((job.machine, job.setup, job.conditions)) for job in jobs]
+    for job in jobs:
+        everything(job)
+    assert state_of_modules() == modules
+    assert [shown((job.machine, job.setup, job.conditions)) for job in jobs] == given_
+    assert not [path for job in jobs for path in writable(job.machine, name, set())]
+
+
+def test_no_module_holds_an_array_that_can_be_changed():
+    found = [
+        path
+        for name, module in sorted(sys.modules.items())
+        if name.split(".")[0] in MODULES and not name.startswith("machines.calibrations")
+        for key, value in vars(module).items()
+        if not key.startswith("__")
+        for path in writable(value, f"{name}.{key}", set())
+    ]
+    assert not found
+
+
+def test_moves_are_read_only():
+    job = job_of(Program("gantry", "iso", BEGINS["iso"] + MOVES["iso"]), 1)
+    motions = read_motions(job.source, job.dialect, job.machine, job.setup)[0]
+    for name in COLUMNS:
+        assert not getattr(motions, name).flags.writeable
