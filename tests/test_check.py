@@ -50,7 +50,7 @@ def test_every_line_that_is_refused(command, tmp_path):
     assert done.status == 2
     refused = json.loads((tmp_path / "out.json").read_text())["refused"]
     assert [(found["line"], found["text"]) for found in refused] == [
-        (4, "X3. (a (b))"), (2, "G31 F10 X5."), (6, "G999"),
+        (2, "G31 F10 X5."), (4, "X3. (a (b))"), (6, "G999"),
     ]  # fmt: skip
     assert b"refused      line 2: 'G31 F10 X5.': G31 where a probing move ends" in done.out
 
