@@ -1,0 +1,30 @@
+"""The pages name files, folders and modules that exist."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PACKAGES = "benchmarks|calibration|examples|grammars|kinematics|machines|postproc|tests"
+NAMES = {path.name for folder in PACKAGES.split("|") for path in (ROOT / folder).rglob("*.py")}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_and_folders_exist(page: Path) -> None:
+    named = re.findall(rf"\b(?:{PACKAGES})/[\w/.-]*", page.read_text())
+    assert [name for name in named if not (ROOT / name.rstrip(".")).exists()] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_modules_exist(page: Path) -> None:
+    assert set(re.findall(r"`([a-z]\w*\.py)`", page.read_text())) - NAMES == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_pages(page: Path) -> None:
+    linked = re.findall(r"\]\(([\w/.]+\.(?:md|svg))", page.read_text())
+    assert [link for link in linked if not (page.parent / link).exists()] == []
