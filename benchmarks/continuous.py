@@ -24,7 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from continuous_cases import MACHINE, Virtual, paper_case, quasi_of, virtual_case
+from support.continuous_cases import MACHINE, Virtual, paper_case, quasi_of, virtual_case
 
 import machines
 from calibration.continuous.estimate import Estimate, estimate

@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from programs import load, random_model
+from support.programs import load, random_model
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.part import Shop

@@ -14,15 +14,16 @@ import hypothesis
 import pytest
 from clients import linuxcnc_sim as simulator
 from clients import rs274
+from support.file_examples import PROGRAM
+from support.programs import load, shifted
+from support.real_data import NC_DATA, REAL_DATA
 
+from kinematics.error_model.model import write_model
 from postproc import cli
 
 hypothesis.settings.register_profile("default", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
-
-REAL_DATA = Path(__file__).parents[2] / "shared" / "data"
-NC_DATA = REAL_DATA / "nc"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -109,3 +110,11 @@ def command(
         return Done(status, captured.out, captured.err.decode())
 
     return run
+
+
+@pytest.fixture
+def ncomp(command: Callable[..., Done], tmp_path: Path) -> Callable[..., Done]:
+    """The command line, in a folder of its own that holds a program (in.nc) and a calibration (cal.json)."""
+    (tmp_path / "in.nc").write_text(PROGRAM)
+    write_model(shifted(load("gantry"), X=-10.0), tmp_path / "cal.json")
+    return command

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from three_points_data import measured, model, random_effects, station
+from support.three_points_cases import measured, model, random_effects, station
 from typer.testing import CliRunner, Result
 
 import machines

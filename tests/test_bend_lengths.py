@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from effect_examples import EXAMPLES, full_state
+from support.effect_examples import EXAMPLES, full_state
 
 from kinematics.effects import QuantisedCompensation
 

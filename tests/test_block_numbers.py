@@ -3,9 +3,9 @@
 import re
 
 import pytest
-from programs import correct, load, random_model, setup_of, shifted
-from test_chunks import written
-from test_direction import played
+from support.backlash_paths import played
+from support.corrected_lines import written
+from support.programs import correct, load, random_model, setup_of, shifted
 
 GANTRY = load("gantry")
 SETUP = setup_of(GANTRY, ["0=0,0,0"], ["T1=0"])

@@ -5,33 +5,19 @@ import io
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import correct, load, model_of, random_model, setup_of, source_of
-from test_direction import with_play
-from test_three_dialects import setup as offset_setup
-from three_dialects import WRITERS, parts
+from support.backlash_paths import with_play
+from support.corrected_lines import written
+from support.programs import correct, load, model_of, random_model, setup_of, source_of
+from support.three_dialects import WRITERS, parts
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, ErrorMotion
-from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.text.source import ENCODING
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 HEAD = "G21 G90 G17 G54 G94\nG0 X1000 Y1000 Z510\nX1010 Y1010 Z505\n"
 LINES = "G1 X1030 Y1030 Z501 F100\nX1020\nX1040\nX1030\n"
-
-
-def written(text, machine, model, dialect="iso", setup=None):
-    """The corrected program without its mark, and the notes; or why it is refused."""
-    source, out, dialect = source_of(text), io.BytesIO(), find_dialect(dialect, "", "")
-    job = Job(source, dialect, machine, model, setup or offset_setup(machine, dialect.name), travel_check=False)
-    try:
-        report = Pipeline(job).run(out, lambda _: None)
-    except UserError as refusal:
-        return str(refusal), []
-    lines = out.getvalue().decode(ENCODING).splitlines()
-    return [line for line in lines if "CALIBRATION" not in line], report.notes
 
 
 @pytest.mark.parametrize("more", ["G2 X1030 Y1030 I5 J0 M5\n", "G2 X1040 I5 M5\n", "G3 I5 M9\nG1 X1000\n"])

@@ -5,8 +5,8 @@ import io
 import msgspec
 import numpy as np
 import pytest
-from effect_examples import EXAMPLES
-from programs import random_model
+from support.effect_examples import EXAMPLES
+from support.programs import random_model
 
 import machines
 from kinematics.basis import Polynomial

@@ -9,22 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from programs import load, model_of, shifted
+from support.file_examples import PROGRAM
+from support.programs import load, model_of, shifted
 
 from kinematics.effects import Backlash, DriftWithSensor
 from kinematics.error_model.model import encode_model, write_model
 from postproc import cli
 
-GOOD = "%\nO1 (A)\nG21 G17 G90\nG0 X100.0 Y100.0 Z100.0\nG1 X200.0 F500\nG2 X200.0 I10.0 J0\nM30\n%\n"
 OLD = b"what was there before"
-
-
-@pytest.fixture
-def ncomp(command, tmp_path):
-    """The command line, in a folder of its own that holds a program and a calibration."""
-    (tmp_path / "in.nc").write_text(GOOD)
-    write_model(shifted(load("gantry"), X=-10.0), tmp_path / "cal.json")
-    return command
 
 
 TRUE = ("--datum", "G54=true")
@@ -32,7 +24,7 @@ TRUE = ("--datum", "G54=true")
 GANTRY = ("--machine", "gantry", "--calibration", "cal.json", *TRUE, "--set-up-zero")
 
 
-def corrected(stdin=GOOD):
+def corrected(stdin=PROGRAM):
     return re.sub(r"X(\d+)\.0\b", lambda m: f"X{m[1]}.0100", stdin)
 
 
@@ -234,10 +226,10 @@ def test_output_that_is_the_input(ncomp):
 
 
 def test_standard_input_and_output(ncomp):
-    data = GOOD.replace("\n", "\r\n").encode() + b"\0\0"
+    data = PROGRAM.replace("\n", "\r\n").encode() + b"\0\0"
     result = ncomp("-", "--machine", "gantry", "--calibration", "none", stdin=data)
     assert (result.status, result.out) == (0, data)
-    result = ncomp("-", *GANTRY, "-o", "-", stdin=GOOD.encode())
+    result = ncomp("-", *GANTRY, "-o", "-", stdin=PROGRAM.encode())
     assert split_mark(result.out.decode()) == corrected()
     result = ncomp("-", *GANTRY, "-o", "out.nc", stdin=b"")
     assert result.status == 2
@@ -338,7 +330,7 @@ def test_demonstration_is_announced(ncomp):
 def test_pipes_are_read_once(ncomp):
     """`ncomp <(unpack part)`: a pipe by its name."""
     reader, writer = os.pipe()
-    long = GOOD.replace("M30", "G1 X100.0\nX200.0\n" * 5000 + "M30").encode()
+    long = PROGRAM.replace("M30", "G1 X100.0\nX200.0\n" * 5000 + "M30").encode()
     pid = os.fork()
     if pid == 0:
         os.close(reader)
@@ -459,7 +451,7 @@ def test_as_a_process(tmp_path):
     write_model(shifted(load("gantry"), X=-10.0), tmp_path / "cal.json")
     command = [sys.executable, "-c", "from postproc.cli import run; run()"]
     done = subprocess.run(
-        [*command, "-", *GANTRY], input=GOOD.encode(), capture_output=True, cwd=tmp_path, check=False, timeout=60
+        [*command, "-", *GANTRY], input=PROGRAM.encode(), capture_output=True, cwd=tmp_path, check=False, timeout=60
     )
     assert done.returncode == 0
     assert split_mark(done.stdout.decode()) == corrected()
@@ -468,7 +460,7 @@ def test_as_a_process(tmp_path):
     )
     assert (refused.returncode, refused.stdout) == (2, b"")
     assert refused.stderr.decode().startswith("ncomp: <stdin>:1: 'G31': G31 where a probing move ends is not known (")
-    long = GOOD.replace("M30", "G1 X100.0\nX200.0\n" * 20_000 + "M30").encode()
+    long = PROGRAM.replace("M30", "G1 X100.0\nX200.0\n" * 20_000 + "M30").encode()
     (tmp_path / "long.nc").write_bytes(long)
     with subprocess.Popen(
         [*command, "long.nc", *GANTRY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from measured import truth
+from support.virtual_measurements import truth
 
 import machines
 from calibration.fit.datum import gauge, to_datum

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import FIVE_AXES, THREE_AXES, RandomProgram, load, model_of, random_model, random_setup, read, shifted
+from support.programs import (
+    FIVE_AXES,
+    THREE_AXES,
+    RandomProgram,
+    load,
+    model_of,
+    random_model,
+    random_setup,
+    read,
+    shifted,
+)
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.correction import correct_position

@@ -5,8 +5,8 @@ import json
 
 import numpy as np
 import pytest
-from effect_examples import EXAMPLES
-from programs import load, model_of, source_of
+from support.effect_examples import EXAMPLES
+from support.programs import load, model_of, source_of
 
 from kinematics.effects import (
     Backlash,

@@ -4,8 +4,9 @@ nothing else otherwise: on all real programs that it takes, and on generated one
 import numpy as np
 import pytest
 from clients.rs274 import Move, Tool
-from programs import LINUXCNC_OFFSETS, RandomProgram, correct, load, random_setup, read_lines, shifted
-from test_rs274 import FREECAD, TOOLS, wrapped
+from support.linuxcnc_programs import TOOLS, wrapped
+from support.programs import LINUXCNC_OFFSETS, RandomProgram, correct, load, random_setup, read_lines, shifted
+from support.real_data import FREECAD
 
 from kinematics.user_error import UserError
 from postproc.motion.moves import Kind, Known

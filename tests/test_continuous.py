@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from continuous_cases import LENGTH, TRAVEL, paper_case, virtual_case
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.continuous_cases import LENGTH, TRAVEL, paper_case, virtual_case
 
 import machines
 from calibration.continuous.clock import clocked, raster

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from continuous_cases import virtual_case
+from support.continuous_cases import virtual_case
 
 from calibration.continuous.reading import read_all
 from calibration.continuous.record_file import write_records

@@ -6,7 +6,7 @@ The positions are calculated by hand; every program is written as in a shop.
 import re
 
 import pytest
-from hand_programs import positions
+from support.axis_positions import positions
 
 from kinematics.user_error import UserError
 from postproc.control.tool_table import ToolTable

@@ -6,8 +6,8 @@ import io
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import model_of, source_of
-from three_dialects import WRITERS, parts
+from support.programs import model_of, source_of
+from support.three_dialects import WRITERS, parts
 
 import machines
 from kinematics.basis import BSpline

@@ -5,7 +5,7 @@ import pytest
 from clients.rs274 import Move
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import WHOLE, correct, load, model_of, random_model, read, read_lines, shifted
+from support.programs import WHOLE, correct, load, model_of, random_model, read, read_lines, shifted
 
 from kinematics.effects import Backlash
 from kinematics.error_model.model import ErrorModel

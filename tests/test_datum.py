@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from programs import FIVE_AXES, THREE_AXES, centred, correct, load, model_of, random_model, shifted, source_of
+from support.programs import FIVE_AXES, THREE_AXES, centred, correct, load, model_of, random_model, shifted, source_of
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.part import Shop, TouchedOff

@@ -4,9 +4,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from dependent_data import joint, logged, remembering
 from hypothesis import given
 from hypothesis import strategies as st
+from support.dependent_residuals import joint, logged, remembering
 
 from calibration.diagnosis.residual.dependence import explaining_variables
 from calibration.diagnosis.residual.permuted_blocks import blocks_in_time, permuted

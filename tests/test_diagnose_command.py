@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from measured import THREE, measured, positions
+from support.virtual_measurements import THREE, measured, positions
 
 import machines
 from calibration.measurement.file import write_measurement

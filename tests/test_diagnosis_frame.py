@@ -5,7 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from diagnosed import LEGENDRE, data_with, fitted
+from support.diagnosis_cases import LEGENDRE, data_with, fitted
 
 from calibration.diagnosis.search.candidates import at_zero
 from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, Frame

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from diagnosed import CFRAME, data_with, selector
-from measured import THREE, measured, positions
+from support.diagnosis_cases import CFRAME, data_with, selector
+from support.virtual_measurements import THREE, measured, positions
 
 import machines
 from calibration.diagnosis.residual import unexplained as remainder

@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 import msgspec
 import numpy as np
 import pytest
-from effect_examples import EXAMPLES, full_state
-from measured import THREE, TRACKER, measured, pose_of, positions
 from rich.console import Console
+from support.effect_examples import EXAMPLES, full_state
+from support.virtual_measurements import THREE, TRACKER, measured, pose_of, positions
 
 import machines
 from calibration.diagnosis.diagnose import diagnose

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from diagnosed import CFRAME, data_with, fitted, framed
+from support.diagnosis_cases import CFRAME, data_with, fitted, framed
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import at_zero, library

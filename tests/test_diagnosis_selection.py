@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosed import data_with, framed, selector
 from hypothesis import given
 from hypothesis import strategies as st
+from support.diagnosis_cases import data_with, framed, selector
 
 from calibration.diagnosis.search import selection
 from calibration.diagnosis.search.candidates import Candidate

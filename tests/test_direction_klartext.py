@@ -5,9 +5,9 @@ import re
 
 import numpy as np
 import pytest
-from programs import load, model_of
-from test_direction import play
-from test_klartext_job import HEIDENHAIN, program
+from support.backlash_paths import play
+from support.klartext_programs import KLARTEXT, numbered_program
+from support.programs import load, model_of
 
 from kinematics.effects import Backlash
 from postproc.control.setup import make_setup
@@ -25,12 +25,12 @@ PLAYED = model_of(DMU50, *(Backlash(axis, width) for axis, width in WIDTHS.items
 
 def corrected(source):
     out, setup = io.BytesIO(), make_setup(DMU50, ("0=0,0,150",), zero=True)
-    report = Pipeline(Job(source, HEIDENHAIN, DMU50, PLAYED, setup, travel_check=False)).run(out, lambda _: None)
+    report = Pipeline(Job(source, KLARTEXT, DMU50, PLAYED, setup, travel_check=False)).run(out, lambda _: None)
     return Source("c.h", out.getvalue().decode("latin-1"), out.getvalue()), report
 
 
 def moves(source):
-    return merged(read_motions(source, HEIDENHAIN, DMU50, make_setup(DMU50, ("0=0,0,150",), zero=True)))
+    return merged(read_motions(source, KLARTEXT, DMU50, make_setup(DMU50, ("0=0,0,150",), zero=True)))
 
 
 PATH = """3 L X+11 Y+21 Z+51 FMAX
@@ -48,7 +48,7 @@ PATH = """3 L X+11 Y+21 Z+51 FMAX
 
 
 def test_by_hand():
-    result, report = corrected(program(PATH.replace("\n", "\r\n")))
+    result, report = corrected(numbered_program(PATH.replace("\n", "\r\n")))
     lines = [re.sub(r"^\d+ ", "", line.rstrip("\r\n")) for _, line in result.lines()]
     assert all(line.endswith("\r\n") for _, line in result.lines())
     assert lines[4:12] == [
@@ -70,7 +70,7 @@ def test_by_hand():
 
 
 def test_the_machine_with_play_follows_the_nominal_path():
-    source = program(PATH)
+    source = numbered_program(PATH)
     nominal, commanded = moves(source), moves(corrected(source)[0])
     matched = like(nominal, commanded)
     shares = np.linspace(0.025, 1.0, 40)

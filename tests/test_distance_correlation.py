@@ -4,10 +4,10 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from dependent_data import logged, remembering
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
+from support.dependent_residuals import logged, remembering
 
 from calibration.diagnosis.residual.distance_correlation import ROWS, dependences, distance_correlation
 

@@ -10,7 +10,7 @@ from typing import get_args
 import msgspec
 import numpy as np
 import pytest
-from effect_examples import BACKWARD, DMU50, EXAMPLES, Example, full_state
+from support.effect_examples import BACKWARD, DMU50, EXAMPLES, Example, full_state
 
 from kinematics.basis import Polynomial
 from kinematics.effects import COMPONENTS, EFFECTS, INSTRUMENT, TOOL, CrossAxis, Effect, ErrorMotion, LocationError

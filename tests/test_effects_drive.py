@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from effect_examples import BACKWARD, DMU50, deviation_of
+from support.effect_examples import BACKWARD, DMU50, deviation_of
 
 from kinematics.effects import (
     Backlash,

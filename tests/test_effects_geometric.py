@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from effect_examples import BACKWARD, deviation_of
 from numpy.polynomial import legendre
+from support.effect_examples import BACKWARD, deviation_of
 
 import machines
 from kinematics.basis import BSpline, Polynomial

@@ -3,8 +3,8 @@
 import msgspec
 import numpy as np
 import pytest
-from effect_examples import DMU50
 from scipy.spatial.transform import Rotation
+from support.effect_examples import DMU50
 
 from kinematics.effects import (
     AirScale,

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from effect_examples import deviation_of
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from support.effect_examples import deviation_of
 
 import machines
 from kinematics.effects import DriftWithSensor, GrowthWithSensor, GrowthWithTime, ThermalDrift

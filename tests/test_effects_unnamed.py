@@ -5,8 +5,8 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from effect_examples import DMU50, deviation_of, full_state
 from numpy.polynomial.legendre import legval
+from support.effect_examples import DMU50, deviation_of, full_state
 
 from kinematics.effects import Unnamed
 from kinematics.error_model.model import no_errors

@@ -6,7 +6,7 @@ import re
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, random_model, setup_of
+from support.programs import load, random_model, setup_of
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError

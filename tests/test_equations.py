@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from measured import THREE, measured, pose_of, positions, truth
+from support.virtual_measurements import THREE, measured, pose_of, positions, truth
 
 import machines
 from calibration.measurement.instruments import Interferometer, LaserTracker, Part

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from programs import load, model_of
-from table_cases import PLAY, POSITIONING, SQUARENESS, STRAIGHTNESS, motions
+from support.programs import load, model_of
+from support.table_cases import PLAY, POSITIONING, SQUARENESS, STRAIGHTNESS, motions
 
 from kinematics.basis import Harmonics
 from kinematics.effects import ErrorMotion, GrowthWithSensor, LocationError

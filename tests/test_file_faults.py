@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from programs import load, shifted
+from support.programs import load, shifted
 
 from kinematics.error_model.model import write_model
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured import THREE, measured, positions, truth
+from support.virtual_measurements import THREE, measured, positions, truth
 
 import machines
 from calibration.measurement.file import write_measurement

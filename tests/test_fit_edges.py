@@ -5,7 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from measured import MONTAVON, ONE, THREE, measured, pose_of, positions, truth
+from support.virtual_measurements import MONTAVON, ONE, THREE, measured, pose_of, positions, truth
 
 import machines
 from calibration.fit.calibrate import calibrate

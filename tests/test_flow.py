@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import correct, load, random_model, read, shifted
+from support.programs import correct, load, random_model, read, shifted
 
 from kinematics.user_error import UserError
 from postproc.correct.verify import verify

@@ -7,7 +7,7 @@ all that is worked out here; nothing of ncomp is used for it.
 import math
 
 import pytest
-from hand_programs import positions
+from support.axis_positions import positions
 
 C30, S30 = math.cos(math.radians(30.0)), 0.5
 C20, S20 = math.cos(math.radians(20.0)), math.sin(math.radians(20.0))

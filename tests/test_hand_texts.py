@@ -9,7 +9,7 @@ import io
 import re
 
 import pytest
-from programs import load, model_of, setup_of, source_of
+from support.programs import load, model_of, setup_of, source_of
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion

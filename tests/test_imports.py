@@ -149,3 +149,30 @@ def test_no_module_imports_itself_by_a_detour() -> None:
 def test_no_folder_is_too_large_to_read() -> None:
     sizes = {folder: len(list(folder.glob("*.py"))) for package in PACKAGES for folder in (ROOT / package).rglob("*")}
     assert {str(folder): size for folder, size in sizes.items() if size > LARGEST_FOLDER} == {}
+
+
+TEST_MODULES = {path.stem: path for path in (ROOT / "tests").glob("test_*.py")}
+
+
+def modules_named(path: Path) -> set[str]:
+    """The modules that a file imports, also by a call with its name (importlib)."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.Call):
+            found |= {
+                each.value for each in node.args if isinstance(each, ast.Constant) and isinstance(each.value, str)
+            }
+    return {name.removeprefix("tests.").split(".")[0] for name in found}
+
+
+def test_no_module_imports_a_test_module() -> None:
+    assert [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for folder in ("tests", "benchmarks")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for name in sorted(modules_named(path) & {*TEST_MODULES, "conftest"})
+    ] == []

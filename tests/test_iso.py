@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import load, read, setup_of
+from support.programs import load, read, setup_of
 
 import machines
 from kinematics.forward import tool_point

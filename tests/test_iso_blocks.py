@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from support.real_data import FREECAD
 
 from postproc.iso.blocks import _read_plain, parse_block, read_block
 from postproc.text.block import Block, Refusal
 from postproc.text.expressions import Constant, Operation, Variable
 from postproc.text.statements import Assign, Begin, Call, End, Jump, Return, When
-
-FREECAD = Path(__file__).parent / "data" / "freecad"
 
 blanks = st.text(" \t", max_size=2)
 numbers = st.from_regex(r"[+-]?[ \t]?([0-9]{1,6}(\.[0-9]{0,6})?|\.[0-9]{1,6})", fullmatch=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from programs import correct, load, random_model, read, shifted
+from support.programs import correct, load, random_model, read, shifted
 
 import machines
 from kinematics.user_error import UserError

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from clients.rs274 import Tool
-from programs import correct, load, random_model, read, shifted
+from support.programs import correct, load, random_model, read, shifted
 
 from kinematics.forward import forward, tool_point
 from kinematics.user_error import UserError

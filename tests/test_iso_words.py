@@ -6,7 +6,7 @@ import random
 
 import pytest
 from clients.rs274 import RefusedError
-from programs import load, read
+from support.programs import load, read
 
 from kinematics.user_error import UserError
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import correct, load, random_model, read, setup_of, shifted, source_of
-from three_dialects import WRITERS, loops, paths
+from support.programs import correct, load, random_model, read, setup_of, shifted, source_of
+from support.three_dialects import WRITERS, loops, paths
 
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import load, random_model, shifted
+from support.programs import load, random_model, shifted
 
 from kinematics.error_model.model import write_model
 from postproc.correct import trace

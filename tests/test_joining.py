@@ -6,7 +6,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from measured import ONE, THREE, measured, positions, truth
+from support.virtual_measurements import ONE, THREE, measured, positions, truth
 
 import machines
 from calibration.fit.calibrate import calibrate

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import WHOLE, correct, load, model_of, random_model, read
+from support.programs import WHOLE, correct, load, model_of, random_model, read
 
 from kinematics.correction import correct_position
 from kinematics.effects import QuantisedCompensation

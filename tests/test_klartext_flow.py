@@ -1,48 +1,16 @@
 """Klartext with Q parameters, labels, cycles and changed coordinates: what runs, and what is written."""
 
-import io
 import re
 
 import numpy as np
 import pytest
-from programs import WHOLE, load, random_model, setup_of, shifted, source_of
+from support.klartext_programs import HEAD, OFFSET, SHIFT, TAIL, correct, read
+from support.programs import load, random_model, shifted
 
-from kinematics.error_model.model import no_errors
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from postproc.compensation.correction import missed
-from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
-from postproc.dialects import find_dialect
-from postproc.motion.motions import merged
-from postproc.text.source import ENCODING
-
-KLARTEXT = find_dialect("heidenhain", "", "")
-OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}
-SHIFT = [-0.003, 0.0042, -0.0055]
-HEAD = "BEGIN PGM T MM\nL X+0 Y+0 Z+0 R0 FMAX\n"
-TAIL = "END PGM T MM\n"
-
-
-def read(text, machine="gantry"):
-    machine = load(machine)
-    return merged(read_motions(source_of(text, "test.h"), KLARTEXT, machine, setup_of(machine)))
-
-
-def correct(text, machine="gantry", model=None, tolerance_um=WHOLE["tolerance_um"]):
-    machine, out = load(machine), io.BytesIO()
-    job = Job(
-        source_of(text, "test.h"),
-        KLARTEXT,
-        machine,
-        model or no_errors(machine),
-        setup_of(machine),
-        False,
-        tolerance_um=tolerance_um,
-    )
-    Pipeline(job).run(out, lambda _: None)
-    return re.sub("; NCOMP .* PROGRAM .*\n", "", out.getvalue().decode(ENCODING))
-
+from postproc.correct.verify import verify
 
 RUNS = {
     "formulas": ("Q1 = 2 + 3 * 4\nL X+Q1\nQ2 = ( 2 + 3 ) * 4\nL X+Q2\nQ3 = - Q1\nL X-Q3\nQ4 = SQRT 16 + SQ 3\nL X+Q4\nQ5 = 7 % 4\nL X+Q5\n", [14, 20, 14, 13, 3]),
@@ -148,7 +116,7 @@ def test_points_of_a_compensated_contour_are_corrected():
 
 
 def test_no_block_of_our_own_in_a_compensated_contour():
-    from programs import model_of
+    from support.programs import model_of
 
     from kinematics.effects import Backlash
 

@@ -4,8 +4,8 @@ import itertools
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, random_model
-from test_klartext_flow import correct, read
+from support.klartext_programs import correct, read
+from support.programs import load, random_model
 
 from kinematics.user_error import UserError
 from postproc.heidenhain.blocks import parse_block, read_block

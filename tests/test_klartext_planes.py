@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import WHOLE, load, random_model, setup_of, source_of
-from test_forward_thesis import thesis_forward
-from test_heidenhain import Run
+from support.klartext_run import HEAD, TOOLS, Run, tips
+from support.programs import WHOLE, load, random_model, setup_of, source_of
 
 from kinematics.forward import forward
 from kinematics.user_error import UserError
@@ -23,8 +22,6 @@ from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal
 
 KLARTEXT = find_dialect("heidenhain", "", "")
-HEAD = "0 BEGIN PGM T MM\n1 TOOL CALL 1 Z S1000\n2 L X+10 Y+20 Z+50 B+0 C+0 R0 FMAX M3\n"
-TOOLS = ("T1=100",)
 angles = st.floats(-80, 80)
 
 
@@ -57,13 +54,6 @@ def test_a_plane_by_its_axes(a, b, c):
 
 def run(text, machine="dmu50", head=HEAD, **options):
     return Run(head + text, machine=machine, lengths=TOOLS, **options)
-
-
-def tips(program, rows):
-    """Tool tip and axis in the workpiece frame, mm, by the thesis' kinematics of the DMU 50."""
-    X, Y, Z, B, C = program.axes("XYZBC")[rows].T
-    tip, axis = thesis_forward(X, Y, Z, np.radians(B), np.radians(C))
-    return tip - 100 * axis, axis
 
 
 PLACES = "L X+0 Y+0 Z+0\nL X+30 Y+0 Z+0\nL IY+40\nL IZ-5\n"

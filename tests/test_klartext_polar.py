@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, model_of, random_model, shifted
-from test_klartext_flow import HEAD, OFFSET, SHIFT, TAIL, correct, read
+from support.klartext_programs import HEAD, OFFSET, SHIFT, TAIL, correct, read
+from support.programs import load, model_of, random_model, shifted
 
 from kinematics.effects import Backlash
 from kinematics.user_error import UserError

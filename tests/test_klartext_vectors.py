@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import WHOLE, load, random_model, setup_of, source_of
-from test_heidenhain import Run
-from test_klartext_planes import HEAD, TOOLS, tips
+from support.klartext_run import HEAD, TOOLS, Run, tips
+from support.programs import WHOLE, load, random_model, setup_of, source_of
 
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from diagnosed import data_with, framed
 from scipy import stats
+from support.diagnosis_cases import data_with, framed
 
 from calibration import cores
 from calibration.diagnosis.residual.whiteness import pearson_beyond

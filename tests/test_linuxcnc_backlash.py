@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from clients.linuxcnc_sim import Config
-from programs import correct, load, model_of, read
 from scipy.spatial import cKDTree
-from test_direction import play
+from support.backlash_paths import play
+from support.programs import correct, load, model_of, read
 
 from kinematics.effects import Backlash
 from postproc.motion.moves import Kind

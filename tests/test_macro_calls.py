@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import correct, load, model_of, random_model, read, shifted, source_of
+from support.programs import correct, load, model_of, random_model, read, shifted, source_of
 
 from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from programs import load, model_of
+from support.programs import load, model_of
 
 from kinematics.effects import LocationError
 from kinematics.error_model.model import write_model

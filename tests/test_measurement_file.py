@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.file_examples import INTERFEROMETER, PART, TRACKER
 
 import machines
 from calibration.measurement.file import read_measurement, write_measurement
@@ -19,43 +20,6 @@ from kinematics.state import State
 from kinematics.user_error import UserError
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
-
-TRACKER = """\
-# machine: gantry
-# instrument: laser-tracker
-# u_range_um_per_m: 0.25
-# u_angle_um: 5
-# u_angle_um_per_m: 1
-# target.t1: 0 0 -120
-# target.t2: 90, 40, -180
-time_s,X,Y,Z,target,x,y,z,temp_scale
-0.0,0.0000,0.0000,0.0000,t1,-110.73612,-3221.43193,-862.87697,20.00
-8.0,500.0,0.0000,0.0000,t2,389.2,-3221.4,-862.8,20.50
-16.0,200.0,0.0000,0.0000,t1,89.2,-3221.4,-862.8,21.00
-"""
-INTERFEROMETER = """\
-# machine: dmu50
-# instrument: interferometer
-# u_um: 0.3
-# u_um_per_m: 0.5
-# target.r: 0 0 -50
-axis,run,direction,target_mm,target_deg,deviation_um,deviation_urad,C
-X,1,+1,-100,,0.5,,30
-X,1,forward,100,,1.5,,30
-X,1,-,100,,-2.25,,30
-X,2,backward,-100,,1,,30
-C,1,+,,90,,12.5,90
-"""
-PART = """\
-# machine: gantry
-# instrument: part
-# u_um: 2.5
-# part_offset: 500 600 300
-# target.mill: 0 0 -100
-nominal_x,nominal_y,x,y
-0,0,0.001,0.002
-10,0,10.003,0.004
-"""
 
 
 @pytest.fixture

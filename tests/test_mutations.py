@@ -5,10 +5,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from conftest import NC_DATA
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load
+from support.programs import load
+from support.real_data import NC_DATA
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError

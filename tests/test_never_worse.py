@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, model_of, read, setup_of, source_of
+from support.programs import load, model_of, read, setup_of, source_of
 
 from kinematics.effects import Cyclic, LocationError, QuantisedCompensation
 from kinematics.error_model.model import write_model

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import msgspec
 import numpy as np
 import pytest
-from measured import THREE, TRACKER, measured, positions
+from support.virtual_measurements import THREE, TRACKER, measured, positions
 
 import machines
 from calibration.diagnosis.diagnose import diagnose

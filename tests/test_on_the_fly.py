@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from on_the_fly_data import (
+from support.on_the_fly_cases import (
     AT,
     FIXED,
     FIXED_TOML,

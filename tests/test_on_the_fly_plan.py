@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from on_the_fly_data import FIXED, FIXED_TOML, ONE, diagonals, followed, path_of, polyline, program
+from support.on_the_fly_cases import FIXED, FIXED_TOML, ONE, diagonals, followed, path_of, polyline, program
 
 import machines
 from calibration.evaluation.volumetric import aligned, deviation_on

@@ -1,15 +1,14 @@
 """The main job as a whole: random and real programs, in chunks of any size, judged by what comes out."""
 
 import dataclasses
-import io
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import (
+from support.corrected_rows import MARK, exact_rows, kept_before_turning, without_mark
+from support.programs import (
     WHOLE,
     RandomProgram,
     correct,
@@ -21,6 +20,7 @@ from programs import (
     shifted,
     source_of,
 )
+from support.real_programs import ACCEPTED, machine_for, real_programs, run
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -29,27 +29,15 @@ from postproc.compensation.correction import missed
 from postproc.control.setup import make_setup
 from postproc.control.state import ControlState
 from postproc.correct.mark import mark_in
-from postproc.correct.pipeline import Job, Pipeline
 from postproc.correct.verify import verify
-from postproc.dialects import find_dialect
-from postproc.motion.circles import sweep
-from postproc.motion.moves import Kind
-from postproc.text.source import ENCODING, chunks, open_source
+from postproc.text.source import ENCODING, chunks
 from postproc.tool_tables import ToolTable
 
-FREECAD = Path(__file__).parent / "data" / "freecad"
 ROUNDING_UM = 0.1
 """Three axes off by half of 0.0001 mm each: 0.087."""
 MACHINES = ("gantry", "bzt_pfu", "dmu50", "head_table")
 seeds = st.integers(0, 2**32 - 1)
 LINEAR_WORDS = re.compile(r"[XYZIJKR][ \t]*[+-]?[ \t]*(\d+\.?\d*|\.\d+)[ \t]*", re.I)
-MARK = re.compile(r"\(NCOMP \S+ MACHINE \S+ CALIBRATION [0-9A-F]+ PROGRAM [0-9A-F]{12}[^)]*\)(\r*\n|\r)")
-
-
-def without_mark(text):
-    stripped, marks = MARK.subn("", text)
-    assert marks == 1
-    return stripped
 
 
 def others(line):
@@ -57,32 +45,6 @@ def others(line):
     comment = re.search(r"\(.*\)|;.*", line)
     code = line if comment is None else line.replace(comment[0], "@")
     return re.sub(r"[ \t]", "", LINEAR_WORDS.sub("", code)), comment and comment[0]
-
-
-def turns(motions):
-    """Feed moves of rotary axes alone."""
-    way = np.abs(motions.target - motions.start)
-    linear, rotary = list(motions.machine.translators), motions.machine.rotary
-    return (motions.kind == Kind.LINE) & (way[:, linear] < 1e-6).all(axis=1) & (way[:, rotary] > 1e-6).any(axis=1)
-
-
-def exact_rows(motions):
-    """Rows that end where they should: not feed moves of rotary axes alone, nor what follows them as a circle.
-
-    Nor circles that are full or nearly so, which end where they start.
-    """
-    rows, turning = motions.judged.copy(), turns(motions)
-    for row, arc in motions.arcs.items():
-        i, j, _ = arc.plane
-        ends = [(float(at[row, i]), float(at[row, j])) for at in (motions.start, motions.target)]
-        if abs(sweep(*ends, arc.centre, arc.sense, arc.full)) > 5.2 or (row and turning[row - 1]):
-            rows[row] = False
-    return rows & ~turning
-
-
-def kept_before_turning(nominal, commanded):
-    """Rows left as in the input because the feed move of rotary axes alone behind them would become worse."""
-    return np.append(turns(nominal)[1:], False) & (np.abs(commanded.target - nominal.target) < 1e-4).all(axis=1)
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -206,31 +168,7 @@ def test_many_random_programs(name, seed, tcp):
 
 # ---- real programs
 
-REAL_SETUP = {"five_axis_ac": "trunnion_ac"}
 
-
-def real_programs(nc_data):
-    return sorted((nc_data / "iso").rglob("*.*")) + sorted(FREECAD.glob("*.nc"))
-
-
-def machine_for(path):
-    return load(REAL_SETUP.get(path.parent.name, "dmu50"))
-
-
-def run(path, machine, model, tolerance_um=1.0):
-    source, out = open_source(str(path)), io.BytesIO()
-    setup = make_setup(machine, zero=True)
-    job = Job(source, find_dialect("iso", "", ""), machine, model, setup, False, tolerance_um=tolerance_um)
-    report = Pipeline(job).run(out, lambda _: None)
-    return out.getvalue(), report
-
-
-ACCEPTED = {
-    "CONTOUR.NC", "CONTOUR_R.NC", "CONTOUR_R1.NC", "G17_18_19.NC", "G17_18_19_G91.NC", "PARALLEL.NC", "PROGRAM.NC",
-    "PROGRAM2.NC", "TEST.NC", "TEST3.NC", "TEST4.NC", "TEST_G90.NC", "VINT_360arc-1.NC", "VINT_360arc.NC",
-    "VINT_REV_360arc.NC", "impeller-7bl-xyzac.ngc", "box_grbl.nc", "box_linuxcnc.nc", "box_mach3_mach4.nc",
-    "G81.NC", "G82.NC", "G83.NC",
-}  # fmt: skip
 REASONS = {
     "BOTTLE.NC": ":12: .*this is no circle; its centre would fit as absolute",
     "CONTOUR_ABS.NC": ":15: .*this is no circle; its centre would fit as absolute",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from programs import load, model_of
+from support.programs import load, model_of
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, DriftWithSensor, ErrorMotion, LocationError

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from support.file_examples import LASER
 
 import machines
 from calibration.fit.prediction import predictions, read_points
@@ -252,10 +253,6 @@ def test_missing_points(tmp_path):
 
 
 # ---- ISO 230-2 at a shell
-
-LASER = "# axis: X\n# unit: um\ntarget_mm;1 up;1 down;2 up;2 down\n" + "".join(
-    f"{100 * i};{i};{i - 2};{i + 0.5};{i - 1.5}\n" for i in range(5)
-)
 
 
 def test_iso230(ncomp):

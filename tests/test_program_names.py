@@ -7,7 +7,7 @@ a colon stands for the O.
 from __future__ import annotations
 
 import pytest
-from programs import correct, load, shifted
+from support.programs import correct, load, shifted
 
 GANTRY = load("gantry")
 MODEL = shifted(GANTRY, X=100.0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.file_examples import CMM, ETALON, MAP, RTL, WIDE
 
 import machines
 from calibration.measurement.instruments import Interferometer, LaserTracker, Part
@@ -36,35 +37,6 @@ def write(tmp_path, monkeypatch):
 
 
 # ---- Renishaw
-
-RTL = """\
-HEADER::
-File type: LASER
-Owner: Renishaw plc
-
-TARGET DATA::
-Filetype  : ISO
-Target-count: 6
-Targets :
- 0.000  100.000  200.000  300.000  400.000
- 500.000
-Flags: 0 0 2 0
-
-USER-TEXT::
-Machine:   mill
-Date:12:30 2001-02-03
-Axis:X
-
-RUNS::
-Run-count: 4
-
-DEVIATIONS::
-Run Target Data:
-""" + "".join(
-    f" {run}   {target}      {run + target / 10:.1f}\n"
-    for run in (1, 2, 3, 4)
-    for target in (range(1, 7) if run % 2 else range(6, 0, -1))
-) + "\nENVIRONMENT::\nAir temp   : 20.1\n\nEOF::\n"  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -135,16 +107,6 @@ def test_renishaw_needs_what_it_does_not_say(write):
 
 # ---- tables of ISO 230-2
 
-WIDE = """\
-# axis: X
-# unit: um
-# u_um: 0.3
-# target.r: 0 0 -60
-target_mm;1 up;1 down;2 up;2 down
-0;0,5;-2,25;0,4;-2
-100;1;;1,5;-1,5
-"""
-
 
 @pytest.mark.parametrize(
     "text",
@@ -196,15 +158,6 @@ def test_wide_table_refused(write, change, words):
 
 
 # ---- coordinate measuring machines
-
-CMM = """\
-Plug Plate: 1597A
-Date: 2003-10-17
-
-    Meas X    Meas Y     Nom X     Nom Y     Err X     Err Y  Meas D   Nom D   Round
-   -73.126   121.717   -73.140   121.705     0.014     0.012   2.174   2.167   0.007
-   231.288   204.188   231.279   204.187     0.009     0.001   2.171   2.167   0.018
-"""
 
 
 def test_cmm(write):
@@ -296,34 +249,6 @@ def test_leica(write):
     np.testing.assert_allclose(m.observed, [[1000.1, -2000, 3000], [1001, -2000, 3000]])
     assert m.state.positions.tolist() == [[10, 20, 30], [11, 20, 30]]
     assert m.state.time.tolist() == [0.5, 1.5]
-
-
-MAP = """\
-delimiter = ","
-decimal = "."
-[columns]
-X = 1
-C = 2
-temp_air = 3
-time_s = 4
-actual_C = 5
-x = 6
-y = 7
-z = 8
-dir_X = 9
-[units]
-linear = "inch"
-rotary = "rad"
-temperature = "K"
-time = "ms"
-xyz = "um"
-[header]
-instrument = "laser-tracker"
-u_range_um = 0.5
-u_angle_um = 5
-stands_on = "bed"
-target.t1 = "0 0 -120"
-"""
 
 
 def test_units_of_a_map(write):
@@ -441,24 +366,6 @@ def test_header_overrules_the_file(write):
 
 # ---- Etalon
 
-ETALON = """\
-// made up
-[C0Y]
-VALUE = 0.000022
-[X0C]   // position of the axis line
-VALUE = -0.01
-[EXX]
-Gridpoints = {
-    -250.0 -0.001
-       0.0  0.0005   // in the middle
-     250.0  0.002
-}  // end of EXX
-[ECC]
-Gridpoints = {
-    0 0.00001
-    360 0.00002
-}
-"""
 MM_RAD = Convention("error", "mm", "rad")
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from measured import ONE, THREE, TRACKER, measured, positions, truth
+from support.virtual_measurements import ONE, THREE, TRACKER, measured, positions, truth
 
 import machines
 from calibration.diagnosis.repeatability import repeats

@@ -6,7 +6,7 @@ import json
 import re
 from pathlib import Path
 
-from programs import load, shifted
+from support.programs import load, shifted
 from typer.testing import CliRunner
 
 from kinematics.error_model.model import encode_model

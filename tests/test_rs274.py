@@ -2,13 +2,14 @@
 
 import math
 import re
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from clients.rs274 import Move, Tool
-from programs import (
+from clients.rs274 import Move
+from support.corrected_rows import exact_rows, without_mark
+from support.linuxcnc_programs import TOOLS, wrapped
+from support.programs import (
     LINUXCNC_OFFSETS,
     WHOLE,
     RandomProgram,
@@ -20,7 +21,7 @@ from programs import (
     read_lines,
     source_of,
 )
-from test_pipeline import exact_rows, without_mark
+from support.real_data import FREECAD
 
 from kinematics.effects import Backlash
 from kinematics.machine import Machine
@@ -39,7 +40,6 @@ PLANES = {"XYZ": "xy", "ZXY": "xz", "YZX": "yz"}
 COLUMNS = "XYZABC"
 SAME = 1e-9
 LAST_DECIMAL = 1e-4
-FREECAD = Path(__file__).parent / "data" / "freecad"
 
 
 class Seen(NamedTuple):
@@ -133,22 +133,6 @@ def compare(rs274, text, machine: Machine, setup, wrap=lambda text: text, **envi
 
 # ---- real programs
 
-NO_ADDRESS = r"(?![\d.])"
-WRAPPINGS = {
-    "a motion code beside G28": lambda text: re.sub(rf"(?m)^(?=.*G28)(.*?)G0{NO_ADDRESS} ?", r"\1", text),
-    "clamping of a rotary axis": lambda text: re.sub(r"(?m)^M1[01](?=\r?$)", "", text),
-    "an offset across the plane, of nothing": lambda text: text.replace(" K0.000", ""),
-    "a dwell in a peck cycle": lambda text: re.sub(r"(?m)^(G83.*)P500\.", r"\1", text),
-    "an end": lambda text: text if re.search(r"(?m)^(M30|M2)\b|^%", text) else text + "\nM2\n",
-}
-"""What LinuxCNC wants of the form of a program; none of it moves anything."""
-
-
-def wrapped(text):
-    for wrap in WRAPPINGS.values():
-        text = wrap(text)
-    return text
-
 
 REAL = [
     "CONTOUR.NC", "CONTOUR_R.NC", "CONTOUR_R1.NC", "G17_18_19.NC", "G17_18_19_G91.NC", "PARALLEL.NC", "PROGRAM.NC",
@@ -184,8 +168,6 @@ def test_every_real_program_that_both_take_is_compared(linuxcnc, nc_data):
 
 
 # ---- programs by hand and at random
-
-TOOLS = {1: Tool(80.5), 2: Tool(120.25), 3: Tool(0.0)}
 
 
 def environment_of(setup):

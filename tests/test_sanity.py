@@ -6,7 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from measured import MONTAVON, ONE, THREE, measured, positions, truth
+from support.virtual_measurements import MONTAVON, ONE, THREE, measured, positions, truth
 
 import machines
 from calibration.measurement.instruments import Interferometer

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from programs import WHOLE, load, random_model, setup_of, shifted, source_of
-from programs import read as read_iso
+from support.programs import WHOLE, load, random_model, setup_of, shifted, source_of
+from support.programs import read as read_iso
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from programs import load, random_model, shifted
-from siemens_programs import correct, corrected, ends, read
+from support.programs import load, random_model, shifted
+from support.siemens_programs import correct, corrected, ends, read
 
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
@@ -76,8 +76,8 @@ def test_calls_that_are_refused(text):
 
 
 def test_check_sees_what_runs():
-    from programs import source_of
-    from siemens_programs import SIEMENS
+    from support.programs import source_of
+    from support.siemens_programs import SIEMENS
 
     text = MAIN + "L10\nM30\n%_N_L10_SPF\nX1\nM17\n%_N_L11_SPF\nX2\nM17\n"
     machine = load("gantry")
@@ -129,7 +129,7 @@ def test_archives_of_tools_and_offsets(tmp_path):
     assert table.radii == {"5": 6, "MILL 12": 6}
     assert table.work_offsets == {"G500": {}, "G54": {"X": 10.5, "Y": -20, "Z": 0}, "G505": {"X": 1.25}}
     text = 'G54 T="MILL 12" M6 D2\nG0 X0 Y0 Z0\nD1 Z0\n'
-    from programs import source_of
+    from support.programs import source_of
 
     from postproc.correct.verify import read_motions
     from postproc.dialects import find_dialect

@@ -4,8 +4,8 @@ import math
 import re
 
 import pytest
-from programs import load, random_model
-from siemens_programs import correct, read
+from support.programs import load, random_model
+from support.siemens_programs import correct, read
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError

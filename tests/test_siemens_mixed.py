@@ -5,8 +5,8 @@ import contextlib
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, random_model
-from siemens_programs import correct, read
+from support.programs import load, random_model
+from support.siemens_programs import correct, read
 
 from kinematics.user_error import UserError
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, model_of, random_model, setup_of, shifted, source_of
-from siemens_programs import SIEMENS, correct, corrected, ends, judged, places, read
+from support.programs import load, model_of, random_model, setup_of, shifted, source_of
+from support.siemens_programs import SIEMENS, correct, corrected, ends, judged, places, read
 
 from kinematics.effects import Backlash
 from kinematics.forward import forward

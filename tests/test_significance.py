@@ -5,7 +5,7 @@ import json
 import msgspec
 import numpy as np
 import pytest
-from programs import load
+from support.programs import load
 
 from kinematics.effects import LocationError
 from kinematics.error_model.model import no_errors, write_model

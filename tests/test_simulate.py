@@ -9,8 +9,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from effect_examples import BACKWARD, DMU50, EXAMPLES, full_state
-from test_cli import ncomp  # noqa: F401  a fixture
+from support.effect_examples import BACKWARD, DMU50, EXAMPLES, full_state
 
 import machines
 from calibration.measurement.file import read_measurement
@@ -460,7 +459,7 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("machine", ["gantry", "cframe"])
-def test_simulated_files_are_read(ncomp, name, machine):  # noqa: F811
+def test_simulated_files_are_read(ncomp, name, machine):
     options = ["simulate", "--machine", machine, *CASES[name]]
     result = ncomp(*options, "-o", "data.csv", "--truth", "truth.json", "--seed", "3")
     assert (result.status, result.out) == (0, b""), result.err
@@ -479,7 +478,7 @@ def test_simulated_files_are_read(ncomp, name, machine):  # noqa: F811
     assert truth.effects[: len(drawn)] == drawn
 
 
-def test_a_plan_of_all_options_is_simulated(ncomp):  # noqa: F811
+def test_a_plan_of_all_options_is_simulated(ncomp):
     assert ncomp("plan", "--machine", "dmu50", "--strategy", "hexahedron", "--points", "40", "--rotary", "random",
                  "--approach", "positive", "--target", "t1=0,0,-120", "--target", "t2=90,40,-180", "-o", "plan.csv").status == 0  # fmt: skip
     result = ncomp("simulate", "--machine", "dmu50", "--strategy", "plan.csv", "--effect", "backlash:axis=X,width=12",
@@ -491,7 +490,7 @@ def test_a_plan_of_all_options_is_simulated(ncomp):  # noqa: F811
     assert "the tracker stands 1.5 m before the volume" in result.err
 
 
-def test_the_truth_predicts_what_is_observed(ncomp):  # noqa: F811
+def test_the_truth_predicts_what_is_observed(ncomp):
     """Plan, simulate without noise and predict: distances between points agree whatever the tracker's pose."""
     assert (
         ncomp("plan", "--machine", "gantry", "--strategy", "diagonals", "--points", "30", "-o", "plan.csv").status == 0
@@ -510,7 +509,7 @@ def test_the_truth_predicts_what_is_observed(ncomp):  # noqa: F811
         assert seen == pytest.approx(told, abs=3e-5)
 
 
-def test_calibrations_and_tables_as_truth(ncomp):  # noqa: F811
+def test_calibrations_and_tables_as_truth(ncomp):
     Path("w.toml").write_text("E_XX = [0, 70]\n")
     result = ncomp("simulate", "--machine", "gantry", "--strategy", "grid", "-c", "cal.json", "--errors", "w.toml",
                    "--location", "10", "--effect", "backlash:axis=Y,width=5", "-o", "d.csv", "--truth", "t.json")  # fmt: skip
@@ -556,7 +555,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_options(ncomp, name):  # noqa: F811
+def test_bad_options(ncomp, name):
     options, words = BAD[name]
     before = sorted(Path().iterdir())
     result = ncomp("simulate", "--machine", "gantry", *options, "-o", "data.csv")
@@ -567,7 +566,7 @@ def test_bad_options(ncomp, name):  # noqa: F811
     assert sorted(Path().iterdir()) == before
 
 
-def test_help(ncomp):  # noqa: F811
+def test_help(ncomp):
     for command in ("plan", "simulate"):
         shown = ncomp(command, "--help")
         assert shown.status == 0

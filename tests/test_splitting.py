@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import FIVE_AXES, THREE_AXES, TOOLS, centred, load, model_of, random_model, setup_of, shifted, source_of
+from support.programs import (
+    FIVE_AXES,
+    THREE_AXES,
+    TOOLS,
+    centred,
+    load,
+    model_of,
+    random_model,
+    setup_of,
+    shifted,
+    source_of,
+)
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError

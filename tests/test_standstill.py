@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stream_data import Log, Stop, header, log_of, write
-from three_points_data import TARGETS, locations, model, random_effects, rows, station
+from support.three_points_cases import TARGETS, locations, model, random_effects, rows, station
+from support.tracker_logs import Log, Stop, header, log_of, write
 from typer.testing import CliRunner
 
 import machines

@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from effect_examples import DMU50, full_state
+from support.effect_examples import DMU50, full_state
 
 from kinematics.basis import Polynomial
 from kinematics.state import State

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from programs import FIVE_AXES, THREE_AXES, correct
-from test_cli import ncomp  # noqa: F401  a fixture
+from support.programs import FIVE_AXES, THREE_AXES, correct
 
 import machines
 from calibration.measurement.measurement import Target
@@ -377,7 +376,7 @@ def test_linuxcnc_goes_where_the_plan_says(linuxcnc, name):
 # ---- command line
 
 
-def test_command(ncomp):  # noqa: F811
+def test_command(ncomp):
     arguments = ["plan", "--machine", "bzt_pfu", "--strategy", "hexahedron+random", "--points", "170+150"]
     result = ncomp(*arguments, "-o", "plan.csv", "--nc", "plan.nc", "--dwell", "3", "--feed", "3000")
     assert (result.status, result.out) == (0, b"")
@@ -388,14 +387,14 @@ def test_command(ncomp):  # noqa: F811
 
 
 @pytest.mark.parametrize("strategy", ["axes", "grid"])
-def test_rotary_axes_that_stand_still_are_noted(ncomp, strategy):  # noqa: F811
+def test_rotary_axes_that_stand_still_are_noted(ncomp, strategy):
     arguments = ("plan", "--machine", "dmu50", "--strategy", strategy, "-o", "p.csv")
     assert "rotary axes stand still: C 0, B 0 deg" in ncomp(*arguments).err
     swept = ncomp(*arguments, "--rotary", "swept", "--range", "C=0:90").err
     assert "stand still" not in swept
 
 
-def test_klartext_command(ncomp):  # noqa: F811
+def test_klartext_command(ncomp):
     options = ("--rotary", "simultaneous", "--approach", "negative", "--target", "t1=0,0,-120", "--target", "t2=9,4,-8")
     for offset in ((), ("--work-offset", "1=10,20,30")):
         result = ncomp("plan", "--machine", "dmu50", "--strategy", "space-filling", "--points", "40", *options,
@@ -426,7 +425,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_options(ncomp, name):  # noqa: F811
+def test_bad_options(ncomp, name):
     options, words = BAD[name]
     before = sorted(Path().iterdir())
     result = ncomp("plan", "--machine", "gantry", *options, "-o", "plan.csv")
@@ -437,7 +436,7 @@ def test_bad_options(ncomp, name):  # noqa: F811
 
 
 @pytest.mark.slow
-def test_examples_of_the_page(ncomp):  # noqa: F811
+def test_examples_of_the_page(ncomp):
     """The commands of docs/planning.md run one after the other."""
     page = (Path(__file__).parents[1] / "docs" / "planning.md").read_text()
     commands = re.findall(r"^    ncomp (.*)$", page.replace("\\\n", " "), re.MULTILINE)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.file_examples import STUDY
 
 import machines
 from calibration.design.equations import Sample
@@ -455,26 +456,6 @@ def test_a_cluster_gives_the_same_and_loses_nothing_with_a_worker():
 
 
 # ---- the command
-
-
-STUDY = """
-machine = "gantry"
-draws = 60
-seed = 5
-[fit]
-basis = "legendre:4"
-prior = 30
-[[case]]
-name = "few"
-strategy = "hexahedron"
-points = 100
-tracker = [-1500, 1500, 300]
-[[case]]
-name = "more"
-strategy = "hexahedron"
-points = 200
-tracker = [-1500, 1500, 300]
-"""
 
 
 def test_command(command, tmp_path):

@@ -5,9 +5,9 @@ import re
 import msgspec
 import numpy as np
 import pytest
-from effect_examples import BACKWARD
-from programs import load, model_of
-from table_cases import CASES, TOOL, Case
+from support.effect_examples import BACKWARD
+from support.programs import load, model_of
+from support.table_cases import CASES, TOOL, Case
 
 from kinematics.basis import Polynomial
 from kinematics.correction import correct_position

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from programs import FIVE_AXES, THREE_AXES, load
+from support.programs import FIVE_AXES, THREE_AXES, load
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.chain import nominal_points, tool_points

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import load, model_of
-from table_cases import motions
+from support.programs import load, model_of
+from support.table_cases import motions
 
 import machines
 from kinematics.state import State

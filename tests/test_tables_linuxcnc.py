@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from clients.linuxcnc_sim import Config, Table
-from programs import load, model_of
+from support.programs import load, model_of
 
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, ErrorMotion

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from programs import load, model_of
-from table_cases import motions
+from support.programs import load, model_of
+from support.table_cases import motions
 
 from kinematics.effects import Cyclic, QuantisedCompensation
 from kinematics.user_error import UserError

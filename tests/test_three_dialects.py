@@ -7,8 +7,20 @@ import math
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
-from programs import WHOLE, load, model_of, random_model, setup_of, source_of
-from three_dialects import LEVEL, WRITERS, Arc, Go, Hole, Loop, Shift, Turned, parts, tilted_parts
+from support.programs import WHOLE, load, model_of, random_model, source_of
+from support.three_dialects import (
+    LEVEL,
+    WRITERS,
+    Arc,
+    Go,
+    Hole,
+    Loop,
+    Shift,
+    Turned,
+    parts,
+    setup,
+    tilted_parts,
+)
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -20,15 +32,8 @@ from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
 from postproc.text.source import ENCODING
 
-TOOLS = ["T1=80"]
-OFFSETS = {"gantry": "100,200,-300", "trunnion_bc": "5,-3,20", "head_table": "5,-3,60"}
 ROUNDING = 1.6e-4
 """mm: of X, Y and Z, in coordinates that may be turned."""
-
-
-def setup(machine, dialect):
-    name = "0" if dialect == "heidenhain" else "G54"
-    return setup_of(machine, [f"{name}={OFFSETS[machine.name]}"], TOOLS)
 
 
 def run(writer, part, machine, model, *, tcp=False):

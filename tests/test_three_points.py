@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
-from three_points_data import SERIES, TARGETS, locations, measured, model, random_effects, station
+from support.three_points_cases import SERIES, TARGETS, locations, measured, model, random_effects, station
 from typer.testing import CliRunner
 
 import machines

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from three_points_data import SERIES, TARGETS, measured, model, random_effects, station
+from support.three_points_cases import SERIES, TARGETS, measured, model, random_effects, station
 
 import machines
 from calibration.measurement.file import write_measurement

@@ -3,7 +3,8 @@
 import re
 
 import pytest
-from programs import load
+from support.file_examples import PRESETS, TNC410
+from support.programs import load
 
 from kinematics.user_error import UserError
 from postproc.control.setup import Origin, make_setup
@@ -11,14 +12,6 @@ from postproc.tool_tables import read_tool_table, read_tool_tables
 
 # Layout of a TNC 410's own table (names cut at 16 characters, decimal comma), as kept in the public repository
 # aamorim1913/AptPostProcessor, machine-code/TOOL.T; the values are made up.
-TNC410 = """\
-BEGIN TOOL    .T       MM
-T    NAME             L          R          DL      DR      TL RT  TIME1 TIME2 CUR.TIME DOC
-0                     +0,000     +0,000     +0,000  +0,000         0     0     0
-1    14MM_CRB_4FL_32_ +95,100    +7,000     +0,000  +0,000         0     0     0
-5    14MM_CRB_4FL_BM_ -4,686     +7,000     +0,020  -0,425         0     0     2        X+1 ; Y
-12                    +18,892    +3,000     +0,000  +0,000         0     0     0
-"""
 # That of an iTNC 530: more columns, indexed tools, a name with blanks, an end.
 ITNC530 = """\
 BEGIN TOOL     .T     MM
@@ -64,16 +57,6 @@ def test_inches(tmp_path):
     table = read_tool_table(path)
     assert table.tools == {"1": 50.8, "A": 50.8}
     assert table.radii["1"] == 12.7
-
-
-PRESETS = """\
-BEGIN PRESET .PR MM
-NO   DOC          SPA      SPB      SPC      X           Y           Z           B        C
-0                 +0       +0       +0       +0          +0          +0          +0       +0
-1    VICE         +0       +0       +2.5     +12.5       -80         +210,25     +0       +30
-2    PLATE        +0       +0       +0       +1          +2          +3
-[END]
-"""
 
 
 def test_presets(tmp_path):

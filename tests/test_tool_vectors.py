@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from programs import load, random_model
+from support.programs import load, random_model
 from typer.testing import CliRunner
 
 from kinematics.error_model.model import write_model

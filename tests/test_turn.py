@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_basis import BASES
+from support.basis_examples import BASES
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 

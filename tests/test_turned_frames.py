@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from programs import WHOLE, correct, load, model_of, random_model, read, setup_of, shifted
-from test_chunks import written
-from test_direction import ARC_RADIUS_UM, BAND, HEAD, ROUNDING, TOO_SMALL, Path, largest_error, played
+from support.backlash_paths import ARC_RADIUS_UM, BAND, HEAD, ROUNDING, TOO_SMALL, Path, largest_error, played
+from support.corrected_lines import written
+from support.programs import WHOLE, correct, load, model_of, random_model, read, setup_of, shifted
 
 from kinematics.user_error import UserError
 from postproc.motion.moves import Kind

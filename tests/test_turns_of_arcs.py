@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import correct, load, model_of, random_model, read, shifted
-from test_direction import LETTERS, played
+from support.backlash_paths import LETTERS, played
+from support.programs import correct, load, model_of, random_model, read, shifted
 
 from postproc.correct.verify import verify
 from postproc.motion.segments import like

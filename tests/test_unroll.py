@@ -5,8 +5,8 @@ import io
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from programs import load, model_of, random_model, setup_of, source_of
-from test_generated_programs import HEAD, OUTSIDE, lines
+from support.iso_generator import HEAD, OUTSIDE, lines
+from support.programs import load, model_of, random_model, setup_of, source_of
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion

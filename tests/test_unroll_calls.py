@@ -3,8 +3,8 @@
 import io
 
 import pytest
-from hand_programs import positions
-from programs import load, random_model, setup_of, source_of
+from support.axis_positions import positions
+from support.programs import load, random_model, setup_of, source_of
 
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline

@@ -7,7 +7,7 @@ import re
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from programs import WHOLE, correct, load, model_of, random_model, read, shifted
+from support.programs import WHOLE, correct, load, model_of, random_model, read, shifted
 
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import ErrorMotion

@@ -7,7 +7,6 @@ calibration or table has to give finite numbers.
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import random
 import sys
@@ -67,8 +66,8 @@ def _machines() -> Iterable[File]:
 
 
 def _calibrations() -> Iterable[File]:
-    from effect_examples import EXAMPLES
-    from programs import load, model_of, random_model
+    from support.effect_examples import EXAMPLES
+    from support.programs import load, model_of, random_model
 
     from kinematics.error_model.model import encode_model
 
@@ -82,37 +81,40 @@ def _calibrations() -> Iterable[File]:
 
 
 def _data() -> Iterable[File]:
-    readers, measured = importlib.import_module("test_readers"), importlib.import_module("test_measurement_file")
-    for text, machine in ((measured.TRACKER, "gantry"), (measured.INTERFEROMETER, "dmu50"), (measured.PART, "gantry")):
+    from support.file_examples import CMM, INTERFEROMETER, LASER, MAP, PART, RTL, TRACKER, WIDE
+
+    for text, machine in ((TRACKER, "gantry"), (INTERFEROMETER, "dmu50"), (PART, "gantry")):
         yield File("data", "data.csv", text, ("--machine", machine))
         yield File("fit", "data.csv", text, ("--machine", machine))
-    for text in (readers.RTL, readers.WIDE, readers.CMM, importlib.import_module("test_predict").LASER):
+    for text in (RTL, WIDE, CMM, LASER):
         yield File("data", "data.rtl", text, ("--machine", "gantry"))
         yield File("iso230", "data.rtl", text, ("--machine", "gantry"))
     for path in sorted((SHARED / "ordinary_runs").glob("*.csv")):
         head = "".join(path.read_text().splitlines(keepends=True)[:ROWS])
         yield File("data", path.name, head, ("--machine", path.name.partition("-")[0]))
-    yield File("map", "map.toml", readers.MAP)
+    yield File("map", "map.toml", MAP)
     yield File("plan", "plan.csv", _plan())
     yield File("points", "points.csv", "# target.t1: 0 0 -120\nX,Y,Z,target,dir_X\n1,2,3,t1,1\n500,20,30,t1,-1\n")
     yield File("log", "log.csv", "time_s,temp_spindle,temp_air\n0,20,21\n60,30,22.5\n120,31,20\n")
 
 
 def _tables() -> Iterable[File]:
-    from table_cases import CASES
+    from support.file_examples import ETALON
+    from support.table_cases import CASES
 
     for case in CASES:
         for name, text in case.exported().files.items():
             if not name.endswith((".md", ".h")):
                 sign = ("--sign", case.sign) if case.sign else ()
                 yield File("import", name, text, ("--machine", case.machine, "--format", case.format, *sign))
-    yield File("etalon", "etalon.txt", importlib.import_module("test_readers").ETALON)
+    yield File("etalon", "etalon.txt", ETALON)
 
 
 def _tool_tables() -> Iterable[File]:
-    module = importlib.import_module("test_tool_tables")
-    yield File("tools", "PRESET.PR", module.PRESETS)
-    yield File("tools", "TOOL.T", module.TNC410)
+    from support.file_examples import PRESETS, TNC410
+
+    yield File("tools", "PRESET.PR", PRESETS)
+    yield File("tools", "TOOL.T", TNC410)
     yield File(
         "tools",
         "ZERO.D",
@@ -129,7 +131,9 @@ def _tool_tables() -> Iterable[File]:
 
 
 def _others() -> Iterable[File]:
-    yield File("study", "study.toml", importlib.import_module("test_study").STUDY)
+    from support.file_examples import STUDY
+
+    yield File("study", "study.toml", STUDY)
     for path in sorted((TESTS.parent / "examples").rglob("*.toml")):
         yield File("study", path.name, path.read_text())
     for name, text in _recorded().items():
@@ -144,7 +148,7 @@ def _plan() -> str:
 def _recorded() -> dict[str, str]:
     """A continuous run, and readings at targets of the same axis."""
     sys.path.insert(0, str(TESTS))
-    from continuous_cases import virtual_case
+    from support.continuous_cases import virtual_case
 
     from calibration.continuous.record_file import write_records
     from calibration.continuous.virtual import Targets

@@ -203,7 +203,7 @@ def _dialect(name: str) -> Dialect:
 @cache
 def _machine(name: str) -> tuple:
     sys.path.insert(0, str(TESTS))
-    from programs import load, setup_of
+    from support.programs import load, setup_of
 
     machine = load(name)
     setup: Setup = setup_of(machine)
@@ -213,7 +213,7 @@ def _machine(name: str) -> tuple:
 @cache
 def _model(name: str, number: int) -> ErrorModel:
     """Constant, straight, curved, and with play."""
-    from programs import model_of
+    from support.programs import model_of
 
     machine, _ = _machine(name)
     if number == 3:

@@ -595,14 +595,14 @@ def _chain(name: str) -> Any:
 @cache
 def _machine(name: str) -> Any:
     sys.path.insert(0, str(TESTS))
-    from programs import load
+    from support.programs import load
 
     return load(name)
 
 
 @cache
 def _setup(name: str, dialect: str) -> Any:
-    from programs import setup_of
+    from support.programs import setup_of
 
     offset = _offset(_chain(name))
     place = ",".join(str(offset[axis]) for axis in "XYZ")
@@ -611,7 +611,7 @@ def _setup(name: str, dialect: str) -> Any:
 
 def _model(name: str, effects: str) -> ErrorModel:
     """The calibration as its file would be read."""
-    from programs import model_of
+    from support.programs import model_of
 
     from kinematics.error_model.model import encode_model
 

@@ -12,6 +12,8 @@ from typing import NamedTuple, TypeAlias
 
 from hypothesis import strategies as st
 
+from support.programs import setup_of
+
 LEVEL = 30.0
 """Z above holes."""
 
@@ -322,3 +324,12 @@ def moved(step: Step, by: tuple[float, float]) -> Step:
         return Go(step.rapid, {axis: round(value + shift.get(axis, 0.0), 3) for axis, value in step.to.items()})
     assert isinstance(step, Arc)
     return Arc(step.sense, place(*step.to), place(*step.centre), place(*step.start))
+
+
+TOOLS = ["T1=80"]
+OFFSETS = {"gantry": "100,200,-300", "trunnion_bc": "5,-3,20", "head_table": "5,-3,60"}
+
+
+def setup(machine, dialect):
+    name = "0" if dialect == "heidenhain" else "G54"
+    return setup_of(machine, [f"{name}={OFFSETS[machine.name]}"], TOOLS)

@@ -2,7 +2,6 @@
 
 import msgspec
 import numpy as np
-from measured import THREE, measured, positions
 
 import machines
 from calibration.diagnosis.search.candidates import library
@@ -12,6 +11,7 @@ from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, priors, rigid_model
 from kinematics.error_model.model import no_errors
+from support.virtual_measurements import THREE, measured, positions
 
 CFRAME = machines.load("cframe")
 LEGENDRE = dict.fromkeys("XYZ", BasisChoice("legendre", 3))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from programs import load, model_of
 
 from kinematics.basis import Legendre
 from kinematics.effects import Backlash, Cyclic, Effect, ErrorMotion, LocationError
@@ -14,6 +13,7 @@ from kinematics.machine import Machine
 from postproc.tables.export import Exported, export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format
+from support.programs import load, model_of
 
 TOOL = (0.0, 0.0, -100.0)
 

@@ -4,7 +4,6 @@ import io
 import re
 
 import numpy as np
-from programs import load, setup_of, source_of
 
 from kinematics.error_model.model import no_errors
 from postproc.correct.pipeline import Job, Pipeline
@@ -12,6 +11,7 @@ from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING
+from support.programs import load, setup_of, source_of
 
 SIEMENS = find_dialect("siemens", "", "")
 

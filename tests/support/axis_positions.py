@@ -6,13 +6,13 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from programs import load, source_of
 
 from postproc.control.setup import make_setup
 from postproc.control.tool_table import ToolTable
 from postproc.dialects import find_dialect
 from postproc.execution import execution
 from postproc.text.notes import Notes
+from support.programs import load, source_of
 
 SUFFIXES = {"iso": "nc", "siemens": "mpf", "heidenhain": "h"}
 

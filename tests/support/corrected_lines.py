@@ -1,0 +1,22 @@
+"""The corrected lines of a program in any dialect, and its notes."""
+
+import io
+
+from kinematics.user_error import UserError
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.dialects import find_dialect
+from postproc.text.source import ENCODING
+from support.programs import source_of
+from support.three_dialects import setup as offset_setup
+
+
+def written(text, machine, model, dialect="iso", setup=None):
+    """The corrected program without its mark, and the notes; or why it is refused."""
+    source, out, dialect = source_of(text), io.BytesIO(), find_dialect(dialect, "", "")
+    job = Job(source, dialect, machine, model, setup or offset_setup(machine, dialect.name), travel_check=False)
+    try:
+        report = Pipeline(job).run(out, lambda _: None)
+    except UserError as refusal:
+        return str(refusal), []
+    lines = out.getvalue().decode(ENCODING).splitlines()
+    return [line for line in lines if "CALIBRATION" not in line], report.notes

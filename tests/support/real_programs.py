@@ -1,0 +1,38 @@
+"""The real ISO programs, their machines, and a run of one of them."""
+
+import io
+
+from postproc.control.setup import make_setup
+from postproc.correct.pipeline import Job, Pipeline
+from postproc.dialects import find_dialect
+from postproc.text.source import open_source
+from support.programs import (
+    load,
+)
+from support.real_data import FREECAD
+
+REAL_SETUP = {"five_axis_ac": "trunnion_ac"}
+
+
+def real_programs(nc_data):
+    return sorted((nc_data / "iso").rglob("*.*")) + sorted(FREECAD.glob("*.nc"))
+
+
+def machine_for(path):
+    return load(REAL_SETUP.get(path.parent.name, "dmu50"))
+
+
+def run(path, machine, model, tolerance_um=1.0):
+    source, out = open_source(str(path)), io.BytesIO()
+    setup = make_setup(machine, zero=True)
+    job = Job(source, find_dialect("iso", "", ""), machine, model, setup, False, tolerance_um=tolerance_um)
+    report = Pipeline(job).run(out, lambda _: None)
+    return out.getvalue(), report
+
+
+ACCEPTED = {
+    "CONTOUR.NC", "CONTOUR_R.NC", "CONTOUR_R1.NC", "G17_18_19.NC", "G17_18_19_G91.NC", "PARALLEL.NC", "PROGRAM.NC",
+    "PROGRAM2.NC", "TEST.NC", "TEST3.NC", "TEST4.NC", "TEST_G90.NC", "VINT_360arc-1.NC", "VINT_360arc.NC",
+    "VINT_REV_360arc.NC", "impeller-7bl-xyzac.ngc", "box_grbl.nc", "box_linuxcnc.nc", "box_mach3_mach4.nc",
+    "G81.NC", "G82.NC", "G83.NC",
+}  # fmt: skip
