@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from program_runs import BEGINS, DIALECTS, REFUSED, Program, corrected, everything, job_of, programs
+from support.program_runs import BEGINS, DIALECTS, REFUSED, Program, corrected, everything, job_of, programs
 
 import machines
 from postproc.correct.check import check

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
-from programs import load, model_of, random_model, source_of
-from three_dialects import WRITERS, parts, tilted_parts
 
 from kinematics.effects import Backlash
 from kinematics.machine import Machine
@@ -21,6 +19,8 @@ from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING
+from support.programs import load, model_of, random_model, source_of
+from support.three_dialects import WRITERS, parts, tilted_parts
 
 WRITER = {writer.name: writer for writer in WRITERS}
 DIALECTS = tuple(WRITER)
