@@ -93,13 +93,13 @@ def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Bl
 
 def _iso() -> Dialect:
     from postproc.iso import interpreter as iso
-    from postproc.iso import leader as iso_leader
+    from postproc.iso import lines as iso_lines
     from postproc.iso import statements as iso_statements
 
     return Dialect(
         "iso",
-        iso_leader.join_lines,
-        _bounded(iso_leader.read_line),
+        iso_lines.join_lines,
+        _bounded(iso_lines.read_line),
         iso_statements.FLOW,
         iso_statements.labels,
         iso.IsoInterpreter,

@@ -53,7 +53,7 @@ BOTH_SIDES = ("postproc.commands",)
 """The only folder where NC programs and calibrations meet."""
 BESIDE_EACH_OTHER = ("postproc.iso", "postproc.siemens", "postproc.heidenhain")
 """The dialects do not import one another."""
-LARGEST_FOLDER = 23
+LARGEST_FOLDER = 16
 
 
 def module_name(path: Path) -> str:

@@ -38,7 +38,7 @@ from postproc.correct.trace import Trace
 from postproc.correct.travel import note_outside, refuse_outside
 from postproc.dialects import Dialect
 from postproc.execution import Part, execution, settled
-from postproc.iso.line_length import refuse_lengthened
+from postproc.iso.lines import refuse_lengthened
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Block, Refusal

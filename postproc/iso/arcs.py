@@ -1,10 +1,12 @@
-"""Arcs of ISO blocks: by R, or by I J K."""
+"""Arcs of ISO blocks, by R or by I J K, and polar coordinates (G16)."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 from postproc.iso.modes import Modes
-from postproc.iso.values import Values
-from postproc.iso.words import Content
+from postproc.iso.words import Content, Values
 from postproc.motion.arcs import (
     Ends,
     arc_by_centre,
@@ -15,8 +17,9 @@ from postproc.motion.arcs import (
     radius_alone,
 )
 from postproc.motion.circles import radius_fault
-from postproc.motion.moves import Arc
+from postproc.motion.moves import Arc, AxisWord, Polar
 from postproc.motion.recorder import Recorder
+from postproc.text.block import Block
 
 
 def read_arc(
@@ -55,3 +58,40 @@ def _hint(ends: Ends, said: tuple[float, float], absolute: bool) -> str:
     if absolute or radius_fault(ends.start, ends.end, said) is not None:
         return ""
     return '; its centre would fit as absolute: for such a control set arc_centres = "absolute" in the machine file'
+
+
+# ---- polar coordinates
+
+
+@dataclass
+class PolarPlaces:
+    """Radius and angle that still hold, from G16 to G15."""
+
+    radius: float | None = None
+    """mm."""
+    angle: float | None = None
+    """Degrees, from the first axis of the plane towards the second."""
+
+    def take(
+        self, block: Block, axes: tuple[int, int], words: list[tuple[AxisWord, float]]
+    ) -> tuple[list[tuple[AxisWord, float]], Polar | None]:
+        """The words of other axes, and the place that those of the plane say; None while there is none yet.
+
+        words: with their values, the angle in degrees.
+        """
+        said = {word.axis: (word.word, value) for word, value in words if word.axis in axes}
+        self.radius = said.get(axes[0], (None, self.radius))[1]
+        self.angle = said.get(axes[1], (None, self.angle))[1]
+        others = [(word, value) for word, value in words if word.axis not in axes]
+        if self.radius is None or self.angle is None:
+            if said:
+                raise block.refuse("a polar coordinate without the other")
+            return others, None
+        indices = [said[axis][0] if axis in said else None for axis in axes]
+        return others, Polar(axes, self.radius, self.angle, (indices[0], indices[1]))
+
+
+def place_of(polar: Polar) -> tuple[float, float]:
+    """The place in the plane, mm."""
+    angle = math.radians(polar.angle)
+    return polar.radius * math.cos(angle), polar.radius * math.sin(angle)

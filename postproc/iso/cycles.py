@@ -1,11 +1,11 @@
-"""Canned cycles of ISO programs: one hole at each position, with the depth and the levels that still hold."""
+"""Cycles and macros of ISO programs that run at each position: canned cycles (G81), modal macros (G66)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from postproc.iso.codes import CYCLE_WORDS
+from postproc.iso.codes import CYCLE_WORDS, LENGTH_CODES, PLACING, STANDING
 from postproc.iso.words import Content
 from postproc.motion.frames import Frame
 from postproc.motion.moves import AxisWord, Cycle, Known
@@ -92,3 +92,29 @@ def check_cycle_words(content: Content, rotary: bool) -> None:
         raise content.refuse(f"{strange[0]} in a canned cycle: its effect depends on the control")
     if rotary:
         raise content.refuse("a rotary axis in a canned cycle")
+
+
+# ---- modal macros
+
+
+def calls_macro(content: Content, claimed: float | None, inside: str, stayed: bool) -> bool:
+    """Whether the macro runs behind a block; Refusal where that depends on the control.
+
+    `claimed`: the code that takes the coordinates of the block; `inside`: what else is on; `stayed`: its move has no
+    length.
+    """
+    if claimed in STANDING or claimed in PLACING:
+        return False
+    if claimed is not None:
+        raise content.refuse(f"G{claimed:g} while G66 is on: whether its macro runs behind it depends on the control")
+    if not content.moves:
+        if LENGTH_CODES.isdisjoint(content.g):
+            return False
+        raise content.refuse("a length without coordinates while G66 is on: whether its macro runs behind it depends")
+    if inside:
+        raise content.refuse(f"{inside} while G66 is on: what comes first is not documented")
+    if stayed:
+        raise content.refuse(
+            "says the place where the tool stands while G66 is on: whether its macro runs behind it is not documented"
+        )
+    return True

@@ -11,8 +11,7 @@ from kinematics.machine import Machine
 from postproc.control.state import ControlState
 from postproc.iso.codes import MIRROR, SCALE, TILT
 from postproc.iso.datum_transformations import MAKERS, Said
-from postproc.iso.tool_lengths import TCP_CODES, Lengths
-from postproc.iso.work_offsets import Offsets, Shifts
+from postproc.iso.offsets import TCP_CODES, Lengths, Offsets, Shifts
 from postproc.motion.frames import Frame, Placement, cartesian, renamed, rotated, shifted, to_machine
 from postproc.motion.moves import Known
 from postproc.motion.recorder import Recorder

@@ -10,8 +10,7 @@ from postproc.control.codes import HARMLESS_M, PALLET_CHANGE, PROGRAM_ENDS, TOOL
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.tool_vectors import turned_to
-from postproc.iso.arcs import read_arc
-from postproc.iso.claimed_words import dwells_alone, take_own_words
+from postproc.iso.arcs import PolarPlaces, place_of, read_arc
 from postproc.iso.codes import (
     AFTER_MOTION,
     BESIDE_LEAVING,
@@ -47,16 +46,13 @@ from postproc.iso.codes import (
     TURNS,
 )
 from postproc.iso.coordinate_presets import extended_offset, place
-from postproc.iso.cycles import CannedCycle, check_cycle_words
+from postproc.iso.cycles import CannedCycle, calls_macro, check_cycle_words
 from postproc.iso.frames import Frames
-from postproc.iso.leader import DETAIL as LEADER
-from postproc.iso.line_length import refuse_long_line
-from postproc.iso.modal_macros import calls_macro
+from postproc.iso.lines import DETAIL as LEADER
+from postproc.iso.lines import refuse_long_line
 from postproc.iso.modes import Modes
-from postproc.iso.polar import PolarPlaces, place_of
-from postproc.iso.values import Values
 from postproc.iso.variables import IsoVariables, variables_of
-from postproc.iso.words import Content, check_content, sort_words
+from postproc.iso.words import Content, Values, check_content, dwells_alone, sort_words, take_own_words
 from postproc.motion.cutter_compensation import follow_contour
 from postproc.motion.frames import cartesian
 from postproc.motion.motions import Motions
