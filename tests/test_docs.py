@@ -28,3 +28,22 @@ def test_modules_exist(page: Path) -> None:
 def test_links_lead_to_pages(page: Path) -> None:
     linked = re.findall(r"\]\(([\w/.]+\.(?:md|svg))", page.read_text())
     assert [link for link in linked if not (page.parent / link).exists()] == []
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of the headings of a page, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_headings(page: Path) -> None:
+    linked = re.findall(r"\]\(([\w/.]*)#([\w-]+)\)", page.read_text())
+    targets = [(page.parent / link if link else page, anchor) for link, anchor in linked]
+    assert [anchor for target, anchor in targets if anchor not in anchors(target)] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_lines_are_short(page: Path) -> None:
+    lines = page.read_text().splitlines()
+    assert [line for line in lines if len(line) > 120 and not line.startswith(("|", "    "))] == []
