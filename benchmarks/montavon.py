@@ -12,7 +12,7 @@ import numpy as np
 
 import machines
 from calibration.fit.fit import fit
-from calibration.fit.identifiability import visibility
+from calibration.fit.identifiability import identifiability
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice, rigid_model
@@ -42,12 +42,12 @@ def main() -> None:
         pose = {"1": tracker_pose((-1500.0, -1000.0, 300.0), rng)}
         tracker = LaserTracker(u_range_um_per_m=0.5, u_angle_um=3.0, u_angle_um_per_m=3.0)
         measured = observe(machine, random_truth(machine, rng), state, tracker, rng, pose, targets)
-        seen = visibility(fit(measured, rigid_model(measured, NODES)))
+        seen = identifiability(fit(measured, rigid_model(measured, NODES)))
         print(
             f"{number} tool vector(s): rank {seen.rank} of {seen.parameters}, {seen.rank_registered} after registration"
         )
-        for blind in seen.blind:
-            print(f"    {blind}")
+        for unidentifiable in seen.unidentifiable:
+            print(f"    {unidentifiable}")
 
 
 if __name__ == "__main__":

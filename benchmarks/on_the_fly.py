@@ -27,7 +27,7 @@ import machines
 from calibration.evaluation.volumetric import aligned, deviation_on, volumetric_error_um
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit
-from calibration.fit.identifiability import visibility
+from calibration.fit.identifiability import identifiability
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation.full_model import BasisChoice, with_effects
@@ -182,7 +182,7 @@ def _hidden(path: NominalPath, machine: Machine) -> str:
     measurement = on_path(_sparse(path, _truth(machine, rng), tracker, True, rng), path).measurement
     model, prior = with_effects(measurement, NODES, (), 200.0 / 30.0)
     found = fit(measurement, model, prior=prior)
-    seen = visibility(found)
+    seen = identifiability(found)
     mode = common_odd_mode(measurement, found.registration)
     return f"rank {seen.rank_registered} with a 50 mm table; blind mode: {mode or 'none'}"
 

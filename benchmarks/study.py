@@ -135,7 +135,8 @@ def diagonals(draws: int) -> None:
         entry = {"name": name, "strategy": "space-diagonals", "points": 200, "tracker": PLACE, **case}
         ready = Prepared.of(cases_of({"instrument": instrument, "case": [entry]})[0])
         outcomes = [
-            [way.outcome(chunk) for chunk in Draws(draws).chunks(0)] for way in (replace(ready, unseen=None), ready)
+            [way.outcome(chunk) for chunk in Draws(draws).chunks(0)]
+            for way in (replace(ready, held_out_lines=None), ready)
         ]
         before = np.concatenate([outcome.before[0] for outcome in outcomes[0]])
         alone, found = (np.concatenate([outcome.after[0] for outcome in way]) for way in outcomes)
@@ -169,7 +170,7 @@ def _one_by_one(ready: Prepared, draws: int) -> list[float]:
     columns = ready.fits.columns
     model = columns.model(parts)
     design = np.concatenate([columns.registration, columns.observed(model)], axis=1)
-    seen_in, r = columns.judged(model), columns.registration.shape[1]
+    seen_in, r = columns.evaluated(model), columns.registration.shape[1]
     if np.isfinite(scale):
         own = np.diag(1.0 / ready.fits.scale(parts, scale))
         design = np.concatenate([design, np.concatenate([np.zeros((len(own), r)), own], axis=1)])
@@ -177,7 +178,7 @@ def _one_by_one(ready: Prepared, draws: int) -> list[float]:
     for k in range(draws):
         right = np.append(drawn.observed[:, k], np.zeros(len(design) - len(drawn.observed)))
         parameters = np.linalg.lstsq(design, right, rcond=1e-10)[0][r:]
-        left = ready.fits.truth_volume @ drawn.coefficients[:, k] - seen_in @ parameters
+        left = ready.fits.true_volume @ drawn.coefficients[:, k] - seen_in @ parameters
         errors.append(float(np.sqrt(np.sum(left**2) / (len(left) / 3))))
     return errors
 

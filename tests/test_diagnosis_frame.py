@@ -8,7 +8,7 @@ import pytest
 from support.diagnosis_cases import LEGENDRE, data_with, fitted
 
 from calibration.diagnosis.search.candidates import at_zero
-from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, Frame
+from calibration.diagnosis.search.linearised_fit import GENEROUS, LIKELY, LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
 from calibration.fit.cross_validation import cells
 from calibration.fit.fit import fit
@@ -61,24 +61,24 @@ def test_a_gain_is_the_fall_of_the_objective_in_a_full_fit(effect):
     without, along = fitted(data), fitted(data, effect)
     assert without.kept.all()
     assert along.kept.all()
-    frame = Frame.of(without)
-    assert frame.weights.min() == 1.0
-    projected = frame.projected(frame.columns(effect))
-    along_it = projected.columns.T @ frame.residual
+    linearised = LinearisedFit.of(without)
+    assert linearised.weights.min() == 1.0
+    projected = linearised.projected(linearised.columns(effect))
+    along_it = projected.columns.T @ linearised.residual
     gain = float(along_it @ np.linalg.solve(projected.left + GENEROUS**-2 * np.eye(len(projected.left)), along_it))
     assert gain == pytest.approx(objective(without) - objective(along), rel=0.01, abs=1e-3)
 
 
 def test_without_an_effect_is_the_fit_without_it(plain):
-    frame = Frame.of(fitted(plain.measurement, *map(at_zero, (BACKLASH, GROWTH, DRIFT))))
-    assert frame.weights.min() > 0.5
-    count = len(frame.fit.model.effects)
+    linearised = LinearisedFit.of(fitted(plain.measurement, *map(at_zero, (BACKLASH, GROWTH, DRIFT))))
+    assert linearised.weights.min() > 0.5
+    count = len(linearised.fit.model.effects)
     for i, effect in enumerate((BACKLASH, GROWTH, DRIFT)):
         others = [at_zero(other) for other in (BACKLASH, GROWTH, DRIFT) if other is not effect]
-        full = Frame.of(fitted(plain.measurement, *others))
-        first_order = frame.without(count - 3 + i)
+        full = LinearisedFit.of(fitted(plain.measurement, *others))
+        first_order = linearised.without(count - 3 + i)
         # the rows that the missing cause makes stand out have less weight in the full fit
-        same = np.repeat(full.weights == 1.0, 3) & np.repeat(frame.weights == 1.0, 3)
+        same = np.repeat(full.weights == 1.0, 3) & np.repeat(linearised.weights == 1.0, 3)
         assert same.mean() > 0.5
         misses = first_order.residual[same] - full.residual[same]
         assert np.sqrt(np.mean(misses**2)) < 0.1 * np.sqrt(np.mean(full.residual[same] ** 2))
@@ -86,10 +86,10 @@ def test_without_an_effect_is_the_fit_without_it(plain):
 
 def test_held_out_residuals_are_those_of_fits_by_blocks():
     found = fitted(data_with())
-    frame = Frame.of(found)
-    assert frame.weights.min() == pytest.approx(1.0, abs=0.6)
+    linearised = LinearisedFit.of(found)
+    assert linearised.weights.min() == pytest.approx(1.0, abs=0.6)
     labels, _ = cells(found.measurement)
-    told = frame.held_out
+    told = linearised.cross_validation
     for label in np.unique(labels):
         inside = labels == label
         others = found.measurement.rows(np.flatnonzero(~inside))
@@ -101,7 +101,7 @@ def test_held_out_residuals_are_those_of_fits_by_blocks():
 def test_held_gains_are_those_of_fits_by_blocks():
     data = data_with(Backlash("X", 4.0), ThermalDrift(component="Z", rate=6.0))
     data = replace(data, instrument=msgspec.structs.replace(data.instrument, u_range_um_per_m=2.0, u_angle_um=12.0))
-    frame = Frame.of(fitted(data))
+    linearised = LinearisedFit.of(fitted(data))
     labels, _ = cells(data)
     base = rigid_model(data, LEGENDRE)
 
@@ -112,36 +112,36 @@ def test_held_gains_are_those_of_fits_by_blocks():
             inside = labels == label
             again = fit(data.rows(np.flatnonzero(~inside)), model, prior=np.concatenate([priors(base), own]))
             left = residuals(data, again.model, again.registration)[inside]
-            yield float(np.sum((frame.white[inside] @ left[:, :, None]) ** 2))
+            yield float(np.sum((linearised.white[inside] @ left[:, :, None]) ** 2))
 
     bare = np.array(list(missed(())))
     for effect in (CANDIDATES[0], CANDIDATES[2]):
-        size = frame.score(frame.candidate(effect)).size
+        size = linearised.score(linearised.candidate(effect)).size
         largest = max(LIKELY * np.sqrt(np.mean(size**2)), 1 / GENEROUS)
         full = bare - np.array(list(missed((effect,), largest)))
-        gains = frame.held_gains(frame.candidate(effect))
+        gains = linearised.held_out_gains(linearised.candidate(effect))
         assert gains == pytest.approx(full, abs=0.05 * np.abs(full).max())
 
 
 def test_what_the_registration_or_the_model_absorbs_is_not_visible(plain):
-    frame = Frame.of(plain)
+    linearised = LinearisedFit.of(plain)
     interval = next(e.basis for e in plain.model.effects if isinstance(e, ErrorMotion) and e.axis == "X")
     line = ErrorMotion("X", "X", interval, (0.0,) * interval.size, u=(0.0,) * interval.size)
     absorbed = [StationShift(station="s1"), LocationError("C", "Y", 0.0), line]
     for effect in absorbed:
-        assert frame.candidate(effect).visible < 0.12, effect.name  # what the prior leaves
-    exact = Frame.of(replace(plain, prior=np.full(len(plain.prior), np.inf)))
+        assert linearised.candidate(effect).visible < 0.12, effect.name  # what the prior leaves
+    exact = LinearisedFit.of(replace(plain, prior=np.full(len(plain.prior), np.inf)))
     for effect in absorbed:
         assert exact.candidate(effect).visible < 1e-3, effect.name
     for effect in (RangeOffset(0.0), AirScale(0.0)):
-        assert frame.candidate(effect).visible < 0.2
-    assert frame.candidate(BACKLASH).visible > 0.6  # half of it is that of the positions, at random ones
+        assert linearised.candidate(effect).visible < 0.2
+    assert linearised.candidate(BACKLASH).visible > 0.6  # half of it is that of the positions, at random ones
 
 
 @pytest.mark.parametrize("late", [3e4, 1e6, 1e9])
 def test_visibility_does_not_depend_on_when_the_clock_began(plain, late):
     state = plain.measurement.state
-    here = Frame.of(plain)
+    here = LinearisedFit.of(plain)
     data = replace(plain.measurement, state=replace(state, time=state.time + late))
     there = replace(here, fit=replace(plain, measurement=data))
     for effect in (ThermalDrift(component="Z", rate=0.0), GrowthWithTime(axis="X", rate=0.0)):
@@ -153,8 +153,8 @@ def test_visibility_does_not_depend_on_how_warm_it_was(plain):
     for degrees in (0.0, 40.0, 300.0):
         kelvin = degrees + np.linspace(0.0, 3.0, len(plain.measurement))
         state = replace(plain.measurement.state, temperatures={"spindle": kelvin})
-        frame = Frame.of(replace(plain, measurement=replace(plain.measurement, state=state)))
-        seen.append(frame.candidate(DriftWithSensor(component="Z", sensor="spindle", coefficient=0.0)).visible)
+        linearised = LinearisedFit.of(replace(plain, measurement=replace(plain.measurement, state=state)))
+        seen.append(linearised.candidate(DriftWithSensor(component="Z", sensor="spindle", coefficient=0.0)).visible)
     assert seen[0] > 0.5
     assert seen == pytest.approx([seen[0]] * 3, rel=0.02)
 
@@ -167,33 +167,33 @@ def test_a_row_that_is_far_out_changes_next_to_nothing(plain, distance):
         observed = plain.measurement.observed.copy()
         observed[17] += [away, 0.0, 0.0]
         state = replace(plain.measurement.state, observed=observed)
-        frames.append(Frame.of(fitted(replace(plain.measurement, observed=observed, state=state))))
+        frames.append(LinearisedFit.of(fitted(replace(plain.measurement, observed=observed, state=state))))
     whole, spoilt = frames
     assert not spoilt.fit.kept[17]
     for effect in CANDIDATES[:4]:
-        before, after = (frame.score(frame.candidate(effect)) for frame in frames)
+        before, after = (linearised.score(linearised.candidate(effect)) for linearised in frames)
         assert after.gain == pytest.approx(before.gain, rel=0.15, abs=3.0)
     assert spoilt.bounded_squares == pytest.approx(whole.bounded_squares, rel=0.1)
 
 
 def test_scores_of_pure_noise_are_worth_nothing():
-    frame = Frame.of(fitted(data_with(seed=8)))
+    linearised = LinearisedFit.of(fitted(data_with(seed=8)))
     for effect in CANDIDATES:
-        score = frame.score(frame.candidate(effect))
+        score = linearised.score(linearised.candidate(effect))
         assert score.delta_bic > -6.0
         assert 0.0 <= score.p_value <= 1.0
-    for wave in waves(frame, ("X",)):
-        score = frame.score(frame.candidate(wave.effect), wave.shapes, wave.trials)
+    for wave in waves(linearised, ("X",)):
+        score = linearised.score(linearised.candidate(wave.effect), wave.shapes, wave.trials)
         assert score.p_value > 1e-3  # over all frequencies that were tried
 
 
 def test_some_rows_judge_as_all_do_but_less_surely():
     effect = Backlash("X", 12.0)
-    frame = Frame.of(fitted(data_with(effect)))
-    some = frame.thinned(len(frame.rows) // 2)
-    assert len(some.rows) == len(some.weights) == len(frame.rows) // 2
+    linearised = LinearisedFit.of(fitted(data_with(effect)))
+    some = linearised.thinned(len(linearised.rows) // 2)
+    assert len(some.rows) == len(some.weights) == len(linearised.rows) // 2
     candidate = Backlash("X", 0.0)
-    whole, part = (each.score(each.candidate(candidate)) for each in (frame, some))
+    whole, part = (each.score(each.candidate(candidate)) for each in (linearised, some))
     u = float(some.candidate(candidate).left[0, 0]) ** -0.5
     assert part.size == pytest.approx(whole.size, abs=3 * u)
     assert part.gain < whole.gain

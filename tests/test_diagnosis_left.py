@@ -14,9 +14,9 @@ from calibration.diagnosis.residual.chance_level import DRAWS, Chance
 from calibration.diagnosis.residual.dependence import Unexplained, of_variables
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.proposed_shapes import waves
-from calibration.diagnosis.search.selection import judge
+from calibration.diagnosis.search.selection import evaluate
 from calibration.fit.fit import fit
 from calibration.observation.full_model import BasisChoice, rigid_model
 from kinematics.effects import Backlash, Cyclic, Unnamed
@@ -37,19 +37,19 @@ def stage_with(*effects, candidate, seed=3):
     """The fit that has one candidate besides error motions, and its selector."""
     made = selector(data_with(*effects, n=N, seed=seed))
     bare = made.stage([])
-    (judged,) = judge(bare.frame, [candidate(bare.frame)])
-    return made, made.stage([(judged.candidate, judged.score.size)])
+    (evaluated,) = evaluate(bare.linearised, [candidate(bare.linearised)])
+    return made, made.stage([(evaluated.candidate, evaluated.score.size)])
 
 
-def strongest_wave(frame):
-    found = judge(frame, list(waves(frame)))
+def strongest_wave(linearised):
+    found = evaluate(linearised, list(waves(linearised)))
     return found[0].candidate
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_a_wave_found_in_what_has_no_name_is_one_of_many(seed):
     _, stage = stage_with(nameless("Y", 3.0), candidate=strongest_wave, seed=seed)
-    assert Chance(stage.frame, ()).finds(stage.accepted[0])
+    assert Chance(stage.linearised, ()).finds(stage.accepted[0])
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
@@ -58,35 +58,35 @@ def test_a_wave_that_is_there_is_not(seed):
     _, stage = stage_with(nameless("Y", 2.0), wave, candidate=strongest_wave, seed=seed)
     found = stage.accepted[0]
     assert found.candidate.effect.period == pytest.approx(10.0, rel=1e-3)
-    assert not Chance(stage.frame, ()).finds(found)
+    assert not Chance(stage.linearised, ()).finds(found)
 
 
 def test_backlash_that_is_there_is_not_by_chance_and_another_is():
     blank = {name: Candidate(Backlash(name, 0.0)) for name in "XYZ"}
     made, stage = stage_with(nameless("Y", 2.0), Backlash("X", 25.0), candidate=lambda _: blank["X"])
-    assert not Chance(stage.frame, made.library).finds(stage.accepted[0])
+    assert not Chance(stage.linearised, made.library).finds(stage.accepted[0])
     _, other = stage_with(nameless("Y", 2.0), candidate=lambda _: blank["X"])
-    assert Chance(other.frame, made.library).finds(other.accepted[0])
+    assert Chance(other.linearised, made.library).finds(other.accepted[0])
 
 
 def test_signs_at_random_keep_sizes_and_leave_the_fit_at_rest():
-    frame = selector(data_with(n=N)).stage([]).frame
+    linearised = selector(data_with(n=N)).stage([]).linearised
     rng = np.random.default_rng(0)
-    shuffled = [frame.shuffled(rng) for _ in range(DRAWS)]
-    assert np.mean([each.squares for each in shuffled]) == pytest.approx(frame.squares, rel=0.1)
+    shuffled = [linearised.shuffled(rng) for _ in range(DRAWS)]
+    assert np.mean([each.squares for each in shuffled]) == pytest.approx(linearised.squares, rel=0.1)
     gradient = shuffled[0].design.T @ shuffled[0].residual - shuffled[0].limited * shuffled[0].away
     assert np.abs(gradient).max() < 1e-6
     assert any(abs(a.residual @ b.residual) < 0.2 * a.squares for a, b in pairwise(shuffled))
 
 
 def frame_with(*effects):
-    return selector(data_with(*effects, n=N)).stage([]).frame
+    return selector(data_with(*effects, n=N)).stage([]).linearised
 
 
-def seen(frame, lengths):
+def seen(linearised, lengths):
     """A function of these variables in what is left."""
-    given = remainder.variables(frame.measurement, frame.rows)
-    white = frame.bounded.reshape(len(frame.rows), -1)
+    given = remainder.variables(linearised.measurement, linearised.rows)
+    white = linearised.bounded.reshape(len(linearised.rows), -1)
     return of_variables(white, given, lengths, 0.005, np.random.default_rng(1)), list(given)
 
 
@@ -95,30 +95,30 @@ def seen(frame, lengths):
     "first", [("Y", "time"), ("time",), ("X", "Y", "time"), ("X", "time")], ids=["another", "less", "more", "right"]
 )
 def test_variables_are_those_of_the_tools_error(component, first):
-    frame = frame_with(nameless(component, 6.0))
-    found, names = seen(frame, dict.fromkeys(first, 0.45))
-    assert set(fitted_variables(frame, found, names)) == {"X", "time"}
+    linearised = frame_with(nameless(component, 6.0))
+    found, names = seen(linearised, dict.fromkeys(first, 0.45))
+    assert set(fitted_variables(linearised, found, names)) == {"X", "time"}
 
 
 def test_what_no_error_of_the_tool_depends_on_stays():
-    frame = frame_with(nameless("Y", 6.0))
-    found, names = seen(frame, {"X": 0.45, "direction of Y": 0.45})
-    assert set(fitted_variables(frame, found, names)) == {"X", "direction of Y"}
+    linearised = frame_with(nameless("Y", 6.0))
+    found, names = seen(linearised, {"X": 0.45, "direction of Y": 0.45})
+    assert set(fitted_variables(linearised, found, names)) == {"X", "direction of Y"}
 
 
 def test_time_is_named_once():
     data = data_with(nameless("Y", 6.0), n=N)
     state = data.state
     warm = replace(state, temperatures={"scale": np.sin(state.time / state.time[-1])})
-    frame = selector(replace(data, state=warm)).stage([]).frame
-    found, names = seen(frame, {"X": 0.45, "time": 0.3, "temperature scale": 0.3})
-    assert set(fitted_variables(frame, found, names)) in ({"X", "time"}, {"X", "temperature scale"})
+    linearised = selector(replace(data, state=warm)).stage([]).linearised
+    found, names = seen(linearised, {"X": 0.45, "time": 0.3, "temperature scale": 0.3})
+    assert set(fitted_variables(linearised, found, names)) in ({"X", "time"}, {"X", "temperature scale"})
 
 
 def test_the_only_variable_there_is_has_none_to_change_for():
-    frame = frame_with(nameless("Y", 6.0))
-    found, _ = seen(frame, {"X": 0.45})
-    assert set(fitted_variables(frame, found, ["X"])) == {"X"}
+    linearised = frame_with(nameless("Y", 6.0))
+    found, _ = seen(linearised, {"X": 0.45})
+    assert set(fitted_variables(linearised, found, ["X"])) == {"X"}
 
 
 @pytest.mark.parametrize("machine", ["cframe", "dmu50"])
@@ -127,21 +127,23 @@ def test_what_is_left_turns_back_into_lengths(machine):
     made = machines.load(machine)
     rng = np.random.default_rng(4)
     data = measured(made, positions(made, 80, rng), THREE, no_errors(made), rng)
-    frame = Frame.of(fit(data, rigid_model(data, dict.fromkeys(made.names, BasisChoice("legendre", 2)))))
-    left = Unexplained(("X",), (0.45,), 0.005, 1.0, remainder._of_machine(frame))
-    residual = np.linalg.solve(frame.white, frame.residual.reshape(-1, 3, 1))[:, :, 0]
-    np.testing.assert_allclose(remainder.in_lengths(frame, left), residual * frame.weights[:, None], atol=1e-12)
-    assert remainder.shared_rms(frame, left) == pytest.approx(frame.fit.rms_um, rel=0.1)
+    linearised = LinearisedFit.of(fit(data, rigid_model(data, dict.fromkeys(made.names, BasisChoice("legendre", 2)))))
+    left = Unexplained(("X",), (0.45,), 0.005, 1.0, remainder._of_machine(linearised))
+    residual = np.linalg.solve(linearised.white, linearised.residual.reshape(-1, 3, 1))[:, :, 0]
+    np.testing.assert_allclose(
+        remainder.in_lengths(linearised, left), residual * linearised.weights[:, None], atol=1e-12
+    )
+    assert remainder.shared_rms(linearised, left) == pytest.approx(linearised.fit.rms_um, rel=0.1)
 
 
 def test_its_rms_is_that_of_what_was_put_in():
     """Where a tracker's angles are ten times as uncertain as its range."""
     effect = nameless("Z", 12.0, seed=2)
-    frame = frame_with(effect)
-    found, _ = seen(frame, {"X": 0.3, "time": 0.2})
+    linearised = frame_with(effect)
+    found, _ = seen(linearised, {"X": 0.3, "time": 0.2})
     typical = np.array([quantity.typical for quantity in effect.parameter_table])
-    signal = frame.columns(effect) @ (np.array(effect.parameters) / typical)
-    absorbed = frame.spanned @ (frame.spanned.T @ signal)
-    lengths = np.linalg.solve(frame.white, (signal - absorbed).reshape(len(frame.rows), -1, 1))[:, :, 0]
-    truth = 1e3 * float(np.sqrt(np.mean(lengths[frame.good] ** 2)))
-    assert remainder.shared_rms(frame, found) == pytest.approx(truth, rel=0.25)
+    signal = linearised.columns(effect) @ (np.array(effect.parameters) / typical)
+    absorbed = linearised.spanned @ (linearised.spanned.T @ signal)
+    lengths = np.linalg.solve(linearised.white, (signal - absorbed).reshape(len(linearised.rows), -1, 1))[:, :, 0]
+    truth = 1e3 * float(np.sqrt(np.mean(lengths[linearised.good] ** 2)))
+    assert remainder.shared_rms(linearised, found) == pytest.approx(truth, rel=0.25)

@@ -15,7 +15,7 @@ from support.virtual_measurements import THREE, TRACKER, measured, pose_of, posi
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.report_text import in_full, quantity_name, with_uncertainty
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement, Target, with_moves
 from calibration.observation import equations
@@ -63,9 +63,9 @@ def test_every_class_of_effect_has_its_own_view():
 def test_every_kind_of_cause_yields_a_figure_whose_readings_scatter_by_their_uncertainty(example):
     if not example.touched:
         pytest.skip("does nothing that could be seen")
-    frame = Frame.of(seen_with(example.effect, example.machine))
-    effect = frame.fit.model.effects[0]
-    panels = views(frame, effect)
+    linearised = LinearisedFit.of(seen_with(example.effect, example.machine))
+    effect = linearised.fit.model.effects[0]
+    panels = views(linearised, effect)
     assert panels
     for panel in panels:
         told = np.isfinite(panel.u)
@@ -80,20 +80,22 @@ def test_every_kind_of_cause_yields_a_figure_whose_readings_scatter_by_their_unc
 
 
 def test_readings_show_what_is_in_the_data():
-    frame = Frame.of(seen_with(Backlash("X", 60.0), CFRAME))
-    (panel,) = views(frame, frame.fit.model.effects[0])
+    linearised = LinearisedFit.of(seen_with(Backlash("X", 60.0), CFRAME))
+    (panel,) = views(linearised, linearised.fit.model.effects[0])
     forward, backward = (np.average(panel.y[rows], weights=panel.u[rows] ** -2) for _, rows in panel.groups)
     assert (forward, backward) == (pytest.approx(-30.0, abs=2.0), pytest.approx(30.0, abs=2.0))
-    frame = Frame.of(seen_with(GrowthWithTime(axis="Y", rate=40.0, fixed_point=-100.0), CFRAME))
-    (panel,) = views(frame, frame.fit.model.effects[0])
+    linearised = LinearisedFit.of(seen_with(GrowthWithTime(axis="Y", rate=40.0, fixed_point=-100.0), CFRAME))
+    (panel,) = views(linearised, linearised.fit.model.effects[0])
     assert panel.y_label == "scale of Y, um/m"
     slope = np.polyfit(panel.x, panel.y, 1, w=1 / panel.u)[0]
     assert slope == pytest.approx(40.0, rel=0.05)
 
 
 def test_a_map_of_a_cause_of_two_axes_has_both_panels():
-    frame = Frame.of(seen_with(CrossAxis("Z", "X", "Y", (0.0, 500.0), (0.0, 400.0), 0, 1, (40.0,)), CFRAME))
-    (panel,) = views(frame, frame.fit.model.effects[0])
+    linearised = LinearisedFit.of(
+        seen_with(CrossAxis("Z", "X", "Y", (0.0, 500.0), (0.0, 400.0), 0, 1, (40.0,)), CFRAME)
+    )
+    (panel,) = views(linearised, linearised.fit.model.effects[0])
     assert (panel.x_label, panel.over_label) == ("X, mm", "Y, mm")
     slope = np.polyfit(panel.over, panel.y, 1, w=1 / panel.u)[0]
     assert slope == pytest.approx(np.polyfit(panel.over, panel.fitted, 1)[0], rel=0.2)
@@ -101,10 +103,10 @@ def test_a_map_of_a_cause_of_two_axes_has_both_panels():
 
 
 def test_curves_are_those_of_the_cause():
-    frame = Frame.of(seen_with(Cyclic("X", "X", 20.0, (30.0,), (0.0,)), CFRAME))
-    (panel,) = views(frame, frame.fit.model.effects[0])
+    linearised = LinearisedFit.of(seen_with(Cyclic("X", "X", 20.0, (30.0,), (0.0,)), CFRAME))
+    (panel,) = views(linearised, linearised.fit.model.effects[0])
     (curve,) = panel.curves
-    amplitude = frame.fit.model.effects[0].sine[0]
+    amplitude = linearised.fit.model.effects[0].sine[0]
     np.testing.assert_allclose(
         np.interp(curve.x, np.sort(panel.x), panel.fitted[np.argsort(panel.x)]), curve.y, atol=0.05 * abs(amplitude)
     )

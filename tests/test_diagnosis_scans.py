@@ -6,9 +6,9 @@ from support.diagnosis_cases import CFRAME, data_with, fitted, framed
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import at_zero, library
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import refined, saw_uncertainty
-from calibration.diagnosis.search.selection import judge
+from calibration.diagnosis.search.selection import evaluate
 from kinematics.basis import Fourier
 from kinematics.effects import Cyclic, ErrorMotion, GrowthWithTime, QuantisedCompensation
 
@@ -20,14 +20,14 @@ def wave(component, axis, period, sine, cosine=None):
     return Cyclic(component=component, axis=axis, period=period, sine=sine, cosine=cosine or (0.0,) * len(sine))
 
 
-def best(frame, proposals):
-    return judge(frame, list(proposals))[0]
+def best(linearised, proposals):
+    return evaluate(linearised, list(proposals))[0]
 
 
 @pytest.mark.parametrize(("component", "axis", "period"), [("X", "X", 8.0), ("Z", "Y", 21.37), ("Y", "X", 11.113)])
 def test_a_period_is_found_to_a_fraction_of_what_the_travel_resolves(component, axis, period):
-    frame = framed(wave(component, axis, period, (9.0,)), n=120)
-    found = best(frame, scans.waves(frame)).candidate
+    linearised = framed(wave(component, axis, period, (9.0,)), n=120)
+    found = best(linearised, scans.waves(linearised)).candidate
     assert (found.effect.axis, found.effect.component) == (axis, component)
     assert len(found.effect.sine) == 1
     # one wave more over the travel is the next one that can be told apart
@@ -36,26 +36,26 @@ def test_a_period_is_found_to_a_fraction_of_what_the_travel_resolves(component, 
 
 
 def test_harmonics_are_taken_along_where_they_pay():
-    frame = framed(wave("X", "X", 12.5, (9.0, 0.0, 5.0)), n=300)
-    found = best(frame, scans.waves(frame, ("X",))).candidate
+    linearised = framed(wave("X", "X", 12.5, (9.0, 0.0, 5.0)), n=300)
+    found = best(linearised, scans.waves(linearised, ("X",))).candidate
     assert TRAVEL / found.effect.period == pytest.approx(TRAVEL / 12.5, abs=0.2)
     assert len(found.effect.sine) == 3
 
 
 def test_a_harmonic_that_is_a_cyclic_error_already_is_none():
     known = wave("X", "X", 6.0, (8.0,))
-    frame = framed(wave("X", "X", 12.0, (9.0,)), known, n=120)
-    along = Frame.of(fitted(frame.measurement, at_zero(known)))
+    linearised = framed(wave("X", "X", 12.0, (9.0,)), known, n=120)
+    along = LinearisedFit.of(fitted(linearised.measurement, at_zero(known)))
     found = best(along, scans.waves(along, ("X",))).candidate
     assert TRAVEL / found.effect.period == pytest.approx(TRAVEL / 12.0, abs=0.2)
     assert len(found.effect.sine) == 1
 
 
 def test_steps_are_found_with_their_pitch_and_place():
-    frame = framed(QuantisedCompensation(axis="X", step=12.0, pitch=50.0, offset=13.0), n=300)
-    found = best(frame, scans.steps(frame)).candidate.effect
+    linearised = framed(QuantisedCompensation(axis="X", step=12.0, pitch=50.0, offset=13.0), n=300)
+    found = best(linearised, scans.steps(linearised)).candidate.effect
     assert found.axis == "X"
-    u_pitch, u_offset = saw_uncertainty(frame, found)
+    u_pitch, u_offset = saw_uncertainty(linearised, found)
     assert found.pitch == pytest.approx(50.0, abs=max(3 * u_pitch, 0.5))
     assert (found.offset - 13.0 + 25.0) % 50.0 - 25.0 == pytest.approx(0.0, abs=max(3 * u_offset, 3.0))
     assert 0.0 < u_pitch < 1.0
@@ -68,9 +68,9 @@ def test_pitches_that_no_position_tells_apart_are_in_the_uncertainty(n, size):
     inside = []
     for seed in range(12):
         truth = QuantisedCompensation(axis="X", step=size, pitch=62.0, offset=32.0)
-        frame = framed(truth, n=n, seed=seed)
-        found = refined(frame, at_zero(truth))
-        u_pitch, u_offset = saw_uncertainty(frame, found)
+        linearised = framed(truth, n=n, seed=seed)
+        found = refined(linearised, at_zero(truth))
+        u_pitch, u_offset = saw_uncertainty(linearised, found)
         apart = (found.offset - 32.0 + found.pitch / 2) % found.pitch - found.pitch / 2
         inside += [abs(found.pitch - 62.0) < 2 * u_pitch, abs(apart) < 2 * u_offset]
     assert np.mean(inside) >= 0.95
@@ -79,8 +79,8 @@ def test_pitches_that_no_position_tells_apart_are_in_the_uncertainty(n, size):
 def test_the_moment_of_a_knock_is_found():
     data = data_with(n=120, stations=2)
     data.observed[90:] += [0.02, -0.015, 0.01]
-    frame = Frame.of(fitted(data))
-    found = best(frame, scans.breaks(frame)).candidate.effect
+    linearised = LinearisedFit.of(fitted(data))
+    found = best(linearised, scans.breaks(linearised)).candidate.effect
     assert found.station == "s2"
     assert found.since_s == pytest.approx(data.state.time[90], abs=45.0)
 
@@ -88,17 +88,17 @@ def test_the_moment_of_a_knock_is_found():
 def test_a_finer_basis_is_proposed_for_the_motion_that_lacks_it():
     amplitudes = (0.0, 0.0, 0.0, 0.0, 12.0, 0.0)
     ripple = ErrorMotion("Y", "Y", Fourier(Y, (0.5, 6.0)), amplitudes, u=(0.0,) * 6)
-    frame = framed(ripple, n=120)
-    found = best(frame, scans.finer(frame))
+    linearised = framed(ripple, n=120)
+    found = best(linearised, scans.finer(linearised))
     assert found.candidate.replaces == "E_YY"
     assert found.candidate.effect.basis.size > 6
     assert found.score.delta_bic < -50.0
 
 
 def test_growth_is_from_the_point_that_the_data_say():
-    frame = framed(GrowthWithTime(axis="X", rate=60.0, fixed_point=400.0), n=200)
-    candidates, _ = library(frame.measurement, frame.fit.model)
-    found = best(frame, scans.fixed_points(frame, candidates)).candidate
+    linearised = framed(GrowthWithTime(axis="X", rate=60.0, fixed_point=400.0), n=200)
+    candidates, _ = library(linearised.measurement, linearised.fit.model)
+    found = best(linearised, scans.fixed_points(linearised, candidates)).candidate
     assert isinstance(found.effect, GrowthWithTime)
     assert found.effect.axis == "X"
     assert found.effect.fixed_point == pytest.approx(400.0, abs=25.0)
@@ -107,6 +107,8 @@ def test_growth_is_from_the_point_that_the_data_say():
 
 def test_noise_pays_for_no_shape():
     """However many frequencies were tried."""
-    frame = framed(seed=1, n=60)
-    for each in judge(frame, list(scans.proposals(frame, library(frame.measurement, frame.fit.model)[0]))):
+    linearised = framed(seed=1, n=60)
+    for each in evaluate(
+        linearised, list(scans.proposals(linearised, library(linearised.measurement, linearised.fit.model)[0]))
+    ):
         assert each.score.p_value > 1e-4, each.candidate.effect.name

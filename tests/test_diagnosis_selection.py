@@ -11,7 +11,7 @@ from support.diagnosis_cases import data_with, framed, selector
 from calibration.diagnosis.search import selection
 from calibration.diagnosis.search.candidates import Candidate
 from calibration.diagnosis.search.proposed_shapes import finer, joined
-from calibration.diagnosis.search.selection import Judged, chosen_of, judge, passing, predicts, siblings
+from calibration.diagnosis.search.selection import Evaluated, chosen_of, evaluate, passing, predicts, siblings
 from kinematics.basis import Fourier
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, ThermalDrift
 
@@ -66,11 +66,13 @@ def test_a_finer_motion_is_held_against_the_coarse_one_in_its_place():
     smooth = ErrorMotion("X", "X", Fourier((0.0, 600.0), (0.5,)), (0.0, 0.0, 20.0, 10.0), u=(0.0,) * 4)
     made = selector(data_with(smooth))
     base = made.stage([])
-    one = next(each for each in finer(base.frame) if each.replaces == "E_XX")
+    one = next(each for each in finer(base.linearised) if each.replaces == "E_XX")
     stage = made.stage([(one, np.zeros(len(one.effect.parameters)))])
     assert stage.accepted[0].score.gain < 40.0
-    assert made.base.lacking(stage.frame, one, stage.numbers[0]).squares == pytest.approx(base.frame.squares, rel=0.05)
-    assert stage.without(0).squares == pytest.approx(base.frame.squares, rel=0.05)
+    assert made.base.lacking(stage.linearised, one, stage.numbers[0]).squares == pytest.approx(
+        base.linearised.squares, rel=0.05
+    )
+    assert stage.without(0).squares == pytest.approx(base.linearised.squares, rel=0.05)
     assert not made.pruned(stage).accepted
 
 
@@ -78,7 +80,7 @@ def test_a_ripple_is_to_the_finer_motions_credit():
     ripple = ErrorMotion("X", "X", Fourier((0.0, 600.0), (6.0,)), (0.0, 0.0, 12.0, 0.0), u=(0.0,) * 4)
     made = selector(data_with(ripple, n=160))
     base = made.stage([])
-    one = min(judge(base.frame, list(finer(base.frame))), key=lambda each: each.score.delta_bic).candidate
+    one = min(evaluate(base.linearised, list(finer(base.linearised))), key=lambda each: each.score.delta_bic).candidate
     assert one.replaces == "E_XX"
     stage = made.stage([(one, np.zeros(len(one.effect.parameters)))])
     assert stage.accepted[0].score.delta_bic < -50.0
@@ -114,38 +116,38 @@ def test_waves_that_are_no_harmonics_stay_apart():
 
 
 def test_what_is_hardly_visible_shields_others_from_blame():
-    frame = framed(BACKLASH)
-    (good,) = judge(frame, SOME[:1])
-    assert [each.candidate for each in passing(frame, [good])] == [SOME[0]]
+    linearised = framed(BACKLASH)
+    (good,) = evaluate(linearised, SOME[:1])
+    assert [each.candidate for each in passing(linearised, [good])] == [SOME[0]]
     unseen = good.projected._replace(left=good.projected.left * 1e-6)
     assert unseen.visible < selection.SEEN
-    hidden = Judged(SOME[1], unseen, good.score)
-    assert not list(passing(frame, [hidden]))
-    assert not list(passing(frame, [good, hidden]))
+    hidden = Evaluated(SOME[1], unseen, good.score)
+    assert not list(passing(linearised, [hidden]))
+    assert not list(passing(linearised, [good, hidden]))
     # unless it explains much less
     less = hidden._replace(score=good.score._replace(delta_bic=good.score.delta_bic + 20.0))
-    assert [each.candidate for each in passing(frame, [good, less])] == [SOME[0]]
+    assert [each.candidate for each in passing(linearised, [good, less])] == [SOME[0]]
 
 
 def test_a_size_beyond_what_is_physical_is_not_named():
-    frame = framed(BACKLASH)
-    (good,) = judge(frame, SOME[:1])
+    linearised = framed(BACKLASH)
+    (good,) = evaluate(linearised, SOME[:1])
     size = np.array([1.01 * selection.LARGEST])
-    assert not list(passing(frame, [good._replace(score=good.score._replace(size=size))]))
+    assert not list(passing(linearised, [good._replace(score=good.score._replace(size=size))]))
 
 
 def test_siblings_do_much_the_same():
-    frame = framed(BACKLASH)
-    made = alone(SOME, frame.measurement)
+    linearised = framed(BACKLASH)
+    made = alone(SOME, linearised.measurement)
     stage = made.stage([(SOME[0], np.array([0.6]))])
     (accepted,) = stage.accepted
     twin = Candidate(ThermalDrift(component="X", rate=0.0))
     without = stage.without(0)
-    same = Judged(
-        twin, without.projected(without.columns(accepted.candidate.effect)), judge(without, SOME[:1])[0].score
+    same = Evaluated(
+        twin, without.projected(without.columns(accepted.candidate.effect)), evaluate(without, SOME[:1])[0].score
     )
-    found = siblings(without, accepted, [*judge(without, SOME), same])
-    assert [sibling.judged.candidate for sibling in found] == [twin]
+    found = siblings(without, accepted, [*evaluate(without, SOME), same])
+    assert [sibling.evaluated.candidate for sibling in found] == [twin]
     assert found[0].cosine == pytest.approx(1.0, abs=1e-6)
     assert found[0].log_odds == pytest.approx(0.0, abs=0.5)
     assert chosen_of(stage.accepted)[0][0] is accepted.candidate

@@ -10,10 +10,10 @@ from support.virtual_measurements import COLLINEAR, EXACT, MONTAVON, ONE, THREE,
 import machines
 from calibration.fit.basis_selection import choose
 from calibration.fit.calibrate import calibrate
-from calibration.fit.cross_validation import blocks_of, held_out
+from calibration.fit.cross_validation import blocks_of, cross_validate
 from calibration.fit.datum import gauge, null_space, to_datum
 from calibration.fit.fit import fit
-from calibration.fit.identifiability import visibility
+from calibration.fit.identifiability import identifiability
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.measurement.instruments import Interferometer, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
@@ -62,22 +62,22 @@ def aligned(machine, difference, q):
 def test_rank_of_montavon_s_model(targets, stations, rank, registered):
     # computed independently with an SVD of the dense design: 217/211, 235/229, 264/258
     _, measurement = montavon(targets, stations=stations)
-    seen = visibility(fit(measurement, rigid_model(measurement, HATS)))
+    seen = identifiability(fit(measurement, rigid_model(measurement, HATS)))
     assert (seen.parameters, seen.rank, seen.rank_registered, seen.by_convention) == (276, rank, registered, 18)
 
 
 def test_null_directions_are_named_with_their_remedy():
     _, measurement = montavon({"1": Target((0.0, 0.0, 0.0))})
     found = fit(measurement, rigid_model(measurement, HATS))
-    seen = visibility(found)
+    seen = identifiability(found)
     assert seen.not_visible == ["E_CX", "E_AZ", "E_BZ", "E_CZ"]  # 21 + 27 columns vanish
-    assert all("second tool vector" in str(blind) for blind in seen.blind)
+    assert all("second tool vector" in str(unidentifiable) for unidentifiable in seen.unidentifiable)
     _, measurement = montavon(COLLINEAR)
-    seen = visibility(fit(measurement, rigid_model(measurement, HATS)))
+    seen = identifiability(fit(measurement, rigid_model(measurement, HATS)))
     assert seen.not_visible == ["E_CX", "E_CZ"]
-    assert all("third tool vector" in str(blind) for blind in seen.blind)
+    assert all("third tool vector" in str(unidentifiable) for unidentifiable in seen.unidentifiable)
     _, measurement = montavon(THREE)
-    assert not visibility(fit(measurement, rigid_model(measurement, HATS))).blind
+    assert not identifiability(fit(measurement, rigid_model(measurement, HATS))).unidentifiable
 
 
 def test_what_is_not_seen_keeps_the_uncertainty_of_the_prior():
@@ -284,7 +284,7 @@ def test_evidence_finds_the_resolution_that_the_errors_need():
 def test_held_out_blocks_are_predicted_worse_than_fitted_ones():
     model, measurement = montavon(THREE)
     found = fit(measurement, zeroed(model))
-    held = held_out(measurement, zeroed(model), found.prior, found.kept)
+    held = cross_validate(measurement, zeroed(model), found.prior, found.kept)
     assert held.blocks == 8
     assert found.rms_um < held.rms_um < 1.5 * found.rms_um
     labels, what = blocks_of(measurement)
@@ -327,7 +327,7 @@ def test_a_part_shows_what_its_plane_shows():
     found = calibrate(part, basis="b-spline:6")
     assert found.fit.chi2_reduced == pytest.approx(1.0, abs=0.15)
     assert found.before_rms_um > 5 * found.fit.rms_um
-    assert {"E_ZX", "E_ZY"} <= set(found.visibility.not_visible)
+    assert {"E_ZX", "E_ZY"} <= set(found.identifiability.not_visible)
     assert "Z" not in moving_axes(part)
 
 

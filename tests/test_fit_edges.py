@@ -9,7 +9,7 @@ from support.virtual_measurements import MONTAVON, ONE, THREE, measured, pose_of
 
 import machines
 from calibration.fit.calibrate import calibrate
-from calibration.fit.cross_validation import blocks_of, held_out
+from calibration.fit.cross_validation import blocks_of, cross_validate
 from calibration.fit.fit import fit
 from calibration.measurement.instruments import Interferometer, LaserTracker, Part
 from calibration.measurement.measurement import Measurement, Target, with_moves
@@ -83,13 +83,13 @@ def test_a_station_of_few_rows_is_fitted_and_not_predicted(rows):
     some = measurement.rows(np.flatnonzero(last <= rows))
     found = fit(some, zeroed(model))
     assert found.chi2_reduced == pytest.approx(1.0, abs=0.2)
-    held = held_out(some, zeroed(model), found.prior, found.kept)
+    held = cross_validate(some, zeroed(model), found.prior, found.kept)
     assert found.rms_um < held.rms_um < 2.0 * found.rms_um
 
 
 def test_neighbours_predict_a_position_of_an_interferometer():
     measurement = laser("dmu50", "XYZBC", runs=2)
-    held = calibrate(measurement, basis="cubic:6").held_out
+    held = calibrate(measurement, basis="cubic:6").cross_validation
     assert held.what == "sets of positions"
     assert held.rms_um < 1.0
 
@@ -218,7 +218,7 @@ def test_outliers_are_found_whatever_the_sheet_says_where_the_noise_is_estimated
 def test_positioning_alone_counts_from_its_own_zero(name):
     measurement = laser(name, "XYZ" if name == "gantry" else "XYZBC" if name == "dmu50" else "XYZCB")
     found = calibrate(measurement, basis="b-spline:6", hold_out=False)
-    assert not found.visibility.blind
+    assert not found.identifiability.unidentifiable
     for effect in found.model.effects:
         if isinstance(effect, ErrorMotion):
             low, high = effect.basis.interval
@@ -248,7 +248,7 @@ def test_a_period_is_found_from_half_a_percent_off(period):
 def test_residuals_of_rotary_axes_are_told_in_urad():
     found = calibrate(laser("dmu50", "C"), basis="cubic:6")
     assert found.fit.rms_um == pytest.approx(0.3, rel=0.2)
-    assert 0.3 < found.held_out.rms_um < 1.0
+    assert 0.3 < found.cross_validation.rms_um < 1.0
     assert 0.3 < found.fit.max_um < 2.0
 
 

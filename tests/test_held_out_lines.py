@@ -53,5 +53,5 @@ def test_a_fit_on_space_diagonals_does_not_make_the_volume_worse():
         float(np.sqrt(np.mean(aligned(wanted - got, points) ** 2)))
         for got in (0.0, deviation_on(GANTRY, found.model, positions)[0])
     )
-    assert found.held_out.what == "lines"
+    assert found.cross_validation.what == "lines"
     assert after < 0.4 * before

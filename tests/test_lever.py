@@ -7,7 +7,7 @@ from support.diagnosis_cases import data_with, framed
 
 from calibration import cores
 from calibration.diagnosis.residual.whiteness import pearson_beyond
-from calibration.diagnosis.search.sensitivity import Lever
+from calibration.diagnosis.search.sensitivity import Sensitivity
 from kinematics.basis import BSpline
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, QuantisedCompensation
 
@@ -20,36 +20,36 @@ EFFECTS = (
 
 
 @pytest.fixture(scope="module")
-def frame():
+def linearised():
     return framed(Backlash(axis="Y", width=5.0))
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.kind)
-def test_a_lever_says_what_whole_columns_say(frame, effect):
-    lever = Lever.of(frame, effect.axis, getattr(effect, "component", effect.axis))
-    sizes, projected = lever.sizes(effect), frame.projected(frame.columns(effect))
-    np.testing.assert_allclose(lever.left(sizes), projected.left, rtol=1e-7, atol=1e-9 * np.trace(projected.left))
-    here, there = lever.score(sizes, 1), frame.score(projected, 1)
+def test_a_lever_says_what_whole_columns_say(linearised, effect):
+    sensitivity = Sensitivity.of(linearised, effect.axis, getattr(effect, "component", effect.axis))
+    sizes, projected = sensitivity.sizes(effect), linearised.projected(linearised.columns(effect))
+    np.testing.assert_allclose(sensitivity.left(sizes), projected.left, rtol=1e-7, atol=1e-9 * np.trace(projected.left))
+    here, there = sensitivity.score(sizes, 1), linearised.score(projected, 1)
     assert here.gain == pytest.approx(there.gain, rel=1e-6)
     assert here.delta_bic == pytest.approx(there.delta_bic, rel=1e-6)
     np.testing.assert_allclose(here.size, there.size, rtol=1e-5, atol=1e-9)
 
 
-def test_gains_of_waves_are_what_the_best_sum_of_sine_and_cosine_gains(frame):
-    lever, x = Lever.of(frame, "X", "Z"), frame.positions("X")
+def test_gains_of_waves_are_what_the_best_sum_of_sine_and_cosine_gains(linearised):
+    sensitivity, x = Sensitivity.of(linearised, "X", "Z"), linearised.positions("X")
     phase = 2 * np.pi * x[:, None] / np.array([7.0, 11.0, 30.0])
     sines, cosines = np.sin(phase), np.cos(phase)
-    both = lever.wave_gains(sines, cosines)
+    both = sensitivity.wave_gains(sines, cosines)
     for i, found in enumerate(both):
         pair = np.stack([sines[:, i], cosines[:, i]], axis=1)
-        along = pair.T @ lever.along
-        assert found == pytest.approx(along @ np.linalg.solve(lever.left(pair), along), rel=1e-5)
-    assert np.all(both >= lever.gains(sines) * (1.0 - 1e-6))
+        along = pair.T @ sensitivity.along
+        assert found == pytest.approx(along @ np.linalg.solve(sensitivity.left(pair), along), rel=1e-5)
+    assert np.all(both >= sensitivity.gains(sines) * (1.0 - 1e-6))
 
 
-def test_effects_together_are_projected_as_one_by_one(frame):
-    for together, effect in zip(frame.responses(EFFECTS), EFFECTS, strict=True):
-        alone = frame.projected(frame.columns(effect))
+def test_effects_together_are_projected_as_one_by_one(linearised):
+    for together, effect in zip(linearised.responses(EFFECTS), EFFECTS, strict=True):
+        alone = linearised.projected(linearised.columns(effect))
         np.testing.assert_allclose(together.left, alone.left, rtol=1e-9, atol=1e-9 * np.trace(alone.left))
         np.testing.assert_allclose(together.columns, alone.columns)
 

@@ -10,9 +10,9 @@ from support.virtual_measurements import THREE, TRACKER, measured, positions
 import machines
 from calibration.diagnosis.diagnose import diagnose
 from calibration.diagnosis.next.follow_up import MOST_ROWS
-from calibration.diagnosis.next.predicted_information import Outlook
-from calibration.diagnosis.next.proposals import plans
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.next.predicted_information import PredictedInformation
+from calibration.diagnosis.next.proposals import follow_up_designs
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import SEEN
 from calibration.diagnosis.search.start_model import base_of
 from calibration.fit.fit import fit
@@ -80,16 +80,16 @@ def seen(q, *effects, seed=2, targets=THREE):
 
 def frame_of(measurement):
     model, prior = with_effects(measurement, {axis: BasisChoice("legendre", 5) for axis in "XYZ"}, (), 1.0)
-    return Frame.of(fit(measurement, model, prior=prior))
+    return LinearisedFit.of(fit(measurement, model, prior=prior))
 
 
-def planned(frame, name):
-    return next(plan for plan in plans(frame.fit) if plan.name == name)
+def planned(linearised, name):
+    return next(plan for plan in follow_up_designs(linearised.fit) if plan.name == name)
 
 
-def shares(frame, effects, name=None):
-    outlook = Outlook(frame, effects)
-    known = outlook.now if name is None else outlook.after(outlook.now, planned(frame, name))
+def shares(linearised, effects, name=None):
+    predicted = PredictedInformation(linearised, effects)
+    known = predicted.now if name is None else predicted.after(predicted.now, planned(linearised, name))
     return np.array([known.share(i) for i in range(len(effects))])
 
 
@@ -114,30 +114,30 @@ def together(measurement, plan, *effects, seed=3):
 
 def test_the_outlook_is_what_the_measurement_shows_once_it_is_made():
     data = seen(swept())
-    frame = frame_of(data)
+    linearised = frame_of(data)
     effects = [*DRIFTS, *GROWTH, *ENCODER, Backlash("X", 0.0), Settling(axis="Z", share_ppm=0.0)]
     for name in ("retrace", "shuffled", "other side", "finer Y"):
-        plan = planned(frame, name)
+        plan = planned(linearised, name)
         both = replace(together(data, plan))
         then = frame_of(both)
         made = np.array([then.projected(then.columns(effect)).visible for effect in effects])
-        assert shares(frame, effects, name) == pytest.approx(made, abs=0.02)
+        assert shares(linearised, effects, name) == pytest.approx(made, abs=0.02)
 
 
 def test_the_outlook_without_a_move_is_the_frame():
-    frame = frame_of(seen(swept()))
+    linearised = frame_of(seen(swept()))
     effects = [*DRIFTS, *GROWTH, *LENGTHS]
-    now = Outlook(frame, effects).now
+    now = PredictedInformation(linearised, effects).now
     for i, effect in enumerate(effects):
-        own = frame.projected(frame.columns(effect))
+        own = linearised.projected(linearised.columns(effect))
         assert now.left(i) == pytest.approx(own.left, rel=1e-6, abs=1e-6)
         assert now.share(i) == pytest.approx(own.visible, abs=1e-4)
 
 
 def test_a_cause_beside_another_one_keeps_what_lies_across_it():
-    frame = frame_of(seen(to_and_fro()))
+    linearised = frame_of(seen(to_and_fro()))
     effects = [Backlash("X", 0.0), Settling(axis="X", share_ppm=0.0), ThermalDrift(component="X", rate=0.0)]
-    now = Outlook(frame, effects).now
+    now = PredictedInformation(linearised, effects).now
     assert now.left(0, beside=1)[0, 0] < 0.01 * now.left(0)[0, 0]
     assert now.left(0, beside=2)[0, 0] > 0.5 * now.left(0)[0, 0]
 
@@ -155,7 +155,7 @@ def test_a_retrace_makes_the_visibility_of_a_drift_complete():
 
 
 def test_a_second_station_shows_encoders_and_the_order_of_the_chain():
-    frame = frame_of(seen(swept()))
+    linearised = frame_of(seen(swept()))
     wrong_order = [
         CrossAxis(
             component=own, axis=own, other=other, own_interval=(0.0, 600.0), other_interval=(0.0, 600.0), own_degree=1,
@@ -163,9 +163,9 @@ def test_a_second_station_shows_encoders_and_the_order_of_the_chain():
         ) for own, other in ("XY", "YX")
     ]  # fmt: skip
     effects = [*ENCODER, *wrong_order]
-    before = shares(frame, effects)
+    before = shares(linearised, effects)
     across, beside = (
-        shares(frame, effects, f"second station {place}")
+        shares(linearised, effects, f"second station {place}")
         for place in ("across the volume", "a quarter round the volume")
     )
     assert np.all(beside[:2] > 3.0 * before[:2])
@@ -174,12 +174,12 @@ def test_a_second_station_shows_encoders_and_the_order_of_the_chain():
 
 def test_only_a_length_standard_shows_range_offset_and_air_scale():
     for q in (swept(), shuffled()):
-        frame = frame_of(seen(q))
-        assert shares(frame, LENGTHS).max() < SEEN
-        for plan in plans(frame.fit):
-            assert (shares(frame, LENGTHS, plan.name).min() > SEEN) == (plan.name == "bar"), plan.name
+        linearised = frame_of(seen(q))
+        assert shares(linearised, LENGTHS).max() < SEEN
+        for plan in follow_up_designs(linearised.fit):
+            assert (shares(linearised, LENGTHS, plan.name).min() > SEEN) == (plan.name == "bar"), plan.name
             if plan.name != "bar":
-                assert shares(frame, LENGTHS, plan.name).max() < SEEN, plan.name
+                assert shares(linearised, LENGTHS, plan.name).max() < SEEN, plan.name
 
 
 # ---- what is asked for
@@ -191,16 +191,16 @@ def test_fixed_references_and_nothing_else_tell_growth_from_a_drifting_tracker()
     found = diagnose(data)
     (cause,) = found.causes
     assert (cause.kind, cause.verdict, cause.alternatives[0].kind) == ("thermal-drift", "tied", "tracker-drift")
-    separating = [move for move in found.moves if "separates" in move.says]
+    separating = [move for move in found.proposed_measurements if "separates" in move.says]
     assert all("fixed references" in move.name for move in separating)
-    assert not any("separates" in move.says for move in found.moves if "fixed" not in move.says)
+    assert not any("separates" in move.says for move in found.proposed_measurements if "fixed" not in move.says)
     assert "separates thermal-drift Z from tracker-drift (power " in found.next_measurement
     assert "fixed targets" in found.next_measurement
 
-    again = diagnose(together(data, planned(found.after.frame, "many fixed references"), drift))
+    again = diagnose(together(data, planned(found.after.linearised, "many fixed references"), drift))
     (cause,) = again.causes
     assert (cause.kind, cause.axis, cause.verdict) == ("thermal-drift", "Z", "strong")
-    assert not any("separates" in move.says for move in again.moves)
+    assert not any("separates" in move.says for move in again.proposed_measurements)
 
 
 def test_moves_of_other_lengths_tell_backlash_from_settling():
@@ -209,28 +209,32 @@ def test_moves_of_other_lengths_tell_backlash_from_settling():
     found = diagnose(data)
     tied = {cause.kind for cause in found.causes if cause.verdict == "tied"}
     assert tied & {"backlash", "settling"}
-    separating = {move.name for move in found.moves if "separates backlash X from settling X" in move.says}
+    separating = {
+        move.name for move in found.proposed_measurements if "separates backlash X from settling X" in move.says
+    }
     assert "move lengths" in separating
     assert not separating & {"retrace", "bar", "fixed references", "finer Y", "finer Z"}
-    assert found.moves[0].name in separating
+    assert found.proposed_measurements[0].name in separating
 
-    again = diagnose(together(data, planned(found.after.frame, "move lengths"), backlash))
+    again = diagnose(together(data, planned(found.after.linearised, "move lengths"), backlash))
     assert ("backlash", "X", "strong") in [(cause.kind, cause.axis, cause.verdict) for cause in again.causes]
 
 
 def test_where_nothing_is_in_doubt_what_is_not_visible_is_asked_for():
     found = diagnose(seen(shuffled()))
     assert not found.causes
-    assert [move.name for move in found.moves] == ["bar"]
+    assert [move.name for move in found.proposed_measurements] == ["bar"]
     assert "shows" in found.next_measurement
 
 
 def test_moves_are_ranked_by_what_they_tell_per_minute():
     found = diagnose(seen(swept(), Backlash("X", 12.0)))
-    gains = [move.gain_per_minute for move in found.moves]
+    gains = [move.gain_per_minute for move in found.proposed_measurements]
     assert gains == sorted(gains, reverse=True)
     assert all(
-        move.minutes > 0.0 and f"({move.minutes:.0f} min)" in move.says for move in found.moves if move.gain_per_minute
+        move.minutes > 0.0 and f"({move.minutes:.0f} min)" in move.says
+        for move in found.proposed_measurements
+        if move.gain_per_minute
     )
 
 
@@ -283,33 +287,35 @@ def test_a_plan_is_a_measurement_that_follows_the_data(case):
     make, expected = CASES[case]
     data = make()
     base = base_of(data, None, lambda _: None)
-    frame = Frame.of(base.fit(data, [], "sheet"))
-    found = list(plans(frame.fit))
+    linearised = LinearisedFit.of(base.fit(data, [], "sheet"))
+    found = list(follow_up_designs(linearised.fit))
     assert expected <= {plan.name for plan in found}
     assert len({plan.name for plan in found}) == len(found)
-    now = (outlook := Outlook(frame, DRIFTS)).now
+    now = (predicted := PredictedInformation(linearised, DRIFTS)).now
     for plan in found:
         more = plan.measurement
         assert plan.minutes > 0.0
         assert 0 < len(more) <= 2 * MOST_ROWS
-        assert set(frame.fit.registration.names) <= set(plan.registration.names)
+        assert set(linearised.fit.registration.names) <= set(plan.registration.names)
         assert set(np.unique(more.groups)) <= {*plan.registration.poses, *(g for g in plan.registration.zeros)}
         missed = residuals(more, no_errors(data.machine), plan.registration)
         assert np.abs(missed).max() < 1e-9
         if more.state.time is not None and not plan.name.startswith("cold start"):
             assert more.state.time.min() > data.state.time.max()
-        known = outlook.after(now, plan)
+        known = predicted.after(now, plan)
         for i in range(len(DRIFTS)):
             assert np.all(np.linalg.eigvalsh(known.left(i) - now.left(i)) > -1e-6 * max(known.left(i).max(), 1.0))
 
 
 def test_nothing_is_planned_after_a_part():
     part = observe(BENCH, no_errors(BENCH), State(swept()), Part(u_um=2.0), np.random.default_rng(9))
-    assert not list(plans(frame_of(part).fit))
+    assert not list(follow_up_designs(frame_of(part).fit))
 
 
 def test_what_is_in_motion_is_not_asked_to_stand():
-    assert not {"shuffled", "other side", "move lengths"} & {plan.name for plan in plans(frame_of(in_motion()).fit)}
+    assert not {"shuffled", "other side", "move lengths"} & {
+        plan.name for plan in follow_up_designs(frame_of(in_motion()).fit)
+    }
 
 
 def test_a_second_feed_changes_the_velocity_and_not_the_path():
@@ -332,16 +338,16 @@ def test_from_cold_the_machine_warms_up_as_it_did():
     data = seen(swept())
     kelvin = 5.0 * (1.0 - np.exp(-data.state.time / 900.0))
     data = replace(data, state=replace(data.state, temperatures={"frame": kelvin}))
-    frame = frame_of(data)
+    linearised = frame_of(data)
     for name in ("cold start", "cold start, fewer"):
-        state = planned(frame, name).measurement.state
+        state = planned(linearised, name).measurement.state
         assert state.temperatures["frame"] == pytest.approx(5.0 * (1.0 - np.exp(-state.time / 900.0)), abs=0.01)
-    assert np.all(planned(frame, "retrace").measurement.state.temperatures["frame"] == kelvin[-1])
+    assert np.all(planned(linearised, "retrace").measurement.state.temperatures["frame"] == kelvin[-1])
 
 
 def test_a_few_of_the_positions_take_less_time():
-    frame = frame_of(seen(swept()))
-    whole, some = planned(frame, "retrace"), planned(frame, "retrace, fewer")
+    linearised = frame_of(seen(swept()))
+    whole, some = planned(linearised, "retrace"), planned(linearised, "retrace, fewer")
     assert "all 180 positions" in whole.does
     assert "60 of the positions" in some.does
     assert (whole.minutes, some.minutes) == pytest.approx((45.0, 15.0))
@@ -356,9 +362,9 @@ def test_a_weak_cause_is_made_sure_by_measuring_it_again():
 
 
 def test_what_a_tracker_did_before_it_was_moved_says_nothing_of_its_drift_after():
-    frame = frame_of(seen(shuffled()))
-    outlook = Outlook(frame, [TrackerDrift()])
-    now = outlook.now
-    after = outlook.after(now, planned(frame, "second station across the volume"))
-    retraced = outlook.after(now, planned(frame, "retrace"))
+    linearised = frame_of(seen(shuffled()))
+    predicted = PredictedInformation(linearised, [TrackerDrift()])
+    now = predicted.now
+    after = predicted.after(now, planned(linearised, "second station across the volume"))
+    retraced = predicted.after(now, planned(linearised, "retrace"))
     assert np.trace(after.left(0)) < 1.2 * np.trace(now.left(0)) < np.trace(retraced.left(0))

@@ -24,7 +24,7 @@ import machines
 from calibration.evaluation.volumetric import aligned, deviation_on
 from calibration.fit.calibrate import calibrate
 from calibration.fit.fit import fit
-from calibration.fit.identifiability import visibility
+from calibration.fit.identifiability import identifiability
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Target
 from calibration.observation import equations
@@ -269,9 +269,13 @@ def test_the_remedy_of_the_blind_mode_is_another_path_even_where_angles_are_not_
     path = path_of(FIXED, low + np.array(corners) * (high - low))
     readings, _ = followed(path, truth_of(4))
     found = calibrate(on_path(readings, path).measurement, basis="X=cubic:12,Y=cubic:4,Z=cubic:3", hold_out=False)
-    along = [blind for blind in found.visibility.blind if {"E_XX", "E_YY", "E_ZZ"} <= set(blind.effects)]
+    along = [
+        unidentifiable
+        for unidentifiable in found.identifiability.unidentifiable
+        if {"E_XX", "E_YY", "E_ZZ"} <= set(unidentifiable.effects)
+    ]
     assert along
-    assert all("lines that are not alike about the middle" in blind.remedy for blind in along)
+    assert all("lines that are not alike about the middle" in unidentifiable.remedy for unidentifiable in along)
 
 
 def test_the_diagonals_blind_mode_is_reported_and_a_polyline_has_none():
@@ -280,9 +284,13 @@ def test_the_diagonals_blind_mode_is_reported_and_a_polyline_has_none():
     nodes = {"X": BasisChoice("b-spline", 13), "Y": BasisChoice("b-spline", 13), "Z": BasisChoice("b-spline", 10)}
     model, prior = with_effects(m, nodes, (), 200.0 / 30.0)
     found = fit(m, model, prior=prior)
-    seen = visibility(found)
+    seen = identifiability(found)
     assert (seen.parameters, seen.rank_registered) == (216, 155)
-    (mode,) = [blind for blind in seen.blind if set(blind.effects) == {"E_XX", "E_YY", "E_ZZ"}]
+    (mode,) = [
+        unidentifiable
+        for unidentifiable in seen.unidentifiable
+        if set(unidentifiable.effects) == {"E_XX", "E_YY", "E_ZZ"}
+    ]
     assert "lines that are not alike about the middle" in mode.remedy
     assert "another tool vector would not" in mode.remedy
     said = common_odd_mode(m, found.registration)
@@ -328,7 +336,9 @@ def test_several_feeds_stations_and_targets_are_one_measurement():
     found = calibrate(m, basis="cubic:6", hold_out=False)
     assert found.fit.chi2_reduced < 2.5
     assert found.fit.rms_um < 0.4 * found.before_rms_um
-    assert found.visibility.rank_registered == found.visibility.parameters - found.visibility.by_convention
+    assert (
+        found.identifiability.rank_registered == found.identifiability.parameters - found.identifiability.by_convention
+    )
 
 
 # ---- the command

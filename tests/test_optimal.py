@@ -48,7 +48,7 @@ def selection_of(seed: int, chosen: int = 6) -> Selection:
 
 def variance(selection: Selection, mask: np.ndarray) -> float:
     some = selection.rows[mask].reshape(-1, 5)
-    return float(np.trace(selection.judged @ np.linalg.inv(selection.prior + some.T @ some)))
+    return float(np.trace(selection.evaluated @ np.linalg.inv(selection.prior + some.T @ some)))
 
 
 @given(st.integers(0, 10_000))

@@ -37,8 +37,8 @@ def everything(m):
 def test_noise_of_the_sheet_is_found():
     found = repeats(tracked(times=5), everything(tracked(times=5)))
     assert found is not None
-    assert (found.places, found.freedom, found.apart) == (60, 60 * 4 * 3, False)
-    assert abs(found.factor - 1.0) < 4 * np.sqrt(2 / found.freedom)
+    assert (found.places, found.degrees_of_freedom, found.apart) == (60, 60 * 4 * 3, False)
+    assert abs(found.factor - 1.0) < 4 * np.sqrt(2 / found.degrees_of_freedom)
     assert found.p_value > 1e-3
     assert [c.name for c in found.components] == ["range", "azimuth", "elevation"]
     for component in found.components:
@@ -77,8 +77,8 @@ def test_drift_between_rounds_is_not_noise():
         assert found.places == n
         assert found.apart == (not twice)
         if twice:
-            assert found.freedom == 2 * n * 3
-            assert found.factor == pytest.approx(1.0, abs=5 * np.sqrt(2 / found.freedom))
+            assert found.degrees_of_freedom == 2 * n * 3
+            assert found.factor == pytest.approx(1.0, abs=5 * np.sqrt(2 / found.degrees_of_freedom))
         else:
             assert found.factor > 10
             assert "long after one another, with all drifts in them" in found.says
@@ -125,8 +125,8 @@ def test_an_interferometer_whose_runs_have_zeros(scale):
     m = replace(m, observed=m.observed + rng.normal(0.0, 0.01, runs)[run, None])
     found = repeats(m, everything(m))
     assert found.apart
-    assert (found.places, found.freedom) == (42, 42 * runs - 42 - (runs - 1))
-    assert found.factor == pytest.approx(scale**2, rel=5 * np.sqrt(2 / found.freedom))
+    assert (found.places, found.degrees_of_freedom) == (42, 42 * runs - 42 - (runs - 1))
+    assert found.factor == pytest.approx(scale**2, rel=5 * np.sqrt(2 / found.degrees_of_freedom))
     assert (found.p_value > 1e-3) == (scale == 1.0)
     (component,) = found.components
     assert (component.name, component.unit, component.sheet) == ("deviation", "um", pytest.approx(0.5))

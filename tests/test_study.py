@@ -16,11 +16,11 @@ from support.file_examples import STUDY
 
 import machines
 from calibration.design.equations import Sample
-from calibration.design.random_machines import Truths
+from calibration.design.random_machines import TrueModels
 from calibration.evaluation.volumetric import deviation_on, volumetric_error_um
 from calibration.fit.basis_search import Choice
 from calibration.fit.calibrate import calibrate
-from calibration.fit.cross_validation import held_out
+from calibration.fit.cross_validation import cross_validate
 from calibration.fit.fit import fit
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import parse_basis, with_effects
@@ -68,7 +68,7 @@ def measured_as(ready: Prepared, drawn: Sample, draw: int) -> Measurement:
     """Readings of the instrument in a draw by the exact kinematics, with the noise of the draw."""
     setup, nominal = ready.setup, ready.setup.measurement
     seen = observe(
-        nominal.machine, ready.case.truths.machine(drawn.coefficients[:, draw]), nominal.state, nominal.instrument,
+        nominal.machine, ready.case.true_models.machine(drawn.coefficients[:, draw]), nominal.state, nominal.instrument,
         np.random.default_rng(0), setup.poses, nominal.targets, run=nominal.run, noise_scale=0.0,
     )  # fmt: skip
     noise = np.linalg.solve(setup.white, drawn.noise[draw][..., None])[..., 0]
@@ -121,7 +121,10 @@ def test_a_draw_is_what_the_fit_of_its_measurement_is():
     left = ready.fits.errors(parts, ready.fitted(parts, scale, drawn, np.arange(2)), drawn.coefficients)[0]
     nominal, volume = ready.setup.measurement, ready.case.volumes[0]
     for number in range(2):
-        truth, measured = ready.case.truths.machine(drawn.coefficients[:, number]), measured_as(ready, drawn, number)
+        truth, measured = (
+            ready.case.true_models.machine(drawn.coefficients[:, number]),
+            measured_as(ready, drawn, number),
+        )
         model, prior = with_effects(measured, dict.fromkeys("XYZ", parse_basis("cubic:5")), (), 1.0)
         found = fit(measured, model, prior=prior)
         assert found.kept.all()
@@ -226,8 +229,8 @@ def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes)
     lefts, gains = [], []
     for each in (scale, 2.0):
         model, prior = with_effects(measured, bases, (), each)
-        gains.append(held_out(measured, model, prior, np.ones(len(measured), bool)).gain)
-        lefts.append(ready.unseen.left(parts, each, drawn.observed)[0] / setup.white[:, 0].size)
+        gains.append(cross_validate(measured, model, prior, np.ones(len(measured), bool)).gain)
+        lefts.append(ready.held_out_lines.left(parts, each, drawn.observed)[0] / setup.white[:, 0].size)
     assert lefts[1] - lefts[0] == pytest.approx(gains[0] - gains[1], rel=1e-2)
 
 
@@ -235,7 +238,7 @@ def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes)
 def test_on_diagonals_no_more_is_left_than_by_the_evidence_alone(changes):
     """And less than half of the errors before, from four stations as well, where the evidence has several maxima."""
     ready = on_diagonals(**changes)
-    found, alone = (each.outcome(Chunk(0, 20)) for each in (ready, replace(ready, unseen=None)))
+    found, alone = (each.outcome(Chunk(0, 20)) for each in (ready, replace(ready, held_out_lines=None)))
     before, after, by_evidence = (np.quantile(x[0], 0.95) for x in (found.before, found.after, alone.after))
     assert after < 0.5 * before
     assert after < 1.1 * by_evidence
@@ -251,7 +254,7 @@ def test_on_diagonals_no_more_is_left_than_by_the_evidence_alone(changes):
 )
 def test_elsewhere_the_choice_is_that_of_the_evidence(case, entry):
     ready = Prepared.of(case_of({"fit": entry, "case": [{**GANTRY, "points": 60, **case}]}))
-    found, alone = (each.outcome(Chunk(0, 5)).after for each in (ready, replace(ready, unseen=None)))
+    found, alone = (each.outcome(Chunk(0, 5)).after for each in (ready, replace(ready, held_out_lines=None)))
     assert np.array_equal(found, alone)
 
 
@@ -304,11 +307,11 @@ def _toml(name: str) -> dict:
 
 @given(st.integers(1, 30), st.integers(0, 30), st.integers(0, 2**32))
 def test_the_first_draws_are_the_same_however_many(number, more, seed):
-    truths = Truths.of(machines.load("gantry"), TABLE_1)
-    few = truths.draw(np.random.default_rng(seed), number)
-    many = truths.draw(np.random.default_rng(seed), number + more)
+    true_models = TrueModels.of(machines.load("gantry"), TABLE_1)
+    few = true_models.draw(np.random.default_rng(seed), number)
+    many = true_models.draw(np.random.default_rng(seed), number + more)
     assert np.array_equal(few, many[:, :number])
-    assert np.all(np.abs(many) <= truths.high[:, None] + 1e-12)
+    assert np.all(np.abs(many) <= true_models.high[:, None] + 1e-12)
 
 
 def test_cases_measure_the_same_machines():
@@ -319,12 +322,12 @@ def test_cases_measure_the_same_machines():
 
 def test_tolerance_decides_how_many_draws():
     coarse, fine = (results([paper_case()], Draws(None, tolerance))[0] for tolerance in (2.0, 0.4))
-    assert coarse.settled
-    assert fine.settled
+    assert coarse.converged
+    assert fine.converged
     assert coarse.after.shape[1] < fine.after.shape[1]
     assert fine.after.shape[1] % SIZE == 0
     ended = results([paper_case()], Draws(None, 1e-3, most=150))[0]
-    assert not ended.settled
+    assert not ended.converged
     assert ended.after.shape[1] == 150
 
 
@@ -550,7 +553,7 @@ def test_what_a_correction_leaves_along_a_program(command):
     write_model(found, Path("fitted.json"))
     corrected = command("part.nc", "--machine", "gantry", "--calibration", "fitted.json", "-o", "c.nc", "--set-up-zero")
     assert corrected.status == 0, corrected.err
-    truth, machine = ready.case.truths.machine(drawn.coefficients[:, 0]), machines.load("gantry")
+    truth, machine = ready.case.true_models.machine(drawn.coefficients[:, 0]), machines.load("gantry")
     ends = [_positions(Path(name)) for name in ("part.nc", "c.nc")]
     wanted, got = (
         tool_point(machine, ends[0]),

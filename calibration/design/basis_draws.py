@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calibration.design.equations import BESIDES, Columns, Part, Sample
-from calibration.design.held_out_lines import Unseen
+from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.solver import Fits
 from calibration.fit import basis_search
 from calibration.fit.basis_search import Choice, Evidence, Search, Unexplained
@@ -19,11 +19,11 @@ from kinematics.transforms import Array
 
 
 def chosen(
-    fits: Fits, drawn: Sample, search: Search, unseen: Unseen | None = None
+    fits: Fits, drawn: Sample, search: Search, held_out_lines: HeldOutLines | None = None
 ) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
     """Numbers of the draws by the parts and the prior scale that they are fitted with."""
     number = drawn.observed.shape[1]
-    unexplained = None if unseen is None else _unexplained(unseen, drawn)
+    unexplained = None if held_out_lines is None else _unexplained(held_out_lines, drawn)
     best = basis_search.chosen(search, number, _evidence(fits, drawn), unexplained)
     return {(parts_of(fits, choice), choice.prior_scale): draws for choice, draws in basis_search.grouped(best)}
 
@@ -46,10 +46,10 @@ def _evidence(fits: Fits, drawn: Sample) -> Evidence:
     return evidence
 
 
-def _unexplained(unseen: Unseen, drawn: Sample) -> Unexplained:
+def _unexplained(held_out_lines: HeldOutLines, drawn: Sample) -> Unexplained:
     def left(choice: Choice, draws: np.ndarray) -> Array:
-        parts = parts_of(unseen.fits, choice)
-        return unseen.left(parts, choice.prior_scale, drawn.observed[:, draws])
+        parts = parts_of(held_out_lines.fits, choice)
+        return held_out_lines.left(parts, choice.prior_scale, drawn.observed[:, draws])
 
     return left
 

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from calibration.design.layout import Setup
-from calibration.design.random_machines import Truths
+from calibration.design.random_machines import TrueModels
 from calibration.design.volume import Volume
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
@@ -59,10 +59,10 @@ class Columns:
         seen = values > SEEN * values[0]
         self._registration, self._back = u[:, seen], v[seen].T / values[seen]
 
-    def of_truth(self, truths: Truths) -> tuple[Array, Array]:
+    def of_true_models(self, true_models: TrueModels) -> tuple[Array, Array]:
         """Of a truth's coefficients: of the observations `(N, t)`, registration and all, and of the volume `(G, t)`."""
-        design = self.observed(truths.model)
-        return design * truths.linear, self.judged(truths.model) * truths.linear
+        design = self.observed(true_models.model)
+        return design * true_models.linear, self.evaluated(true_models.model) * true_models.linear
 
     def of_part(self, part: Part) -> Made:
         """Of one axis' error motions, or of what is fitted besides, per unit of parameters."""
@@ -72,7 +72,7 @@ class Columns:
         observed -= self._registration @ (self._registration.T @ observed)
         # what the registration takes away altogether leaves rounding, which is nothing seen
         observed[:, np.linalg.norm(observed, axis=0) < ROUNDING * before] = 0.0
-        return Made(observed, self.judged(model), priors(model))
+        return Made(observed, self.evaluated(model), priors(model))
 
     def model(self, parts: Sequence[Part]) -> ErrorModel:
         """The model of these parts, all zero."""
@@ -83,7 +83,7 @@ class Columns:
         rest = left - self.observed(self.model(parts)) @ step
         return np.asarray(self._back @ (self._registration.T @ rest) / self._units)
 
-    def judged(self, model: ErrorModel) -> Array:
+    def evaluated(self, model: ErrorModel) -> Array:
         """Derivatives `(G, p)`, um, of the aligned deviations in all volumes."""
         return np.concatenate([volume.columns(model) for volume in self.volumes])
 
@@ -114,7 +114,7 @@ class Sample:
 
 
 def sample(setup: Setup, seen: Array, coefficients: Array, rng: np.random.Generator) -> Sample:
-    """What the instrument sees of truths; `seen` `(N, t)` as of `Columns.of_truth`."""
+    """What the instrument sees of truths; `seen` `(N, t)` as of `Columns.of_true_models`."""
     n, d, _ = setup.noise.shape
     # one draw after the other, so that the first are the same however many there are
     normal = rng.standard_normal((coefficients.shape[1], n, d))

@@ -37,7 +37,7 @@ class Line(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Unseen:
+class HeldOutLines:
     """The lines of a measurement on a few diagonals, each predicted by fits of the others."""
 
     fits: Fits
@@ -45,7 +45,7 @@ class Unseen:
     _raw: dict[Part, Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, fits: Fits) -> Unseen | None:
+    def of(cls, fits: Fits) -> HeldOutLines | None:
         """The blocks of `calibration.fit.cross_validation`; None off a few diagonals or without such blocks."""
         measurement, registration = fits.columns.measurement, fits.columns.registration
         if lines(measurement) is None:
@@ -72,10 +72,10 @@ class Unseen:
         columns *= self.fits.scale(parts, prior_scale)
         total = np.zeros(observed.shape[1])
         for line in self.held:
-            (design, predicting), (seen, unseen) = line.split(columns), line.split(observed)
+            (design, predicting), (seen, held_out_lines) = line.split(columns), line.split(observed)
             factor = linalg.cho_factor(design.T @ design + np.eye(columns.shape[1]), lower=True, check_finite=False)
             parameters = linalg.cho_solve(factor, design.T @ seen, check_finite=False)
-            total += np.sum((unseen - predicting @ parameters) ** 2, axis=0)
+            total += np.sum((held_out_lines - predicting @ parameters) ** 2, axis=0)
         return total
 
     def _columns(self, part: Part) -> Array:

@@ -16,7 +16,7 @@ from kinematics.transforms import Array
 
 
 @dataclass(frozen=True)
-class Truths:
+class TrueModels:
     """Virtual machines: their parameters are uniform between `low` and `high`, or fixed where the two are the same."""
 
     model: ErrorModel
@@ -30,7 +30,7 @@ class Truths:
     @classmethod
     def of(
         cls, machine: Machine, half_widths: HalfWidths, drawn: Sequence[Effect] = (), fixed: Sequence[Effect] = ()
-    ) -> Truths:
+    ) -> TrueModels:
         """Error motions within half-widths; amplitudes of `drawn` effects within plus and minus their own; others."""
         motions = largest_truth(machine, half_widths)
         effects = (*motions, *drawn, *fixed)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from calibration.design.equations import Columns, Made, Part, Sample
-from calibration.design.random_machines import Truths
+from calibration.design.random_machines import TrueModels
 from kinematics.transforms import Array, read_only
 
 UNSEEN = 1e-10
@@ -32,12 +32,12 @@ class Fits:
     """Fits of one case, whatever the choice of bases: blocks are made once, however many choices share them."""
 
     columns: Columns
-    truths: Truths
+    true_models: TrueModels
     _made: dict[Part, Made] = field(default_factory=dict)
     _gram: dict[tuple[Part, Part], Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.truth_seen, self.truth_volume = self.columns.of_truth(self.truths)
+        self.true_observed, self.true_volume = self.columns.of_true_models(self.true_models)
         self.factorised = lru_cache(maxsize=KEPT)(self._factorised)
 
     def right(self, part: Part, drawn: Sample) -> Array:
@@ -60,13 +60,13 @@ class Fits:
 
     def errors(self, parts: Sequence[Part], parameters: Array, coefficients: Array) -> Array:
         """RMS error `(volumes, draws)`, um, that a fit `(p, draws)` leaves of truths `(t, draws)`."""
-        left = self.truth_volume @ coefficients
+        left = self.true_volume @ coefficients
         left -= np.concatenate([self._of(part).volume for part in parts], axis=1) @ parameters
         return self._rms(left)
 
     def before(self, coefficients: Array) -> Array:
         """The same of the machine as it is."""
-        return self._rms(self.truth_volume @ coefficients)
+        return self._rms(self.true_volume @ coefficients)
 
     def _rms(self, deviations: Array) -> Array:
         ends = np.cumsum([len(volume.state) * 3 for volume in self.columns.volumes])[:-1]

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.improvement import Volume, by_direction, closure, volume
-from calibration.diagnosis.next.ranking import Move, moves
+from calibration.diagnosis.next.ranking import ProposedMeasurement, proposed_measurements
 from calibration.diagnosis.repeatability import Repeats, repeats
 from calibration.diagnosis.residual import unexplained as remainder
 from calibration.diagnosis.residual.dependence import Unexplained
@@ -19,14 +19,14 @@ from calibration.diagnosis.residual.distance_correlation import Dependence
 from calibration.diagnosis.residual.unnamed import add_unnamed
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.search.candidates import Candidate, Untested, changes, library
-from calibration.diagnosis.search.linearised_fit import Frame
-from calibration.diagnosis.search.selection import Accepted, Judged, Selector, Stage, judge
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.selection import Accepted, Evaluated, Selector, Stage, evaluate
 from calibration.diagnosis.search.start_model import Base, base_of
 from calibration.diagnosis.updated_model import new_calibration
 from calibration.diagnosis.verdict import Named, NotVisible, in_terms_of, named, not_visible, outliers, smallest_sizes
 from calibration.fit.acceptance import no_gain, nominal_residuals, refuse_few, seen_by, significant_share
 from calibration.fit.cross_validation import summed_up
-from calibration.fit.identifiability import Visibility, visibility
+from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.measurement.measurement import Measurement
 from calibration.observation.outliers import Variance
 from calibration.plausibility.checks import Finding, usable
@@ -71,18 +71,18 @@ class Diagnosis:
     """Of what the model without causes leaves, as the shares of these: what is left with all of them."""
     not_visible: tuple[NotVisible, ...]
     untested: tuple[Untested, ...]
-    visibility: Visibility | None
+    identifiability: Identifiability | None
     """Of the error motions; None against a calibration, whose knowledge stands in for what the data do not see."""
     unexplained: Unexplained | None
     """What no cause explains, also where it was added without a name."""
     unnamed: str
     """What came of the request to add that; empty where there was none."""
-    judged: tuple[Judged, ...]
+    evaluated: tuple[Evaluated, ...]
     """All candidates, in the frame of the result, the best first."""
     closure: float | None
     """Share of what is left beyond the noise that no rigid chain can explain; None where data are too few to say."""
     volume: Volume
-    moves: tuple[Move, ...]
+    proposed_measurements: tuple[ProposedMeasurement, ...]
     """Measurements that would tell most, per minute, the best first."""
     reason: str
     """Reason why the new calibration must not be used; empty if it may."""
@@ -108,12 +108,12 @@ class Diagnosis:
         """RMS per scalar of what depends on variables that no cause explains; urad on rotary axes."""
         if self.unexplained is None:
             return 0.0
-        return remainder.shared_rms(self.named.frame, self.unexplained)
+        return remainder.shared_rms(self.named.linearised, self.unexplained)
 
     @cached_property
     def one_by_one(self) -> list[Dependence]:
         """How what no cause explains depends on each variable alone; empty where nothing is left."""
-        return [] if self.unexplained is None else remainder.one_by_one(self.named.frame)
+        return [] if self.unexplained is None else remainder.one_by_one(self.named.linearised)
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
@@ -123,13 +123,13 @@ class Diagnosis:
     @property
     def smallest(self) -> list[tuple[str, float, str]]:
         """Name, size and unit of the smallest effects of one parameter that these data would show."""
-        return list(smallest_sizes(self.judged, self.after.frame.scalars))
+        return list(smallest_sizes(self.evaluated, self.after.linearised.scalars))
 
     @property
     def next_measurement(self) -> str:
         """What to measure next, in workshop words."""
-        if self.moves:
-            return self.moves[0].says
+        if self.proposed_measurements:
+            return self.proposed_measurements[0].says
         if self.unexplained is not None:
             what = ", ".join(self.unexplained.variables)
             return f"the same positions once more: what depends on {what} is the machine's where it comes again"
@@ -138,7 +138,7 @@ class Diagnosis:
     @property
     def noise_um(self) -> float:
         """RMS per scalar that the residuals would have were they noise alone; urad on rotary axes."""
-        return _noise_um(self.after.frame)
+        return _noise_um(self.after.linearised)
 
 
 class _Found(NamedTuple):
@@ -146,7 +146,7 @@ class _Found(NamedTuple):
 
     selector: Selector
     stage: Stage
-    judged: tuple[Judged, ...]
+    evaluated: tuple[Evaluated, ...]
 
 
 def diagnose(
@@ -177,8 +177,8 @@ def diagnose(
         findings.append(Finding("noise", says, False))
     before = selector.bare
     if calibration is None:
-        refuse_few(before.fit, visibility(before.fit))
-    tests = remainder.tests(before.frame)
+        refuse_few(before.fit, identifiability(before.fit))
+    tests = remainder.tests(before.linearised)
     found = _Found(selector, before, ())
     if combined(tests, GATE) or len(before.fit.outliers) or base.fine:
         found = _causes(selector)
@@ -191,13 +191,13 @@ def diagnose(
         complete = found._replace(selector=selector, stage=after)
     selector, after = complete.selector, complete.stage
     if after is not found.stage:
-        tests_after = remainder.tests(after.frame)
-    bare = after.frame if not after.accepted else selector.bare.frame
+        tests_after = remainder.tests(after.linearised)
+    bare = after.linearised if not after.accepted else selector.bare.linearised
     causes = named(after, bare)
     # what no cause explains makes outliers as well
     lost = outliers(after.fit, bare) if left is None else None
     causes += [] if lost is None else [lost]
-    judged = found.judged or tuple(judge(after.frame, candidates))
+    evaluated = found.evaluated or tuple(evaluate(after.linearised, candidates))
     told = [f"{cause.kind} {cause.axis or ''}".strip() for cause in causes if cause.where == "machine"]
     return Diagnosis(
         selector.measurement,
@@ -211,32 +211,32 @@ def diagnose(
         tuple(tests),
         tuple(tests_after),
         tuple(causes),
-        after.frame.squares / in_terms_of(bare, after.frame),
-        tuple(not_visible(judged)),
+        after.linearised.squares / in_terms_of(bare, after.linearised),
+        tuple(not_visible(evaluated)),
         tuple(untested),
-        visibility(after.fit) if after.fit.prior.ndim == 1 else None,
+        identifiability(after.fit) if after.fit.prior.ndim == 1 else None,
         left,
         unnamed,
-        judged,
-        closure(after.frame),
+        evaluated,
+        closure(after.linearised),
         volume(before, after),
-        tuple(moves(found.stage, causes, judged)),
+        tuple(proposed_measurements(found.stage, causes, evaluated)),
         _no_gain(after) if calibration is None else "",
     )
 
 
 def _no_gain(stage: Stage) -> str:
     """Reason why the fitted model is no improvement over the nominal machine; empty if it is."""
-    found, frame = stage.fit, stage.frame
-    before, held = nominal_residuals(found), frame.held_out
+    found, linearised = stage.fit, stage.linearised
+    before, held = nominal_residuals(found), linearised.cross_validation
     everywhere = np.full_like(found.residual, np.nan)
     everywhere[found.kept] = before
-    micro = found.measurement.per_micro[frame.rows]
-    counted = held.counted & found.kept[frame.rows]
+    micro = found.measurement.per_micro[linearised.rows]
+    counted = held.counted & found.kept[linearised.rows]
     if not counted.any():
         return no_gain(found, before, None)
-    predicted = np.stack([held.residual_um / micro, everywhere[frame.rows]])[:, counted]
-    figures = summed_up(predicted, frame.white[counted], micro[counted], held.blocks, "cells of space")
+    predicted = np.stack([held.residual_um / micro, everywhere[linearised.rows]])[:, counted]
+    figures = summed_up(predicted, linearised.white[counted], micro[counted], held.blocks, "cells of space")
     return no_gain(found, before, figures)
 
 
@@ -255,22 +255,22 @@ def _causes(selector: Selector) -> _Found:
     selector = selector.on(selector.base.coarser(selector.measurement, selector.progress))
     selection = selector.select()
     for _ in range(AGAIN):
-        stage = selector.settled(selection.stages[-1])
+        stage = selector.against_siblings(selection.stages[-1])
         base = selector.chosen_again(stage)
         if base.choice == selector.base.choice:
             break
         selector = replace(selector, base=base)
         selection = selector.select(stage.accepted)
     else:
-        stage = selector.settled(selection.stages[-1])
+        stage = selector.against_siblings(selection.stages[-1])
     return _Found(selector, stage, selection.last_round)
 
 
 def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
     """What is left, once causes that were only blamed for it are taken back."""
     while True:
-        tests = remainder.tests(found.stage.frame)
-        left = remainder.unexplained(found.stage.frame) if combined(tests, LEFT) else None
+        tests = remainder.tests(found.stage.linearised)
+        left = remainder.unexplained(found.stage.linearised) if combined(tests, LEFT) else None
         blamed = remainder.impostors(found.stage, left, found.selector.library) if left else []
         if not blamed:
             return found, tests, left
@@ -278,11 +278,14 @@ def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
             (each.candidate, each.size) for each in found.stage.accepted if not _among(each, blamed)
         ]
         fewer = found.selector.pruned(found.selector.stage(kept)) if kept else found.selector.bare
-        found = found._replace(stage=fewer, judged=())
+        found = found._replace(stage=fewer, evaluated=())
 
 
-def _noise_um(frame: Frame) -> float:
-    spread = np.linalg.inv(frame.white)[frame.good] * frame.measurement.per_micro[frame.rows][frame.good, None]
+def _noise_um(linearised: LinearisedFit) -> float:
+    spread = (
+        np.linalg.inv(linearised.white)[linearised.good]
+        * linearised.measurement.per_micro[linearised.rows][linearised.good, None]
+    )
     return float(np.sqrt(np.sum(spread**2) / spread[:, :, 0].size))
 
 
@@ -301,7 +304,7 @@ def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
 
 def _in_doubt(noise: Repeats) -> bool:
     """Drifts between repeats make them scatter more, never less."""
-    return (not noise.apart or noise.factor < 1.0) and noise.freedom >= ENOUGH and noise.p_value < DOUBT
+    return (not noise.apart or noise.factor < 1.0) and noise.degrees_of_freedom >= ENOUGH and noise.p_value < DOUBT
 
 
 def _as_noisy_as(measurement: Measurement, noise: Repeats) -> Measurement:

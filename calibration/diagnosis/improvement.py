@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Stage
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.fit import Fit
@@ -71,27 +71,29 @@ def volume(before: Stage, after: Stage) -> Volume:
     return Volume(whole.rms, whole.largest, left.rms, left.largest)
 
 
-def closure(frame: Frame) -> float | None:
+def closure(linearised: LinearisedFit) -> float | None:
     """Share of what is left beyond the noise that the finest rigid chain can't explain; None where data are too few.
 
     1 where nothing of it is an error motion of an axis, whatever its course; 0 where there is nothing beyond the noise.
     """
-    measurement = frame.measurement
-    beyond = frame.squares - frame.freedom
-    if beyond <= 3.0 * np.sqrt(2.0 * frame.freedom):
+    measurement = linearised.measurement
+    beyond = linearised.squares - linearised.degrees_of_freedom
+    if beyond <= 3.0 * np.sqrt(2.0 * linearised.degrees_of_freedom):
         return 0.0
     columns = []
     for axis, interval in moving_axes(measurement).items():
         size = max(2, min(FINEST, distinct_positions(measurement, axis) // 2))
         basis = BSpline(tuple(np.linspace(*interval, size).tolist()), 1)
-        motions = {e.component for e in frame.fit.model.effects if isinstance(e, ErrorMotion) and e.axis == axis}
-        columns += [frame.columns(ErrorMotion(c, axis, basis, (0.0,) * size, u=(0.0,) * size)) for c in sorted(motions)]
+        motions = {e.component for e in linearised.fit.model.effects if isinstance(e, ErrorMotion) and e.axis == axis}
+        columns += [
+            linearised.columns(ErrorMotion(c, axis, basis, (0.0,) * size, u=(0.0,) * size)) for c in sorted(motions)
+        ]
     finest = np.concatenate(columns, axis=1)
-    if finest.shape[1] * SHARE > frame.scalars:
+    if finest.shape[1] * SHARE > linearised.scalars:
         return None
-    projected = frame.projected(finest)
+    projected = linearised.projected(finest)
     values, vectors = np.linalg.eigh((projected.left + projected.left.T) / 2)
     seen = values > 1e-6 * values.max(initial=1e-300)
-    along = vectors[:, seen].T @ (finest.T @ frame.residual)
+    along = vectors[:, seen].T @ (finest.T @ linearised.residual)
     explained = float(np.sum(along**2 / values[seen])) - int(np.count_nonzero(seen))
     return float(np.clip(1.0 - explained / beyond, 0.0, 1.0))

@@ -50,7 +50,7 @@ class Repeats:
 
     places: int
     """Places that were seen again."""
-    freedom: int
+    degrees_of_freedom: int
     """Scalars left over for the noise."""
     factor: float
     """Variance of the repeats in terms of the sheet's."""
@@ -75,12 +75,12 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
         return None
     places = place_numbers(own)
     close = _seen_again(own, _clusters(own, places))
-    if close.freedom * own.instrument.components >= ENOUGH:
+    if close.degrees_of_freedom * own.instrument.components >= ENOUGH:
         return _judged(own, close, places, apart=False)
     all_of_them = _seen_again(own, places)
-    if all_of_them.freedom > close.freedom:
+    if all_of_them.degrees_of_freedom > close.degrees_of_freedom:
         return _judged(own, all_of_them, places, apart=True)
-    return _judged(own, close, places, apart=False) if close.freedom > 0 else None
+    return _judged(own, close, places, apart=False) if close.degrees_of_freedom > 0 else None
 
 
 class _Again(NamedTuple):
@@ -90,7 +90,7 @@ class _Again(NamedTuple):
     cluster: np.ndarray
     zero: np.ndarray
     """Number `(rows,)` of the run whose zero is in the row; 0 of all where there are no zeros."""
-    freedom: int
+    degrees_of_freedom: int
     """By component."""
 
 
@@ -123,19 +123,19 @@ def _seen_again(measurement: Measurement, cluster: np.ndarray) -> _Again:
 
 def _judged(measurement: Measurement, again: _Again, places: np.ndarray, *, apart: bool) -> Repeats | None:
     """The noise in these rows, against the sheet."""
-    if again.freedom < 1:
+    if again.degrees_of_freedom < 1:
         return None
     own = measurement.rows(again.rows)
     left = _left_over(own, again)
-    freedom = again.freedom * own.instrument.components
+    degrees_of_freedom = again.degrees_of_freedom * own.instrument.components
     chi2 = float(np.sum(whitened(whiteners(own), left) ** 2))
-    p_value = 2.0 * min(float(special.chdtrc(freedom, chi2)), float(special.chdtr(freedom, chi2)))
+    p_value = 2.0 * min(float(special.chdtrc(degrees_of_freedom, chi2)), float(special.chdtr(degrees_of_freedom, chi2)))
     return Repeats(
         len(np.unique(places[again.rows])),
-        freedom,
-        chi2 / freedom,
+        degrees_of_freedom,
+        chi2 / degrees_of_freedom,
         min(p_value, 1.0),
-        _components(own, left, again.freedom),
+        _components(own, left, again.degrees_of_freedom),
         apart,
     )
 
@@ -159,10 +159,10 @@ def _less_mean(values: Array, number: np.ndarray) -> Array:
     return np.asarray(values - (sums / np.bincount(number)[:, None])[number])
 
 
-def _components(measurement: Measurement, left: Array, freedom: int) -> tuple[Component, ...]:
+def _components(measurement: Measurement, left: Array, degrees_of_freedom: int) -> tuple[Component, ...]:
     """Noise by direction; of the rows of linear and of rotary axes apart."""
     covariance = equations.covariance(measurement)
-    share = freedom / len(left)
+    share = degrees_of_freedom / len(left)
     if not isinstance(measurement.instrument, LaserTracker):
         names = ["deviation"] if measurement.instrument.components == 1 else list("xyz")[: left.shape[1]]
         micro = measurement.per_micro[:, 0]

@@ -175,8 +175,9 @@ def left_out(found: Diagnosis) -> Iterator[str]:
 def doubt(found: Diagnosis) -> Iterator[str]:
     """What of the noise, or of the number of rows, makes the result less than it looks."""
     fit = found.after.fit
-    if fit.freedom < FEW:
-        yield f"{fit.observations} observations leave {fit.freedom:.0f} degrees of freedom: too few to say much"
+    if fit.degrees_of_freedom < FEW:
+        freedom = f"{fit.degrees_of_freedom:.0f} degrees of freedom"
+        yield f"{fit.observations} observations leave {freedom}: too few to say much"
     elif fit.variance_factor == 1.0:
         estimate = "--noise estimate takes it from the residuals"
         if fit.chi2_reduced < 1 / FAR:

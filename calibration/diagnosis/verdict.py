@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 
 from calibration.diagnosis.search.candidates import HIGHER_FREQUENCY, contract_kind, where
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import saw_uncertainty
-from calibration.diagnosis.search.selection import SEEN, WORTH, Accepted, Judged, Sibling, Stage
+from calibration.diagnosis.search.selection import SEEN, WORTH, Accepted, Evaluated, Sibling, Stage
 from calibration.diagnosis.search.spectra import aliases
 from calibration.fit.fit import Fit
 from kinematics.effects import Cyclic, Effect, Outliers, QuantisedCompensation, Unnamed
@@ -116,13 +116,13 @@ class NotVisible:
     remedy: str
 
 
-def named(stage: Stage, before: Frame) -> list[Named]:
+def named(stage: Stage, before: LinearisedFit) -> list[Named]:
     """The accepted causes of a stage; `before` is a frame that has none of them.
 
     The best first, those without a name last.
     """
     found = []
-    whole = in_terms_of(before, stage.frame)
+    whole = in_terms_of(before, stage.linearised)
     for i, (each, number) in enumerate(zip(stage.accepted, stage.numbers, strict=True)):
         without = stage.without(i)
         effect = _with_uncertainty(stage.fit.model.effects[number], without)
@@ -134,23 +134,23 @@ def named(stage: Stage, before: Frame) -> list[Named]:
                 each.candidate.kind,
                 effect,
                 each.score.delta_bic,
-                without.held_out.rms_um - stage.heldout_um,
+                without.cross_validation.rms_um - stage.heldout_um,
                 min(share, 1.0),
                 _verdict(each),
                 each.visible,
                 alternatives,
-                tuple(_notes(stage.frame, effect)),
+                tuple(_notes(stage.linearised, effect)),
             )
         )
     return sorted(found, key=lambda cause: (isinstance(cause.effect, Unnamed), cause.delta_bic))
 
 
-def in_terms_of(before: Frame, frame: Frame) -> float:
+def in_terms_of(before: LinearisedFit, linearised: LinearisedFit) -> float:
     """Sum of squares of one frame in terms of the noise of another: each may have estimated its own."""
-    return max(before.squares * before.fit.variance_factor / frame.fit.variance_factor, 1e-300)
+    return max(before.squares * before.fit.variance_factor / linearised.fit.variance_factor, 1e-300)
 
 
-def outliers(fit: Fit, before: Frame) -> Named | None:
+def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
     """The rows that do not belong to the rest, as a cause; None without any that noise never makes."""
     rows = fit.outliers
     if not len(rows) or fit.measurement.instrument.components != 3:
@@ -170,10 +170,10 @@ def outliers(fit: Fit, before: Frame) -> Named | None:
     return Named("outliers", effect, delta_bic, 0.0, min(squares / max(before.squares, 1e-300), 1.0), "strong", 1.0)
 
 
-def not_visible(judged: Sequence[Judged]) -> list[NotVisible]:
+def not_visible(evaluated: Sequence[Evaluated]) -> list[NotVisible]:
     """Causes of the library of which these data show next to nothing."""
     best: dict[str, tuple[float, str]] = {}
-    for each in judged:
+    for each in evaluated:
         if each.candidate.replaces or isinstance(each.candidate.effect, Cyclic | QuantisedCompensation):
             continue  # proposed from the residual: not of the library
         name, share = each.candidate.effect.name, each.projected.visible
@@ -186,10 +186,10 @@ def not_visible(judged: Sequence[Judged]) -> list[NotVisible]:
     ]
 
 
-def smallest_sizes(judged: Sequence[Judged], scalars: int) -> Iterator[tuple[str, float, str]]:
+def smallest_sizes(evaluated: Sequence[Evaluated], scalars: int) -> Iterator[tuple[str, float, str]]:
     """Name, size and unit of the smallest effect of one parameter that these data would show."""
     seen = set()
-    for each in judged:
+    for each in evaluated:
         table = [quantity for quantity in each.candidate.effect.parameter_table if quantity.linear]
         left = float(each.projected.left[0, 0])
         if len(table) == 1 and left > 0 and each.projected.visible >= SEEN and each.candidate.effect.name not in seen:
@@ -206,13 +206,13 @@ def tied_with(accepted: Accepted) -> list[Sibling]:
         for sibling in accepted.siblings
         if sibling.cosine >= ALIKE
         and sibling.log_odds < EVEN
-        and (sibling.judged.candidate.kind, sibling.judged.candidate.axis) != own
+        and (sibling.evaluated.candidate.kind, sibling.evaluated.candidate.axis) != own
     ]
 
 
 def _alternatives(accepted: Accepted) -> Iterator[Alternative]:
     for sibling in accepted.siblings:
-        candidate = sibling.judged.candidate
+        candidate = sibling.evaluated.candidate
         odds = math.exp(min(sibling.log_odds, 700.0))
         yield Alternative(candidate.kind, candidate.axis, candidate.effect.name, sibling.cosine, odds)
 
@@ -224,16 +224,16 @@ def _verdict(accepted: Accepted) -> Verdict:
     return "strong" if sure else "weak"
 
 
-def _with_uncertainty(effect: Effect, without: Frame) -> Effect:
+def _with_uncertainty(effect: Effect, without: LinearisedFit) -> Effect:
     """The effect; steps of a table with the uncertainty that the search for their place has."""
     if not isinstance(effect, QuantisedCompensation):
         return effect
     return effect.with_parameters(effect.parameters, (effect.uncertainties[0], *saw_uncertainty(without, effect)))
 
 
-def _notes(frame: Frame, effect: Effect) -> Iterator[str]:
+def _notes(linearised: LinearisedFit, effect: Effect) -> Iterator[str]:
     if isinstance(effect, Cyclic):
-        others = aliases(frame.positions(effect.axis), effect.period)
+        others = aliases(linearised.positions(effect.axis), effect.period)
         if others:
             unit = "deg" if effect.axis[0] in "ABC" else "mm"
             yield f"positions on a lattice can't tell its period from {', '.join(f'{p:.4g}' for p in others)} {unit}"

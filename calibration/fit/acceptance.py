@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from calibration.fit.cross_validation import HeldOut
+from calibration.fit.cross_validation import CrossValidation
 from calibration.fit.fit import Fit, fit
-from calibration.fit.identifiability import Visibility
+from calibration.fit.identifiability import Identifiability
 from calibration.fit.prediction import Seen, relative_at_most
 from calibration.measurement.measurement import Measurement
 from calibration.observation.full_model import moving_axes
@@ -37,7 +37,7 @@ ANYWHERE = 300
 """States within the measured ranges of all axes at which a correction is compared with its uncertainty."""
 
 
-def refuse_few(found: Fit, seen: Visibility) -> None:
+def refuse_few(found: Fit, seen: Identifiability) -> None:
     """UserError where the rows show nothing, can't determine the model's parameters, or leave nothing to check them."""
     measurement, registered = found.measurement, len(found.registration.names)
     if seen.parameters and not seen.rank_registered:
@@ -77,14 +77,14 @@ def nominal_residuals(found: Fit) -> Array:
     return fit(kept, no_errors(kept.machine), prior=np.zeros(0)).residual
 
 
-def refuse_worse(found: Fit, before: Array, held: HeldOut | None) -> None:
+def refuse_worse(found: Fit, before: Array, held: CrossValidation | None) -> None:
     """UserError for a fit that is no gain, as `no_gain` has it."""
     reason = no_gain(found, before, held)
     if reason:
         raise UserError(f"{found.measurement.source}: {reason}")
 
 
-def no_gain(found: Fit, before: Array, held: HeldOut | None) -> str:
+def no_gain(found: Fit, before: Array, held: CrossValidation | None) -> str:
     """Reason why a fit is no improvement (larger residuals, or predictions, than the nominal machine); else empty.
 
     They must be larger both in um and in units of the instrument's uncertainty. before: as `nominal_residuals`.

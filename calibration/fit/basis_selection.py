@@ -28,7 +28,7 @@ from calibration.observation.full_model import (
     priors,
     with_effects,
 )
-from calibration.observation.normal_equations import Normal, residuals, whitened, whiteners
+from calibration.observation.normal_equations import NormalEquations, residuals, whitened, whiteners
 from kinematics.effects import Effect
 from kinematics.error_model.model import Design, ErrorModel, no_errors
 from kinematics.transforms import Array, read_only
@@ -136,7 +136,7 @@ class LinearEvidence:
         prior = np.concatenate([*(choice.prior_scale * self._priors(part) for part in axes), self._priors(BESIDES)])
         away = np.zeros(len(prior))
         away[len(prior) - len(self._moved) :] = self._moved
-        solved = solution(Normal(matrix, right), self._registration, prior, away)
+        solved = solution(NormalEquations(matrix, right), self._registration, prior, away)
         return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
 
     def _block(self, a: Part, b: Part) -> Array:

@@ -14,10 +14,10 @@ import numpy as np
 from calibration.fit.acceptance import nominal_residuals, refuse_few, refuse_worse, seen_by, significant_share
 from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose, finer
-from calibration.fit.cross_validation import HeldOut, held_out, lines
+from calibration.fit.cross_validation import CrossValidation, cross_validate, lines
 from calibration.fit.datum import to_datum
 from calibration.fit.fit import Fit, fit
-from calibration.fit.identifiability import Visibility, visibility
+from calibration.fit.identifiability import Identifiability, identifiability
 from calibration.fit.location_errors import split_locations, transformed
 from calibration.fit.prediction import Seen
 from calibration.fit.residual_tests import Suspect, suspects
@@ -38,13 +38,13 @@ class Calibration:
     model: ErrorModel
     """In the datum, location errors apart, with covariance: what is written."""
     choice: Choice
-    visibility: Visibility
+    identifiability: Identifiability
     before_rms_um: float
     """Residual of the nominal machine, registered."""
     before_max_um: float
     suspects: tuple[Suspect, ...]
     """What the residuals depend on."""
-    held_out: HeldOut | None
+    cross_validation: CrossValidation | None
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
     seen: Seen
@@ -83,10 +83,10 @@ def calibrate(
     found = fit(measurement, model, prior=prior, variance=variance, progress=progress)
     before = nominal_residuals(found)
     progress("what the data see")
-    seen = visibility(found)
+    seen = identifiability(found)
     refuse_few(found, seen)
     progress("held-out residuals")
-    held = held_out(measurement, model, prior, found.kept, variance) if hold_out else None
+    held = cross_validate(measurement, model, prior, found.kept, variance) if hold_out else None
     refuse_worse(found, before, held)
     written = _written(found, valid_days)
     kept = measurement.rows(np.flatnonzero(found.kept))
@@ -135,7 +135,7 @@ def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Ch
     In units of the instrument's variance; infinite where no line can be held out.
     """
     model, prior = with_effects(measurement, choice.bases, effects, choice.prior_scale)
-    held = held_out(measurement, model, prior, ~duplicates(measurement))
+    held = cross_validate(measurement, model, prior, ~duplicates(measurement))
     return np.array([np.inf if held is None else -held.gain])
 
 

@@ -36,7 +36,7 @@ FINE = 1e3
 """Directions that differ by less than its inverse are one."""
 
 
-class HeldOut(NamedTuple):
+class CrossValidation(NamedTuple):
     """What fits leave of rows that they have not seen."""
 
     rms_um: float
@@ -52,9 +52,9 @@ class HeldOut(NamedTuple):
     zero if the fit predicts worse."""
 
 
-def held_out(
+def cross_validate(
     measurement: Measurement, model: ErrorModel, prior: Array, kept: np.ndarray, variance: Variance = "sheet"
-) -> HeldOut | None:
+) -> CrossValidation | None:
     """Residuals of each block under a fit of the others; None when there are too few rows for blocks.
 
     kept: mask `(n,)` of the rows to be used, outliers left out.
@@ -65,7 +65,7 @@ def held_out(
 
 def predicted_by_others(
     good: Measurement, labels: np.ndarray, what: str, refit: Callable[[Measurement], Fit]
-) -> HeldOut | None:
+) -> CrossValidation | None:
     """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
 
     labels `(n,)`: numbers of the blocks; rows below zero belong to none. Rows whose set-up or target hardly
@@ -96,12 +96,12 @@ def _nominal(measurement: Measurement) -> Fit:
     return fit(measurement, no_errors(measurement.machine), prior=np.zeros(0))
 
 
-def summed_up(missed: Array, whitener: Array, per_micro: Array, blocks: int, what: str) -> HeldOut:
+def summed_up(missed: Array, whitener: Array, per_micro: Array, blocks: int, what: str) -> CrossValidation:
     """The residuals `(2, n, d)` of the fit and of the nominal machine, mm and rad, in figures."""
     squares = [float(np.mean(whitened(whitener, residual) ** 2)) for residual in missed]
     rms = [float(np.sqrt(np.mean((part * per_micro) ** 2))) for part in missed]
     largest = float(np.linalg.norm(missed[0] * per_micro, axis=1).max())
-    return HeldOut(rms[0], largest, blocks, what, rms[1], squares[1] - squares[0])
+    return CrossValidation(rms[0], largest, blocks, what, rms[1], squares[1] - squares[0])
 
 
 def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:

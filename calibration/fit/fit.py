@@ -84,22 +84,22 @@ class Fit:
     @cached_property
     def effective_parameters(self) -> float:
         """Degrees of freedom that the data spend."""
-        return self.solved.spent
+        return self.solved.effective_parameters
 
     @property
-    def freedom(self) -> float:
+    def degrees_of_freedom(self) -> float:
         """Observations less effective parameters."""
         return max(self.observations - self.effective_parameters, 1.0)
 
     @property
     def chi2_reduced(self) -> float:
         """By the instrument's sheet; 1 when the model explains the data down to the sheet's noise."""
-        return self.chi2 / self.freedom
+        return self.chi2 / self.degrees_of_freedom
 
     @property
     def p_value(self) -> float:
         """Of chi2, one-sided: small when the model lacks something, or the sheet promises too much."""
-        return float(special.chdtrc(self.freedom, self.chi2))
+        return float(special.chdtrc(self.degrees_of_freedom, self.chi2))
 
     @property
     def doubtful(self) -> bool:
@@ -160,7 +160,7 @@ def fit(
     progress("solving")
     point = problem.point(at_rest.parameters, at_rest.registration)
     least = _least(solved, len(some) * measurement.components, variance)
-    bad, failed = _judge(problem, point, copies, solved.spent, least)
+    bad, failed = _judge(problem, point, copies, solved.effective_parameters, least)
     for _ in range(10):
         kept = ~bad
         _refuse_too_few(measurement, kept, point)
@@ -168,7 +168,7 @@ def fit(
         point = problem.moved(point, solved.step)
         if variance == "estimate":
             factor = max(_estimated(problem, point, kept, solved), least)
-        bad, failed = _judge(problem, point, copies, solved.spent, least)
+        bad, failed = _judge(problem, point, copies, solved.effective_parameters, least)
         if np.array_equal(bad, ~kept):
             break
     chi2 = float(np.sum(problem.distances(point)[kept]))
@@ -193,17 +193,23 @@ def fit(
 def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, Solved]:
     """The point where Gauss-Newton with Huber's weights comes to rest; variance factor and last solution there."""
     components = problem.measurement.components
-    factor, spent, least = 1.0, 0.0, 1.0
+    factor, effective_parameters, least = 1.0, 0.0, 1.0
     for step in range(STEPS):
         distances = problem.distances(point)
-        weights = huber_weights(distances, components, robust_factor(distances, components, spent, least))
+        weights = huber_weights(
+            distances, components, robust_factor(distances, components, effective_parameters, least)
+        )
         # amplitudes first: a wave or a lag without one is moved anywhere
         solved = (problem if step else problem.shapes_held()).solve(point, weights, factor)
         aim = solved.step * (AHEAD if step % 2 else 1.0)
-        before, point, spent = point, problem.descended(point, aim, weights, factor), solved.spent
+        before, point, effective_parameters = (
+            point,
+            problem.descended(point, aim, weights, factor),
+            solved.effective_parameters,
+        )
         if variance == "estimate":
             least = _least(solved, len(distances) * components, variance)
-            factor = robust_factor(problem.distances(point), components, spent, least)
+            factor = robust_factor(problem.distances(point), components, effective_parameters, least)
         if step and (solved.length < CONVERGED or point is before):
             break
     return point, factor, solved
@@ -217,12 +223,15 @@ def _least(solved: Solved, scalars: int, variance: Variance) -> float:
 
 
 def _judge(
-    problem: Problem, point: Point, copies: np.ndarray, spent: float, least: float
+    problem: Problem, point: Point, copies: np.ndarray, effective_parameters: float, least: float
 ) -> tuple[np.ndarray, list[str]]:
     """Rows not to be fitted, and the stations among them that failed as a whole."""
     components = problem.measurement.components
     distances = problem.distances(point)
-    bad = outlying(distances, components, robust_factor(distances[~copies], components, spent, least)) & ~copies
+    bad = (
+        outlying(distances, components, robust_factor(distances[~copies], components, effective_parameters, least))
+        & ~copies
+    )
     failed = failed_stations(problem.measurement, bad)
     return bad | copies | np.isin(problem.measurement.groups, failed), failed
 
@@ -231,7 +240,7 @@ def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved)
     """Variance factor that makes chi2 its expectation."""
     chi2 = float(np.sum(problem.distances(point)[kept]))
     scalars = int(np.count_nonzero(kept)) * problem.measurement.components
-    return chi2 / max(scalars - solved.spent, 1.0)
+    return chi2 / max(scalars - solved.effective_parameters, 1.0)
 
 
 def _refuse_too_few(measurement: Measurement, kept: np.ndarray, point: Point) -> None:

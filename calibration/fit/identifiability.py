@@ -21,7 +21,7 @@ PART = 1e-2
 
 
 @dataclass(frozen=True)
-class Blind:
+class Unidentifiable:
     """Directions of the parameters that the data do not determine."""
 
     effects: tuple[str, ...]
@@ -38,7 +38,7 @@ class Blind:
 
 
 @dataclass(frozen=True)
-class Visibility:
+class Identifiability:
     """Rank and blind directions of a fit."""
 
     parameters: int
@@ -48,16 +48,16 @@ class Visibility:
     """With the position of the instrument unknown, as it is."""
     by_convention: int
     """Directions that no measurement can show: they are fixed by the datum."""
-    blind: tuple[Blind, ...]
+    unidentifiable: tuple[Unidentifiable, ...]
     """What this measurement does not see and another could."""
 
     @property
     def not_visible(self) -> list[str]:
         """Effects that these data do not show at all."""
-        return [b.effects[0] for b in self.blind if len(b.effects) == 1 and b.directions == b.parameters]
+        return [b.effects[0] for b in self.unidentifiable if len(b.effects) == 1 and b.directions == b.parameters]
 
 
-def visibility(fit: Fit) -> Visibility:
+def identifiability(fit: Fit) -> Identifiability:
     """What the data of a fit see of its model."""
     information = fit.solved.information
     null = null_space(information)
@@ -65,7 +65,7 @@ def visibility(fit: Fit) -> Visibility:
     u, values, _ = np.linalg.svd(null @ (null.T @ free), full_matrices=False)
     conventional = np.asarray(u[:, values > 1 - PART])
     size = len(fit.prior)
-    return Visibility(
+    return Identifiability(
         size,
         size - null_space(fit.solved.machine_information).shape[1],
         size - null.shape[1],
@@ -74,13 +74,13 @@ def visibility(fit: Fit) -> Visibility:
     )
 
 
-def _named(fit: Fit, null: Array, conventional: Array) -> list[Blind]:
+def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
     """The null directions that are not conventional, by the effects they lie in.
 
     One effect, two, the positioning errors of all linear axes, then the rest together.
     """
     effects, columns = fit.model.effects, fit.model.slices
-    found: list[Blind] = []
+    found: list[Unidentifiable] = []
     explained = conventional
     along = tuple(i for i, effect in enumerate(effects) if _along_itself(effect))
     groups = [*combinations(range(len(effects)), 1), *combinations(range(len(effects)), 2), along]
@@ -92,12 +92,12 @@ def _named(fit: Fit, null: Array, conventional: Array) -> list[Blind]:
             explained = np.concatenate([explained, new], axis=1)
             # a whole effect that is not seen holds conventional directions as well
             directions = len(part) if inside.shape[1] == len(part) else new.shape[1]
-            found.append(_blind(fit, [effects[i] for i in members], directions, len(part)))
+            found.append(_unidentifiable(fit, [effects[i] for i in members], directions, len(part)))
     others = _beyond(null, explained)
     if others.shape[1]:
         weight = np.linalg.norm(others, axis=1)
         mixed = [effect for effect, part in zip(effects, columns, strict=True) if weight[part].max(initial=0.0) > PART]
-        found.append(_blind(fit, mixed, others.shape[1], sum(len(effect.parameters) for effect in mixed)))
+        found.append(_unidentifiable(fit, mixed, others.shape[1], sum(len(effect.parameters) for effect in mixed)))
     return found
 
 
@@ -122,7 +122,7 @@ def _beyond(directions: Array, known: Array) -> Array:
     return np.asarray(u[:, values > PART])
 
 
-def _blind(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int) -> Blind:
+def _unidentifiable(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int) -> Unidentifiable:
     names = tuple(effect.name for effect in effects)
     if len(effects) == 1:
         reason = "not seen" if directions == parameters else f"{directions} of its {parameters} shapes not seen"
@@ -130,7 +130,7 @@ def _blind(fit: Fit, effects: Sequence[Effect], directions: int, parameters: int
         reason = f"only together, not apart ({directions} of {parameters} shapes)"
     else:
         reason = f"{directions} {'combination' if directions == 1 else 'combinations'} of them not seen"
-    return Blind(names, directions, parameters, reason, _remedy(fit, effects))
+    return Unidentifiable(names, directions, parameters, reason, _remedy(fit, effects))
 
 
 def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:

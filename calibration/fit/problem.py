@@ -11,7 +11,7 @@ from scipy import linalg
 
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
-from calibration.observation.normal_equations import Normal, gather, residuals, whitened, whiteners
+from calibration.observation.normal_equations import NormalEquations, assemble, residuals, whitened, whiteners
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -66,7 +66,7 @@ class Solved(NamedTuple):
         return len(self.information) + self.registered
 
     @property
-    def spent(self) -> float:
+    def effective_parameters(self) -> float:
         """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
         size = len(self.information)
         if not size:
@@ -145,7 +145,7 @@ class Problem:
         root = np.sqrt(weights / factor)
         residual = self.whitened(point.residual) * root[:, None]
         white = self.white * root[:, None, None]
-        normal = gather(self.measurement, self.at(point.parameters), point.registration, white, residual)
+        normal = assemble(self.measurement, self.at(point.parameters), point.registration, white, residual)
         return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
@@ -157,7 +157,7 @@ class Problem:
         half = _times((vectors / np.sqrt(np.maximum(values, least))).T, root.T).T
         return np.asarray(half @ half.T)
 
-    def solution(self, normal: Normal, point: Point) -> Solved:
+    def solution(self, normal: NormalEquations, point: Point) -> Solved:
         """The solution of normal equations that were gathered at a point, priors included."""
         return solution(normal, point.registration, self.prior, self.away(point.parameters))
 
@@ -176,7 +176,7 @@ class Problem:
         return np.array([q.lower for effect in self.model.effects for q in effect.parameter_table])
 
 
-def solution(normal: Normal, registration: Registration, prior: Array, away: Array) -> Solved:
+def solution(normal: NormalEquations, registration: Registration, prior: Array, away: Array) -> Solved:
     """The solution of normal equations with priors, as `Problem.prior`, from where parameters are `away` `(p,)`."""
     size = len(registration.names)
     root, limited = _root(prior)
@@ -219,7 +219,7 @@ def _root(prior: Array) -> tuple[Array, Array]:
     return np.where(limited, prior, 1.0), limited.astype(float)
 
 
-def _registration_scale(normal: Normal, registration: Registration) -> Array:
+def _registration_scale(normal: NormalEquations, registration: Registration) -> Array:
     """Units that make the diagonal of the registration's part 1; of turns with a lever below 1 mm less.
 
     A station that saw one place shifts: no turn, however large, does the same to a lever of um.

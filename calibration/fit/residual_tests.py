@@ -66,5 +66,5 @@ def _p_value(white: Array, values: Array) -> float:
     slopes = spread @ (white - white.mean(axis=0)) / size
     explained = float(np.sum(slopes**2)) * size
     rest = float(np.sum((white - white.mean(axis=0)) ** 2)) - explained
-    freedom = components * (n - 2)
-    return float(special.fdtrc(components, freedom, explained / components / (rest / freedom)))
+    degrees_of_freedom = components * (n - 2)
+    return float(special.fdtrc(components, degrees_of_freedom, explained / components / (rest / degrees_of_freedom)))

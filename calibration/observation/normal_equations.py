@@ -19,14 +19,14 @@ CERTAIN = 1e-6
 
 
 @dataclass
-class Normal:
+class NormalEquations:
     """J' J and J' r over whitened rows; the parameters of the registration first, then those of the model."""
 
     matrix: Array
     right: Array
 
     @classmethod
-    def zero(cls, size: int) -> Normal:
+    def zero(cls, size: int) -> NormalEquations:
         """No rows yet."""
         return cls(np.zeros((size, size)), np.zeros(size))
 
@@ -61,11 +61,11 @@ def whitened(whitener: Array, residual: Array) -> Array:
     return np.asarray((whitener @ residual[:, :, None])[:, :, 0])
 
 
-def gather(
+def assemble(
     measurement: Measurement, model: ErrorModel, registration: Registration, whitener: Array, residual: Array
-) -> Normal:
+) -> NormalEquations:
     """The normal equations of all rows; `residual` `(n, d)` is whitened already."""
-    normal = Normal.zero(len(registration.names) + len(model.parameters))
+    normal = NormalEquations.zero(len(registration.names) + len(model.parameters))
     for rows, design in designs(measurement, model, registration, whitener):
         normal.add(design, residual[rows].reshape(-1))
     return normal

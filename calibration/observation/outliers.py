@@ -34,13 +34,18 @@ FAILED = 0.5
 """Share of its rows found to be outliers, beyond which a station has failed."""
 
 
-def robust_factor(distances: Array, components: int, spent: float, least: float) -> float:
+def robust_factor(distances: Array, components: int, effective_parameters: float, least: float) -> float:
     """Variance factor, at least `least`, that brings the median of squared distances `(n,)` to that of chi2.
 
     spent: degrees of freedom that the fit took out of the residuals.
     """
     scalars = distances.size * components
-    share = float(np.median(distances)) / float(special.chdtri(components, 0.5)) * scalars / max(scalars - spent, 1.0)
+    share = (
+        float(np.median(distances))
+        / float(special.chdtri(components, 0.5))
+        * scalars
+        / max(scalars - effective_parameters, 1.0)
+    )
     return max(share, least)
 
 

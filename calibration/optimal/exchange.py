@@ -31,7 +31,7 @@ class Selection:
     """F `(candidates, d, p)`, whitened, parameters in units of their priors."""
     prior: Array
     """P `(p, p)`."""
-    judged: Array
+    evaluated: Array
     """B `(p, p)`."""
     chosen: np.ndarray
     """Mask `(candidates,)`."""
@@ -44,7 +44,7 @@ class Selection:
     @property
     def variance(self) -> float:
         """tr(B V)."""
-        return float(np.sum(self.judged * self.spread))
+        return float(np.sum(self.evaluated * self.spread))
 
     def gains(self, which: np.ndarray) -> Array:
         """By how much each of these candidates would make the variance smaller."""
@@ -79,7 +79,7 @@ class Selection:
     def _renew(self) -> None:
         some = self.rows[self.chosen].reshape(-1, self.rows.shape[2])
         self.spread = np.linalg.inv(self.prior + some.T @ some)
-        self.weighted = self.spread @ self.judged @ self.spread
+        self.weighted = self.spread @ self.evaluated @ self.spread
         self._updates = 0
 
 

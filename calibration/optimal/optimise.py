@@ -84,7 +84,7 @@ class _Field:
     rows: Array
     """F of `Selection`."""
     prior: Array
-    judged: Array
+    evaluated: Array
     allowed: np.ndarray
     besides: Mapping[str, int]
     """Columns of the amplitudes of effects, by name."""
@@ -93,7 +93,7 @@ class _Field:
         """Nothing chosen yet; with a weight on the variance of the effects that are to be seen."""
         weights = np.zeros(len(self.prior))
         weights[list(self.besides.values())] = weight
-        return Selection(self.rows, self.prior, self.judged + np.diag(weights), np.zeros(len(self.rows), bool))
+        return Selection(self.rows, self.prior, self.evaluated + np.diag(weights), np.zeros(len(self.rows), bool))
 
 
 def optimised(
@@ -112,9 +112,9 @@ def optimised(
     _refuse_hidden(found)
     chosen = _chosen(found, number, wish)
     plan, visible = _planned(machine, instrument, wish, found, chosen, tracker)
-    judged = found.judged
+    evaluated = found.evaluated
     spread = np.linalg.inv(found.prior + _information(found.rows[chosen]))
-    return Optimised(plan, tracker, float(np.sqrt(np.sum(judged * spread))), visible)
+    return Optimised(plan, tracker, float(np.sqrt(np.sum(evaluated * spread))), visible)
 
 
 def _tracker(
@@ -153,8 +153,8 @@ def _seen_from(machine: Machine, instrument: LaserTracker, wish: Wish, places: A
         raise UserError("the tracker sees none of the positions from where it stands")
     state = state.rows(visible)
     columns = _columns(machine, instrument, wish, _plan_at(machine, state, wish), tracker)
-    rows, prior, judged, besides = _equations(columns, len(state))
-    return _Field(state, rows, prior, judged, np.ones(len(state), bool), besides)
+    rows, prior, evaluated, besides = _equations(columns, len(state))
+    return _Field(state, rows, prior, evaluated, np.ones(len(state), bool), besides)
 
 
 def _plan_at(machine: Machine, state: State, wish: Wish) -> Plan:
@@ -186,16 +186,16 @@ def _equations(columns: Columns, n: int) -> tuple[Array, Array, Array, dict[str,
     own = columns.registration
     rows = np.concatenate([own, columns.observed(model) * scale], axis=1)
     prior = np.diag(np.append(np.full(own.shape[1], FREE), np.ones(len(scale))))
-    seen_in = columns.judged(model) * scale
-    judged = np.zeros_like(prior)
-    judged[own.shape[1] :, own.shape[1] :] = seen_in.T @ seen_in / (len(seen_in) / 3)
+    seen_in = columns.evaluated(model) * scale
+    evaluated = np.zeros_like(prior)
+    evaluated[own.shape[1] :, own.shape[1] :] = seen_in.T @ seen_in / (len(seen_in) / 3)
     first = sum(len(effect.parameters) for effect in model.effects[: len(model.effects) - len(columns.besides)])
     besides = {
         f"{name} {quantity.name}": own.shape[1] + k
         for k, (name, quantity) in enumerate(table)
         if k >= first and quantity.linear
     }
-    return rows.reshape(n, -1, rows.shape[1]), prior, judged, besides
+    return rows.reshape(n, -1, rows.shape[1]), prior, evaluated, besides
 
 
 def _smooth(model: ErrorModel) -> Array:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.observation.normal_equations import whitened, whiteners
 from calibration.pages import clock
 from kinematics.effects import (
@@ -100,27 +100,27 @@ class View:
 class _Seen:
     """One cause in one frame."""
 
-    frame: Frame
+    linearised: LinearisedFit
     effect: Any
 
     @property
     def state(self) -> State:
         """Of the rows of the frame."""
-        return self.frame.measurement.state.rows(self.frame.rows)
+        return self.linearised.measurement.state.rows(self.linearised.rows)
 
     def position(self, axis: str) -> Array:
         """`(n,)`, mm or degrees."""
-        return self.state.position(self.frame.measurement.machine, axis)
+        return self.state.position(self.linearised.measurement.machine, axis)
 
     def label(self, axis: str) -> str:
         """Name and unit of an axis."""
-        machine = self.frame.measurement.machine
+        machine = self.linearised.measurement.machine
         return f"{axis}, {machine.axes[machine.index(axis)].unit}"
 
     def of_axis(self, column: str) -> Array:
         """A column `(n,)` of the state, of the cause's axis."""
         table = self.state.need(column, self.effect.name)
-        return np.asarray(table[:, self.frame.measurement.machine.index(self.effect.axis)])
+        return np.asarray(table[:, self.linearised.measurement.machine.index(self.effect.axis)])
 
     def time(self) -> tuple[Array, str]:
         """Time `(n,)` in the unit of its label."""
@@ -130,11 +130,13 @@ class _Seen:
 
     def over(self, x: Array, label: str) -> Iterator[View]:
         """A panel for each component that the cause acts on."""
-        for (place, component), values in _motions(self.effect, self.frame.measurement.state, self.frame).items():
-            arm = self.frame.transform[:, :, 6 * place + component]
+        for (place, component), values in _motions(
+            self.effect, self.linearised.measurement.state, self.linearised
+        ).items():
+            arm = self.linearised.transform[:, :, 6 * place + component]
             unit, size = unit_of(COMPONENTS[component])
             title = self._title(place, component)
-            yield self.along(arm, values[self.frame.rows], size, (title, f"{title}, {unit}"), (x, label))
+            yield self.along(arm, values[self.linearised.rows], size, (title, f"{title}, {unit}"), (x, label))
 
     def along(self, arm: Array, values: Array, size: float, title: tuple[str, str], over: tuple[Array, str]) -> View:
         """Readings along whitened directions `(n, d)` per mm or rad, of which `values` `(n,)` are the cause's.
@@ -142,29 +144,29 @@ class _Seen:
         size: mm or rad of the unit shown; title: of the panel, of its y axis; over: x and its name.
         """
         squares = np.sum(arm**2, axis=1)
-        told = self.frame.good & (squares > 0)
+        told = self.linearised.good & (squares > 0)
         told &= squares >= (np.median(squares[told]) if told.any() else 0.0) / BLUNT**2
         safe = np.where(told, squares, 1.0)
-        left = np.sum(arm * self.frame.residual.reshape(arm.shape), axis=1) / safe
+        left = np.sum(arm * self.linearised.residual.reshape(arm.shape), axis=1) / safe
         u = np.where(told, safe**-0.5 / size, np.inf)
         fitted = values / size
         return View(title[0], over[0], fitted + left / size, u, fitted, over[1], title[1])
 
     def _title(self, place: int, component: int) -> str:
-        axes, letter = self.frame.measurement.machine.names, COMPONENTS[component]
+        axes, letter = self.linearised.measurement.machine.names, COMPONENTS[component]
         if place < len(axes):
             return f"E_{letter}{axes[place]}"
         return f"tool {letter}" if place == len(axes) else f"observed {letter.lower()}"
 
 
-def views(frame: Frame, effect: Effect) -> list[View]:
+def views(linearised: LinearisedFit, effect: Effect) -> list[View]:
     """The panels of a cause with its fitted parameters, in a frame whose model has it."""
-    return list(VIEWS.get(type(effect), _by_row)(_Seen(frame, effect)))
+    return list(VIEWS.get(type(effect), _by_row)(_Seen(linearised, effect)))
 
 
-def _motions(effect: Effect, state: State, frame: Frame) -> dict[tuple[int, int], Array]:
+def _motions(effect: Effect, state: State, linearised: LinearisedFit) -> dict[tuple[int, int], Array]:
     """By place and component, what the effect does `(n,)` in these states, mm or rad."""
-    machine = frame.measurement.machine
+    machine = linearised.measurement.machine
     sums: dict[tuple[int, int], Array] = {}
     for place, component, values in effect.contributions(machine, state):
         key = place % (len(machine.axes) + 2), component
@@ -179,7 +181,7 @@ def _lined(view: View) -> View:
 
 
 def _by_row(seen: _Seen) -> Iterator[View]:
-    yield from seen.over(seen.frame.rows.astype(float), IN_ORDER)
+    yield from seen.over(seen.linearised.rows.astype(float), IN_ORDER)
 
 
 def _by_direction(seen: _Seen) -> Iterator[View]:
@@ -202,11 +204,11 @@ def _by_position(seen: _Seen) -> Iterator[View]:
 
 def _course(seen: _Seen, view: View, x: Array) -> Curve:
     """What a cause of positions alone does along its axis, as the component of the view."""
-    machine = seen.frame.measurement.machine
+    machine = seen.linearised.measurement.machine
     positions = np.zeros((len(x), len(machine.axes)))
     i = machine.index(seen.effect.axis)
     positions[:, i] = x * machine.scale[i]
-    for (place, component), values in _motions(seen.effect, State(positions), seen.frame).items():
+    for (place, component), values in _motions(seen.effect, State(positions), seen.linearised).items():
         if seen._title(place, component) == view.title:
             return Curve(x, values / unit_of(COMPONENTS[component])[1])
     raise KeyError(view.title)
@@ -223,7 +225,7 @@ def _folded(seen: _Seen) -> Iterator[View]:
 
 
 def _by_velocity(seen: _Seen) -> Iterator[View]:
-    machine = seen.frame.measurement.machine
+    machine = seen.linearised.measurement.machine
     own = getattr(seen.effect, "axis", "")
     velocity = seen.state.need("velocity", seen.effect.name)
     for i, name in enumerate(machine.names):
@@ -236,7 +238,7 @@ def _by_velocity(seen: _Seen) -> Iterator[View]:
 
 
 def _by_last_move(seen: _Seen) -> Iterator[View]:
-    machine = seen.frame.measurement.machine
+    machine = seen.linearised.measurement.machine
     move = seen.of_axis("last_move") / machine.scale[machine.index(seen.effect.axis)]
     yield from map(_lined, seen.over(move, f"last move of {seen.label(seen.effect.axis)}"))
 
@@ -260,7 +262,7 @@ def _by_heat(seen: _Seen) -> Iterator[View]:
 def _growth(seen: _Seen) -> Iterator[View]:
     """Growth per metre from the fixed point; rows near it say nothing."""
     axis = seen.effect.axis
-    forward = own_motion(seen.frame.measurement.machine, axis)[2]
+    forward = own_motion(seen.linearised.measurement.machine, axis)[2]
     metres = forward * (seen.position(axis) - seen.effect.fixed_point) * 1e-3
     far = np.abs(metres) > np.median(np.abs(metres)) / BLUNT
     per = np.where(far, metres, 1.0)
@@ -286,7 +288,7 @@ def _of_table(seen: _Seen) -> Iterator[View]:
 
 def _by_variable(seen: _Seen) -> Iterator[View]:
     """A panel for each variable."""
-    machine, effect = seen.frame.measurement.machine, seen.effect
+    machine, effect = seen.linearised.measurement.machine, seen.effect
     for name in effect.variables:
         x, label = seen.state.variable(machine, name, effect.name), f"{name}, degC"
         if name in machine.names:
@@ -339,19 +341,19 @@ def _by_range(seen: _Seen) -> Iterator[View]:
 
 def _beam_columns(seen: _Seen) -> Array:
     """Derivatives `(n, 3, parameters)` of the observed point by an instrument's parameters, mm."""
-    made = {c.component: c.values for c in seen.effect.columns(seen.frame.measurement.machine, seen.state)}
+    made = {c.component: c.values for c in seen.effect.columns(seen.linearised.measurement.machine, seen.state)}
     return np.stack([made[k] for k in range(3)], axis=1)
 
 
 def _white(seen: _Seen, vectors: Array) -> Array:
     """Vectors `(n, 3)` of the instrument's frame, whitened."""
-    at = 6 * (len(seen.frame.measurement.machine.axes) + 2 + INSTRUMENT)
-    return np.asarray((seen.frame.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
+    at = 6 * (len(seen.linearised.measurement.machine.axes) + 2 + INSTRUMENT)
+    return np.asarray((seen.linearised.transform[:, :, at : at + 3] @ vectors[:, :, None])[:, :, 0])
 
 
 def _strays(seen: _Seen) -> Iterator[View]:
     """Sizes of the residuals of all rows, the outliers in a colour of their own."""
-    fit, rows = seen.frame.fit, seen.frame.rows
+    fit, rows = seen.linearised.fit, seen.linearised.rows
     white = whitened(whiteners(fit.measurement.rows(rows)), fit.residual[rows])
     sizes = np.linalg.norm(white, axis=1) / fit.variance_factor**0.5
     astray = np.isin(rows, seen.effect.rows)

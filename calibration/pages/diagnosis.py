@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from calibration.diagnosis import report_text as words
 from calibration.diagnosis.diagnose import LEFT, Diagnosis
-from calibration.diagnosis.next.ranking import Move
+from calibration.diagnosis.next.ranking import ProposedMeasurement
 from calibration.diagnosis.residual.whiteness import Test, combined
 from calibration.diagnosis.verdict import Named
 from calibration.pages import Section, Table, page
@@ -92,7 +92,8 @@ def _given(found: Diagnosis) -> Iterator[Section]:
     rows = [(part.name, f"{part.noise:.3g}", f"{part.sheet:.3g}", part.unit) for part in found.repeats.components]
     when = "long after one another, with all drifts in them" if found.repeats.apart else "soon after one another"
     lines.append(
-        f"Noise: from {found.repeats.places} places seen again {when} ({found.repeats.freedom} degrees of freedom); "
+        f"Noise: from {found.repeats.places} places seen again {when} "
+        f"({found.repeats.degrees_of_freedom} degrees of freedom); "
         f"p of the sheet {found.repeats.p_value:.2g}. Standard uncertainties, k = 1:"
     )
     yield Section("Data, model, noise", "\n".join(lines), Table(("", "from repeats", "by the sheet", ""), rows))
@@ -120,7 +121,7 @@ def _found(found: Diagnosis) -> Iterator[Section]:
         yield Section(
             f"{number}  {words.title(cause)}",
             "\n".join(_about(cause)),
-            figure=cause_figure(views(found.after.frame, cause.effect)),
+            figure=cause_figure(views(found.after.linearised, cause.effect)),
         )
 
 
@@ -235,7 +236,10 @@ def _unexplained(found: Diagnosis) -> Section:
 def _in_the_dark(found: Diagnosis) -> Iterator[Section]:
     """What these data could not show, could not be asked for, and from which size on they would show it."""
     hidden = [("\n".join(names), remedy) for remedy, names in words.hidden(found).items()]
-    hidden += [(" + ".join(b.effects), b.remedy) for b in (found.visibility.blind if found.visibility else ())]
+    hidden += [
+        (" + ".join(b.effects), b.remedy)
+        for b in (found.identifiability.unidentifiable if found.identifiability else ())
+    ]
     if hidden:
         text = "Never named by these data. In brackets: share of its signal that survives model and registration."
         yield Section("Not visible in these data", text, Table(("cause", "what would show it"), hidden))
@@ -257,7 +261,7 @@ def _in_the_dark(found: Diagnosis) -> Iterator[Section]:
 
 def _what_now(found: Diagnosis) -> Iterator[Section]:
     says = f"{found.next_measurement[0].upper()}{found.next_measurement[1:]}."
-    rows = [_move(move) for move in found.moves if move.minutes]
+    rows = [_move(move) for move in found.proposed_measurements if move.minutes]
     table = Table(("move", "minutes", "gain, noise variances per minute", "what to do, and what it tells"), rows)
     yield Section("What to measure next", says, table if rows else None)
     lost = list(words.left_out(found))
@@ -269,7 +273,7 @@ def _what_now(found: Diagnosis) -> Iterator[Section]:
     yield Section("How to use it", text, Table(("to", "command"), _commands(found.measurement.machine.name)))
 
 
-def _move(move: Move) -> Sequence[str]:
+def _move(move: ProposedMeasurement) -> Sequence[str]:
     return move.name, f"{move.minutes:.0f}", f"{move.gain_per_minute:.2g}", move.says
 
 

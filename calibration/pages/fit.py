@@ -34,7 +34,7 @@ def fit_page(found: Calibration, command: str) -> bytes:
 
 
 def _sections(found: Calibration) -> Iterator[Section]:
-    fitted, seen = found.fit, found.visibility
+    fitted, seen = found.fit, found.identifiability
     yield Section("Residual", _verdict(fitted), _residual_table(found))
     locations = [effect for effect in found.model.effects if isinstance(effect, LocationError)]
     if locations:
@@ -58,8 +58,11 @@ def _sections(found: Calibration) -> Iterator[Section]:
     yield Section(
         "What is left, along each axis", "Nothing but noise is without shape here.", figure=_along_axes(fitted)
     )
-    if seen.blind:
-        hidden = [(" + ".join(blind.effects), blind.reason, blind.remedy) for blind in seen.blind]
+    if seen.unidentifiable:
+        hidden = [
+            (" + ".join(unidentifiable.effects), unidentifiable.reason, unidentifiable.remedy)
+            for unidentifiable in seen.unidentifiable
+        ]
         yield Section("Not visible in these data", table=Table(("effect", "how", "what would show it"), hidden))
     left_out = list(_left_out(fitted))
     if left_out:
@@ -76,7 +79,7 @@ def _verdict(fitted: Fit) -> str:
 
 
 def _residual_table(found: Calibration) -> Table:
-    fitted, seen, held = found.fit, found.visibility, found.held_out
+    fitted, seen, held = found.fit, found.identifiability, found.cross_validation
     rows = [
         ("before (nominal machine)", f"{found.before_rms_um:.2f}", f"{found.before_max_um:.2f}"),
         ("after", f"{fitted.rms_um:.2f}", f"{fitted.max_um:.2f}"),

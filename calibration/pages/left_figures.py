@@ -90,12 +90,12 @@ def against_noise(found: Diagnosis) -> str:
 def unexplained_shape(found: Diagnosis) -> str:
     """What no cause explains: its smooth shape over each variable that it depends on, and over two of them."""
     assert found.unexplained is not None
-    frame = found.named.frame
+    linearised = found.named.linearised
     measurement = found.measurement
-    values = np.zeros_like(frame.fit.residual)
-    values[frame.rows] = in_lengths(frame, found.unexplained)
-    micro = in_micro(frame.fit, values)[frame.rows]
-    known = variables(measurement, frame.rows)
+    values = np.zeros_like(linearised.fit.residual)
+    values[linearised.rows] = in_lengths(linearised, found.unexplained)
+    micro = in_micro(linearised.fit, values)[linearised.rows]
+    known = variables(measurement, linearised.rows)
     chosen = dict(_shown(found, name, known[name]) for name in found.unexplained.variables)
     with figure(8.6, 2.6) as (canvas, drawn):
         places = canvas.subplots(1, len(chosen) + (len(chosen) > 1), squeeze=False)[0]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.fit.acceptance import nominal_residuals, refuse_worse
-from calibration.fit.cross_validation import HeldOut, predicted_by_others
+from calibration.fit.cross_validation import CrossValidation, predicted_by_others
 from calibration.fit.fit import Fit, fit
 from calibration.fit.problem import HELD
 from calibration.measurement.measurement import Measurement
@@ -39,7 +39,7 @@ class Check:
     """The model as it is, registered on all readings."""
     before: Array
     """Residuals `(kept, 3)`, mm, of the nominal machine, registered on its own."""
-    held_out: HeldOut | None
+    cross_validation: CrossValidation | None
     """None where too few positions lie between others."""
 
     @property

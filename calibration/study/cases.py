@@ -13,7 +13,7 @@ import numpy as np
 
 import machines
 from calibration.design.layout import Setup, laid_out
-from calibration.design.random_machines import Truths
+from calibration.design.random_machines import TrueModels
 from calibration.design.volume import Volume
 from calibration.measurement.instruments import Instrument
 from calibration.measurement.measurement import SPINDLE_NOSE, Target
@@ -49,7 +49,7 @@ class Case:
     temperatures: Mapping[str, tuple[float, float]]
     fit: FitEntry
     besides: tuple[Effect, ...]
-    truths: Truths
+    true_models: TrueModels
     volumes: tuple[Volume, ...]
     """The grid, and what else is judged."""
     seed: int
@@ -61,11 +61,11 @@ class Case:
     @property
     def key(self) -> str:
         """Fingerprint of everything that decides the results, the code included."""
-        plan, truths = self.plan, self.truths
+        plan, true_models = self.plan, self.true_models
         decisive = (
             plan.machine, plan.strategy, plan.state, plan.run, plan.axis, plan.targets, self.instrument, self.trackers,
-            self.reach, self.temperatures, self.fit, self.besides, truths.model.effects, truths.low, truths.high,
-            truths.linear, self.volumes, self.seed,
+            self.reach, self.temperatures, self.fit, self.besides, true_models.model.effects,
+            true_models.low, true_models.high, true_models.linear, self.volumes, self.seed,
         )  # fmt: skip
         digest = hashlib.sha256()
         for part in _content(decisive):
@@ -109,12 +109,12 @@ def read_cases(study: StudyEntry, folder: Path) -> list[Case]:
     """All cases of a study; paths in it are relative to `folder`. UserError, naming the case, for what can't be."""
     machine = machines.load(_path(study.machine, folder))
     instrument = instrument_of(study.instrument, "study", folder)
-    truths = _truths(study.errors, machine, folder)
-    return [_case(entry, study, machine, instrument, truths, folder) for entry in study.case]
+    true_models = _true_models(study.errors, machine, folder)
+    return [_case(entry, study, machine, instrument, true_models, folder) for entry in study.case]
 
 
 def _case(
-    entry: CaseEntry, study: StudyEntry, machine: Machine, instrument: Instrument, truths: Truths, folder: Path
+    entry: CaseEntry, study: StudyEntry, machine: Machine, instrument: Instrument, true_models: TrueModels, folder: Path
 ) -> Case:
     try:
         fit = entry.fit or study.fit
@@ -132,7 +132,17 @@ def _case(
         }
         volume = Volume.of(machine, tool, _turned(plan), sensors)
         case = Case(
-            entry.name, plan, instrument, trackers, reach, sensors, fit, tuple(besides), truths, (volume,), study.seed
+            entry.name,
+            plan,
+            instrument,
+            trackers,
+            reach,
+            sensors,
+            fit,
+            tuple(besides),
+            true_models,
+            (volume,),
+            study.seed,
         )
         case.setup()
     except UserError as fault:
@@ -234,10 +244,10 @@ def _turned(plan: Plan) -> dict[str, tuple[float, float]]:
     }
 
 
-def _truths(entry: ErrorsEntry, machine: Machine, folder: Path) -> Truths:
+def _true_models(entry: ErrorsEntry, machine: Machine, folder: Path) -> TrueModels:
     drawn = read_effects([_path(text, folder) for text in entry.effects], machine, "[errors] effects")
     fixed = read_effects([_path(text, folder) for text in entry.fixed], machine, "[errors] fixed")
-    return Truths.of(machine, _half_widths(entry, folder), drawn, fixed)
+    return TrueModels.of(machine, _half_widths(entry, folder), drawn, fixed)
 
 
 def _half_widths(entry: ErrorsEntry, folder: Path) -> HalfWidths:

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.design.basis_draws import chosen, with_besides
 from calibration.design.equations import Columns, Part, Sample, sample
-from calibration.design.held_out_lines import Unseen
+from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.layout import Setup
 from calibration.design.solver import Fits
 from calibration.fit.basis_search import AUTO, AUTOMATIC_KINDS, ROTARY_KIND, Search
@@ -49,17 +49,17 @@ class Prepared:
     bases: tuple[Part, ...] | Search
     """The bases of all draws, or what each of them chooses from."""
     prior_scale: float
-    unseen: Unseen | None
+    held_out_lines: HeldOutLines | None
     """Lines that choices are judged by, of data on a few diagonals."""
 
     @classmethod
     def of(cls, case: Case) -> Prepared:
         """The case, its designs made."""
         setup = case.setup()
-        fits = Fits(Columns(setup, case.volumes, case.besides), case.truths)
+        fits = Fits(Columns(setup, case.volumes, case.besides), case.true_models)
         prior = case.fit.prior
         scale = None if prior == "auto" else np.inf if prior == "none" else float(prior) / TYPICAL
-        return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale, Unseen.of(fits))
+        return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale, HeldOutLines.of(fits))
 
     def sample(self, chunk: Chunk) -> Sample:
         """The virtual machines of a chunk and what is observed of them."""
@@ -67,13 +67,13 @@ class Prepared:
             np.random.default_rng(np.random.SeedSequence(self.case.seed, spawn_key=(chunk.number, stream)))
             for stream in (MACHINES, NOISE)
         ]
-        coefficients = self.case.truths.draw(streams[0], chunk.draws)
-        return sample(self.setup, self.fits.truth_seen, coefficients, streams[1])
+        coefficients = self.case.true_models.draw(streams[0], chunk.draws)
+        return sample(self.setup, self.fits.true_observed, coefficients, streams[1])
 
     def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
         """Numbers of the draws by the bases and the prior that they are fitted with."""
         if isinstance(self.bases, Search):
-            return chosen(self.fits, drawn, self.bases, self.unseen)
+            return chosen(self.fits, drawn, self.bases, self.held_out_lines)
         return {(self.bases, self.prior_scale): np.arange(drawn.observed.shape[1])}
 
     def outcome(self, chunk: Chunk) -> Outcome:

@@ -43,17 +43,19 @@ def compared(prepared: Prepared, draws: int) -> Compared:
         parameters = prepared.fitted(parts, scale, drawn, numbers)
         linear[numbers] = prepared.fits.errors(parts, parameters, drawn.coefficients[:, numbers])[0]
         for number in numbers.tolist():
-            truth = prepared.case.truths.machine(drawn.coefficients[:, number])
-            found = _fitted(prepared, parts, scale, truth, drawn.noise[number])
-            exact[number] = _left(prepared.case.volumes[0], truth, found)
+            true_model = prepared.case.true_models.machine(drawn.coefficients[:, number])
+            found = _fitted(prepared, parts, scale, true_model, drawn.noise[number])
+            exact[number] = _left(prepared.case.volumes[0], true_model, found)
     return Compared(linear, exact)
 
 
-def _fitted(prepared: Prepared, parts: tuple[Part, ...], scale: float, truth: ErrorModel, noise: Array) -> ErrorModel:
+def _fitted(
+    prepared: Prepared, parts: tuple[Part, ...], scale: float, true_model: ErrorModel, noise: Array
+) -> ErrorModel:
     """The fit of one measurement: residuals by the exact matrix product, steps by the factorisation of the study."""
     setup, nominal, fits = prepared.setup, prepared.setup.measurement, prepared.fits
     seen = observe(
-        nominal.machine, truth, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
+        nominal.machine, true_model, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
         nominal.targets, axis=nominal.axis, run=nominal.run, noise_scale=0.0,
     )  # fmt: skip
     # noise is weighted here, and in mm there
@@ -72,11 +74,11 @@ def _fitted(prepared: Prepared, parts: tuple[Part, ...], scale: float, truth: Er
     return model
 
 
-def _left(volume: Volume, truth: ErrorModel, found: ErrorModel) -> float:
+def _left(volume: Volume, true_model: ErrorModel, found: ErrorModel) -> float:
     """RMS, um, of what the fit leaves in a volume, aligned."""
     machine, q = volume.machine, volume.state.positions
     there, fitted = (
         exact_deviation(machine, q, model.errors(machine, volume.state), volume.tool).position
-        for model in (truth, found)
+        for model in (true_model, found)
     )
     return volumetric_error_um(there - fitted, tool_point(machine, q, volume.tool)).rms

@@ -54,7 +54,7 @@ def _case(result: Result) -> dict[str, Any]:
         "points": result.points,
         "minutes": result.minutes,
         "draws": result.after.shape[1],
-        "settled": result.settled,
+        "settled": result.converged,
         "u_ve_rms_um": mean,
         "u_ve_p95_um": quantile,
         "notes": list(result.notes),

@@ -47,7 +47,7 @@ class Result:
     after: Array
     batches: tuple[Array, ...]
     """After, on the grid, by chunk `(draws,)`."""
-    settled: bool
+    converged: bool
     """False where an adaptive study ended at its largest number of draws."""
     points: int
     """Observations within reach."""

@@ -5,7 +5,7 @@ import numpy as np
 
 import machines
 from calibration.diagnosis.search.candidates import library
-from calibration.diagnosis.search.linearised_fit import GENEROUS, Frame
+from calibration.diagnosis.search.linearised_fit import GENEROUS, LinearisedFit
 from calibration.diagnosis.search.selection import Selector
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import fit
@@ -34,7 +34,7 @@ def fitted(data, *effects, prior=None):
 
 def framed(*effects, **how):
     """The frame of error motions fitted to data with these effects."""
-    return Frame.of(fitted(data_with(*effects, **how)))
+    return LinearisedFit.of(fitted(data_with(*effects, **how)))
 
 
 def selector(data):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from calibration.diagnosis.next.fixed_standards import BAR_MM, bar, references
-from calibration.diagnosis.next.follow_up import NEW, Data, Planned
+from calibration.diagnosis.next.follow_up import NEW, Data, FollowUpDesign
 from calibration.measurement.measurement import Target
 from calibration.measurement.observed_points import seen_points
 from kinematics.machine import Vector
@@ -24,7 +24,7 @@ BAR_READINGS = 10
 """Of each end of a bar."""
 
 
-def from_elsewhere(data: Data) -> Iterator[Planned]:
+def from_elsewhere(data: Data) -> Iterator[FollowUpDesign]:
     """The tracker as far away, on the other side of the volume or at its side."""
     m, registration = data.measurement, data.registration
     index = data.index
@@ -42,7 +42,7 @@ def from_elsewhere(data: Data) -> Iterator[Planned]:
         yield plan._replace(unknown=data.own_drift)
 
 
-def with_other_tools(data: Data) -> Iterator[Planned]:
+def with_other_tools(data: Data) -> Iterator[FollowUpDesign]:
     """One target on the tool farther to the side, or lower."""
     m = data.measurement
     numbers = m.target_number[data.index]
@@ -62,7 +62,7 @@ def with_other_tools(data: Data) -> Iterator[Planned]:
         yield data.plan(f"target {words}", does, there, pause_min=TOOL_MIN)
 
 
-def with_references(data: Data) -> Iterator[Planned]:
+def with_references(data: Data) -> Iterator[FollowUpDesign]:
     """The same positions, and fixed targets between them: all of them now and then, or one after every position."""
     count = len(data.index)
     fixed = references(data.measurement, data.registration)
@@ -75,7 +75,7 @@ def with_references(data: Data) -> Iterator[Planned]:
     yield _interleaved(data, "many fixed references", does, fixed, np.arange(1, count + 1))
 
 
-def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], visits: np.ndarray) -> Planned:
+def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], visits: np.ndarray) -> FollowUpDesign:
     """Fixed targets in turn, measured before the rows `visits`, where the machine stands just then."""
     index, m = data.index, data.measurement
     assert m.state.target is not None
@@ -87,7 +87,7 @@ def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], vis
     return data.plan(name, does, there, both)
 
 
-def with_bar(data: Data) -> Planned:
+def with_bar(data: Data) -> FollowUpDesign:
     """A calibrated bar, as far as the tracker can see it whole."""
     m = data.measurement
     ends, lengths = bar(m, data.registration)

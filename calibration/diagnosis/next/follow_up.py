@@ -27,7 +27,7 @@ NEW = "next"
 """Name of a station, a target or a run that the data do not have."""
 
 
-class Planned(NamedTuple):
+class FollowUpDesign(NamedTuple):
     """A measurement that could follow."""
 
     name: str
@@ -131,7 +131,7 @@ class Data:
         measurement: Measurement,
         registration: Registration | None = None,
         pause_min: float = 0.0,
-    ) -> Planned:
+    ) -> FollowUpDesign:
         """What the machine without errors would show of it, and how long it takes."""
         registration = registration or self.registration
         n = len(measurement)
@@ -147,7 +147,7 @@ class Data:
             done = replace(measurement, observed=observed, state=replace(measurement.state, observed=observed))
         time = measurement.state.time
         seconds = n * self.step_s if time is None or not self.in_motion else float(np.ptp(time)) + self.step_s
-        return Planned(name, does, pause_min + seconds / 60.0, done, registration)
+        return FollowUpDesign(name, does, pause_min + seconds / 60.0, done, registration)
 
 
 def _moves_after(before: State, positions: Array) -> tuple[Array, Array]:

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from calibration.diagnosis.next.follow_up import Planned
-from calibration.diagnosis.search.linearised_fit import GENEROUS, RIDGE, Frame, derivatives, signals
+from calibration.diagnosis.next.follow_up import FollowUpDesign
+from calibration.diagnosis.search.linearised_fit import GENEROUS, RIDGE, LinearisedFit, derivatives, signals
 from calibration.observation import equations
 from calibration.observation.normal_equations import whiteners
 from kinematics.effects import Effect
@@ -23,7 +23,7 @@ from kinematics.transforms import Array
 
 
 @dataclass(frozen=True)
-class Known:
+class Information:
     """K'K and the priors' part, columns in the order model, causes, registration."""
 
     matrix: Array
@@ -60,58 +60,58 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Outlook:
+class PredictedInformation:
     """The frame of a fit, and causes that are asked about."""
 
-    frame: Frame
+    linearised: LinearisedFit
     effects: Sequence[Effect]
 
     @property
-    def now(self) -> Known:
+    def now(self) -> Information:
         """By the data at hand."""
-        frame, registered = self.frame, len(self._lengths)
-        own, by_model = frame.design[:, :registered], frame.design[:, registered:]
-        columns = signals(frame.measurement, frame.rows, self.effects, frame.transform)
+        linearised, registered = self.linearised, len(self._lengths)
+        own, by_model = linearised.design[:, :registered], linearised.design[:, registered:]
+        columns = signals(linearised.measurement, linearised.rows, self.effects, linearised.transform)
         whole = np.concatenate([by_model, columns, own], axis=1)
-        return self._known(whole.T @ whole, frame.scalars)
+        return self._known(whole.T @ whole, linearised.scalars)
 
-    def after(self, now: Known, planned: Planned) -> Known:
+    def after(self, now: Information, follow_up: FollowUpDesign) -> Information:
         """By the data at hand and a planned measurement."""
-        fit, more = self.frame.fit, planned.measurement
+        fit, more = self.linearised.fit, follow_up.measurement
         white = whiteners(more) / np.sqrt(fit.variance_factor)
         rows = np.arange(len(more))
-        parts = derivatives(fit, more, rows, planned.registration, white)
-        known, names = fit.registration.names, planned.registration.names
+        parts = derivatives(fit, more, rows, follow_up.registration, white)
+        known, names = fit.registration.names, follow_up.registration.names
         order = [names.index(name) for name in known] + [i for i, name in enumerate(names) if name not in set(known)]
-        own = np.concatenate([parts.own, _lengths_known(planned, names)])[:, order]
-        if planned.unknown:
-            drift = signals(more, rows, planned.unknown, parts.transform)
-            own = np.concatenate([own, _padded(drift, len(planned.lengths))], axis=1)
+        own = np.concatenate([parts.own, _lengths_known(follow_up, names)])[:, order]
+        if follow_up.unknown:
+            drift = signals(more, rows, follow_up.unknown, parts.transform)
+            own = np.concatenate([own, _padded(drift, len(follow_up.lengths))], axis=1)
         length = np.linalg.norm(own, axis=0)
         length[: len(known)] = self._lengths
         own = own / np.where(length > 0.0, length, 1.0)
         columns = np.concatenate([parts.by_model, signals(more, rows, self.effects, parts.transform)], axis=1)
-        whole = np.concatenate([_padded(columns, len(planned.lengths)), own], axis=1)
+        whole = np.concatenate([_padded(columns, len(follow_up.lengths)), own], axis=1)
         matrix = whole.T @ whole
         matrix[: len(now.matrix), : len(now.matrix)] += now.matrix
         return self._known(matrix, now.scalars + len(whole))
 
-    def _known(self, matrix: Array, scalars: int) -> Known:
+    def _known(self, matrix: Array, scalars: int) -> Information:
         registered = len(self._lengths)
-        model = self.frame.limited[registered:]
+        model = self.linearised.limited[registered:]
         ends = len(model) + np.cumsum([0, *(sum(q.linear for q in e.parameter_table) for e in self.effects)])
         causes = tuple(slice(low, high) for low, high in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
         limited = np.full(len(matrix), RIDGE)
         limited[: len(model)] = model
         limited[len(model) : ends[-1]] = GENEROUS**-2
-        return Known(matrix, limited, causes, scalars)
+        return Information(matrix, limited, causes, scalars)
 
     @cached_property
     def _lengths(self) -> Array:
         """Lengths of the registration's columns, which the design of the frame has in units of them."""
-        some = self.frame.measurement.rows(self.frame.rows)
-        own = self.frame.white @ equations.registration_design(some, self.frame.fit.registration)
-        return np.asarray(np.linalg.norm(own.reshape(self.frame.scalars, -1), axis=0))
+        some = self.linearised.measurement.rows(self.linearised.rows)
+        own = self.linearised.white @ equations.registration_design(some, self.linearised.fit.registration)
+        return np.asarray(np.linalg.norm(own.reshape(self.linearised.scalars, -1), axis=0))
 
 
 def _padded(columns: Array, rows: int) -> Array:
@@ -119,11 +119,11 @@ def _padded(columns: Array, rows: int) -> Array:
     return np.pad(columns, ((0, rows), (0, 0)))
 
 
-def _lengths_known(planned: Planned, names: list[str]) -> Array:
+def _lengths_known(follow_up: FollowUpDesign, names: list[str]) -> Array:
     """Whitened derivatives `(lengths, registration)` of the known distances."""
-    rows = np.zeros((len(planned.lengths), len(names)))
-    for row, length in zip(rows, planned.lengths, strict=True):
-        one, other = planned.registration.targets[length.one], planned.registration.targets[length.other]
+    rows = np.zeros((len(follow_up.lengths), len(names)))
+    for row, length in zip(rows, follow_up.lengths, strict=True):
+        one, other = follow_up.registration.targets[length.one], follow_up.registration.targets[length.other]
         along = (other - one) / np.linalg.norm(other - one) / length.u_mm
         for k, letter in enumerate("xyz"):
             row[names.index(f"target {length.one} {letter}")] = -along[k]

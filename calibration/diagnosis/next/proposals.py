@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibration.diagnosis.next.extra_setups import from_elsewhere, with_bar, with_other_tools, with_references
-from calibration.diagnosis.next.follow_up import Data, Planned
+from calibration.diagnosis.next.follow_up import Data, FollowUpDesign
 from calibration.fit.fit import Fit
 from calibration.measurement.instruments import Interferometer, LaserTracker
 from calibration.measurement.measurement import Measurement
@@ -29,7 +29,7 @@ LONG = 0.4
 """Of the travel that the data cover."""
 
 
-def plans(fit: Fit) -> Iterator[Planned]:
+def follow_up_designs(fit: Fit) -> Iterator[FollowUpDesign]:
     """All measurements that make sense after the data of a fit; none after a part's."""
     measurement = fit.measurement
     data = Data(measurement, fit.registration)
@@ -47,13 +47,13 @@ def plans(fit: Fit) -> Iterator[Planned]:
             yield from _of_fewer(replace(data, most=FEWER))
 
 
-def _of_fewer(data: Data) -> Iterator[Planned]:
+def _of_fewer(data: Data) -> Iterator[FollowUpDesign]:
     """What a few of the positions tell as well."""
     for plan in (*_once_more(data), *with_references(data)):
         yield plan._replace(name=f"{plan.name}, fewer")
 
 
-def _once_more(data: Data) -> Iterator[Planned]:
+def _once_more(data: Data) -> Iterator[FollowUpDesign]:
     """The same positions, or the same path, in another order, at another feed, from cold."""
     index, what, state = data.index, data.positions, data.measurement.state
     back = index[::-1]
@@ -80,7 +80,7 @@ def _course(clock: Array, time: Array, kelvin: Array) -> Array:
     return np.asarray(np.interp(clock, time[order] - time[order[0]], kelvin[order]))
 
 
-def _at_another_feed(data: Data) -> Planned:
+def _at_another_feed(data: Data) -> FollowUpDesign:
     index, state = data.index, data.measurement.state
     assert state.velocity is not None
     changes: dict[str, Any] = {"velocity": OTHER_FEED * state.velocity[index]}
@@ -92,7 +92,7 @@ def _at_another_feed(data: Data) -> Planned:
     return data.plan("second feed", "run the same path once more at half the feed", slower)
 
 
-def _otherwise_approached(data: Data) -> Iterator[Planned]:
+def _otherwise_approached(data: Data) -> Iterator[FollowUpDesign]:
     """From the other side, and by moves of different lengths."""
     index, axes = data.index, list(moving_axes(data.measurement))
     if data.measurement.state.approach is None or data.measurement.state.last_move is None:
@@ -143,7 +143,7 @@ def _lengths_text(data: Data) -> str:
     return f"reach {count} positions along each axis by moves of {SHORT_MM:g} mm and by long ones, from both sides"
 
 
-def _finer(data: Data) -> Iterator[Planned]:
+def _finer(data: Data) -> Iterator[FollowUpDesign]:
     """Positions at irregular distances along each axis that moves, the others in the middle."""
     m = data.measurement
     middle = np.median(m.state.positions[data.index], axis=0)

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from calibration.diagnosis.next.predicted_information import Known, Outlook
-from calibration.diagnosis.next.proposals import plans
+from calibration.diagnosis.next.predicted_information import Information, PredictedInformation
+from calibration.diagnosis.next.proposals import follow_up_designs
 from calibration.diagnosis.search.candidates import contract_kind
-from calibration.diagnosis.search.selection import SEEN, WORTH, Judged, Stage
+from calibration.diagnosis.search.selection import SEEN, WORTH, Evaluated, Stage
 from calibration.diagnosis.verdict import CLEAR, REMEDIES, Named, tied_with
 from kinematics.effects import Effect
 from kinematics.transforms import Array
@@ -31,7 +31,7 @@ LISTED = 3
 """Causes that a sentence lists."""
 
 
-class Move(NamedTuple):
+class ProposedMeasurement(NamedTuple):
     """A measurement to add."""
 
     name: str
@@ -64,63 +64,71 @@ class Question:
     other: str
     signals: tuple[Signal, ...]
 
-    def needed(self, signal: Signal, known: Known) -> tuple[int, float]:
+    def needed(self, signal: Signal, known: Information) -> tuple[int, float]:
         """Degrees of freedom of a signal, and the gain that names its cause."""
         own = known.causes[signal.cause]
-        freedom = own.stop - own.start + signal.shapes
+        degrees_of_freedom = own.stop - own.start + signal.shapes
         worth = CLEAR * WORTH if self.kind == "weak" else WORTH
-        return freedom, -worth + freedom * float(np.log(known.scalars))
+        return degrees_of_freedom, -worth + degrees_of_freedom * float(np.log(known.scalars))
 
-    def told(self, known: Known) -> float:
+    def told(self, known: Information) -> float:
         """Non-centrality of the least of the signals, no more than is needed."""
         return min(self._one(signal, known) for signal in self.signals)
 
-    def power(self, known: Known) -> float:
+    def power(self, known: Information) -> float:
         """Chance that all signals, each by itself, would be found."""
         chances = []
         for signal in self.signals:
             if self.kind == "hidden" and known.share(signal.cause) < SEEN:
                 return 0.0
-            freedom, threshold = self.needed(signal, known)
-            chances.append(1.0 - float(special.chndtr(threshold, freedom, max(_noncentrality(signal, known), 1e-9))))
+            degrees_of_freedom, threshold = self.needed(signal, known)
+            chances.append(
+                1.0 - float(special.chndtr(threshold, degrees_of_freedom, max(_noncentrality(signal, known), 1e-9)))
+            )
         return min(chances)
 
-    def _one(self, signal: Signal, known: Known) -> float:
+    def _one(self, signal: Signal, known: Information) -> float:
         if self.kind == "hidden" and known.share(signal.cause) < SEEN:
             return 0.0
         _, threshold = self.needed(signal, known)
         return min(_noncentrality(signal, known), float(threshold**0.5 + MARGIN) ** 2)
 
 
-def moves(stage: Stage, causes: Sequence[Named], judged: Sequence[Judged]) -> Iterator[Move]:
+def proposed_measurements(
+    stage: Stage, causes: Sequence[Named], evaluated: Sequence[Evaluated]
+) -> Iterator[ProposedMeasurement]:
     """Moves that tell something, the best first; then the ties that none of them separates.
 
     judged: all candidates.
     """
-    effects, questions = _questions(stage, causes, judged)
+    effects, questions = _questions(stage, causes, evaluated)
     if not questions:
         return
-    outlook = Outlook(stage.frame, effects)
-    now = outlook.now
+    predicted = PredictedInformation(stage.linearised, effects)
+    now = predicted.now
     found, answered = [], set()
-    for planned in plans(stage.fit):
-        after = outlook.after(now, planned)
+    for follow_up in follow_up_designs(stage.fit):
+        after = predicted.after(now, follow_up)
         gains = {q: WEIGHTS[q.kind] * max(q.told(after) - q.told(now), 0.0) for q in questions}
         answers = [(q, q.power(after)) for q in questions if gains[q] > 0.0]
         answers = [(q, power) for q, power in answers if power >= SURE]
         if answers:
             answered |= {q for q, _ in answers}
-            says = f"{planned.does} ({planned.minutes:.0f} min): {_said(answers)}"
-            found.append(Move(planned.name, planned.minutes, sum(gains.values()) / planned.minutes, says))
+            says = f"{follow_up.does} ({follow_up.minutes:.0f} min): {_said(answers)}"
+            found.append(
+                ProposedMeasurement(follow_up.name, follow_up.minutes, sum(gains.values()) / follow_up.minutes, says)
+            )
     yield from sorted(found, key=lambda move: -move.gain_per_minute)
     for question in questions:
         if question.kind == "tied" and question not in answered:
             remedy = REMEDIES.get(contract_kind(effects[question.signals[-1].cause]), "other positions")
             says = f"no move tried separates {question.name} from {question.other}; it may need {remedy}"
-            yield Move("remedy", 0.0, 0.0, says)
+            yield ProposedMeasurement("remedy", 0.0, 0.0, says)
 
 
-def _questions(stage: Stage, causes: Sequence[Named], judged: Sequence[Judged]) -> tuple[list[Effect], list[Question]]:
+def _questions(
+    stage: Stage, causes: Sequence[Named], evaluated: Sequence[Evaluated]
+) -> tuple[list[Effect], list[Question]]:
     """Causes in question, and what is asked of them: ties, weak causes, and causes that the data do not show."""
     effects: list[Effect] = []
     found: list[Question] = []
@@ -138,28 +146,28 @@ def _questions(stage: Stage, causes: Sequence[Named], judged: Sequence[Judged]) 
         if verdict == "weak":
             found.append(Question("weak", effect.name, "", (Signal(i, accepted.size, own.shapes, without=part),)))
         for sibling in tied_with(accepted) if verdict == "tied" else []:
-            other = sibling.judged.candidate
+            other = sibling.evaluated.candidate
             j = number(other.effect)
             one = Signal(i, accepted.size, own.shapes, j, part)
-            two = Signal(j, sibling.judged.score.size, other.shapes, i, part)
+            two = Signal(j, sibling.evaluated.score.size, other.shapes, i, part)
             found.append(Question("tied", effect.name, other.effect.name, (one, two)))
-    for each in _hidden(judged):
+    for each in _hidden(evaluated):
         own = each.candidate
         found.append(Question("hidden", own.effect.name, "", (Signal(number(own.effect), None, own.shapes),)))
     return effects, found
 
 
-def _hidden(judged: Sequence[Judged]) -> list[Judged]:
+def _hidden(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
     """Of each cause that the data do not show the variant that they show best."""
-    best: dict[str, Judged] = {}
-    for each in judged:
+    best: dict[str, Evaluated] = {}
+    for each in evaluated:
         name = each.candidate.effect.name
         if name not in best or each.projected.visible > best[name].projected.visible:
             best[name] = each
     return [each for each in best.values() if each.projected.visible < SEEN]
 
 
-def _noncentrality(signal: Signal, known: Known) -> float:
+def _noncentrality(signal: Signal, known: Information) -> float:
     left = known.left(signal.cause, signal.beside, signal.without)
     return float(np.trace(left)) if signal.size is None else float(signal.size @ left @ signal.size)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted
 
 SMOOTH = (
@@ -26,7 +26,7 @@ SMOOTH = (
 DRAWS = 19
 """A cause that none of them matches is found by chance in at most one of twenty times."""
 SEED = 1
-SEARCHES: Mapping[str, Callable[[Frame], Iterable[Candidate]]] = {
+SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     "cyclic": scans.waves,
     "quantised-compensation": scans.steps,
     "station-shift": scans.breaks,
@@ -38,7 +38,7 @@ SEARCHES: Mapping[str, Callable[[Frame], Iterable[Candidate]]] = {
 class Chance:
     """What is found in what a fit leaves, the signs of its rows drawn at random."""
 
-    frame: Frame
+    linearised: LinearisedFit
     """Of the fit with all causes."""
     library: Sequence[Candidate]
     _draws: dict[str, Iterator[float]] = field(init=False, default_factory=dict)
@@ -51,7 +51,7 @@ class Chance:
         A shape is searched for again, with all that the search may find; another cause is one of those of the library
         that have no shapes.
         """
-        if accepted.score.gain > self.frame.squares:
+        if accepted.score.gain > self.linearised.squares:
             return False  # there is not as much
         kind = accepted.candidate.effect.kind
         if kind not in self._draws:
@@ -64,8 +64,8 @@ class Chance:
             known.append(more)
         return True
 
-    def _shapes(self, search: Callable[[Frame], Iterable[Candidate]]) -> Iterator[float]:
-        rng, some = np.random.default_rng(SEED), self.frame.thinned(scans.SCANNED)
+    def _shapes(self, search: Callable[[LinearisedFit], Iterable[Candidate]]) -> Iterator[float]:
+        rng, some = np.random.default_rng(SEED), self.linearised.thinned(scans.SCANNED)
         for _ in range(DRAWS):
             shuffled = some.shuffled(rng)
             found = list(search(shuffled))
@@ -74,10 +74,10 @@ class Chance:
             yield max((score.gain for score in scores), default=0.0)
 
     def _of_library(self, accepted: Accepted) -> Iterator[float]:
-        rng, frame = np.random.default_rng(SEED), self.frame
+        rng, linearised = np.random.default_rng(SEED), self.linearised
         others = [each for each in self.library if each.effect.kind not in SMOOTH and each.effect.kind not in SEARCHES]
         tried = [accepted.candidate, *others]
-        left = frame.responses([each.effect for each in tried])
+        left = linearised.responses([each.effect for each in tried])
         for _ in range(DRAWS):
-            shuffled = frame.shuffled(rng)
+            shuffled = linearised.shuffled(rng)
             yield max(shuffled.score(one, each.shapes).gain for one, each in zip(left, tried, strict=True))

@@ -15,7 +15,7 @@ import numpy as np
 from calibration.cores import each
 from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, MOST, Unexplained
 from calibration.diagnosis.residual.unnamed import COMPONENTS, Direction, may_depend_on, odds_of
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from kinematics.state import TEMPERATURE, TIME
 
 ROWS = 400
@@ -30,17 +30,17 @@ Lengths = dict[str, float]
 """By variable."""
 
 
-def fitted_variables(frame: Frame, found: Unexplained, names: Sequence[str]) -> Lengths:
+def fitted_variables(linearised: LinearisedFit, found: Unexplained, names: Sequence[str]) -> Lengths:
     """The variables of what is left, and their lengths, from those `found` along the beam; names: all there are.
 
     One that comes needs `EVIDENCE`, as there, one found along the beam `KEPT`. Those found stay where one of them can't
     be fitted.
     """
     best = first = dict(zip(found.variables, found.lengths, strict=True))
-    others = [name for name in names if may_depend_on(frame, name)]
-    if frame.measurement.components < len(COMPONENTS) or not best.keys() <= set(others):
+    others = [name for name in names if may_depend_on(linearised, name)]
+    if linearised.measurement.components < len(COMPONENTS) or not best.keys() <= set(others):
         return best
-    some = frame.thinned(ROWS)
+    some = linearised.thinned(ROWS)
 
     def odds(lengths: Lengths, component: Direction) -> float:
         tried = found._replace(variables=tuple(lengths), lengths=tuple(lengths.values()))

@@ -12,7 +12,7 @@ from calibration.diagnosis.residual.distance_correlation import Dependence, depe
 from calibration.diagnosis.residual.fitted_variables import fitted_variables
 from calibration.diagnosis.residual.whiteness import Columns, Test, whiteness
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Accepted, Stage
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement
@@ -27,9 +27,9 @@ IMPOSTOR = 4.0
 SEED = 1
 
 
-def tests(frame: Frame) -> list[Test]:
+def tests(linearised: LinearisedFit) -> list[Test]:
     """Whether the residuals of a frame are white, with what the fit took out of them taken into account."""
-    measurement, rows = frame.measurement, frame.rows
+    measurement, rows = linearised.measurement, linearised.rows
     state, machine = measurement.state, measurement.machine
     moving = list(moving_axes(measurement))
     where = {axis: state.position(machine, axis)[rows] for axis in moving}
@@ -42,7 +42,7 @@ def tests(frame: Frame) -> list[Test]:
         None if state.station is None else state.station[rows],
         {name: kelvin[rows] for name, kelvin in state.temperatures.items()},
     )
-    return whiteness(frame.bounded.reshape(len(rows), -1), columns, absorbed=frame.spanned)
+    return whiteness(linearised.bounded.reshape(len(rows), -1), columns, absorbed=linearised.spanned)
 
 
 def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
@@ -60,21 +60,23 @@ def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
     return {name: column for name, column in found.items() if np.ptp(column) > 0}
 
 
-def unexplained(frame: Frame) -> Unexplained | None:
+def unexplained(linearised: LinearisedFit) -> Unexplained | None:
     """A smooth function that explains the residuals of a frame, and its variables; None where there is none."""
-    given, white = variables(frame.measurement, frame.rows), _of_machine(frame)
+    given, white = variables(linearised.measurement, linearised.rows), _of_machine(linearised)
     found = explaining_variables(white, given, np.random.default_rng(SEED))
     if found is None:
         return None
-    lengths = fitted_variables(frame, found, list(given))
+    lengths = fitted_variables(linearised, found, list(given))
     if set(lengths) == set(found.variables):
         return found
     return of_variables(white, given, lengths, found.p_value, np.random.default_rng(SEED))
 
 
-def one_by_one(frame: Frame) -> list[Dependence]:
+def one_by_one(linearised: LinearisedFit) -> list[Dependence]:
     """How the residuals of a frame depend on each variable alone, the clearest first."""
-    return dependences(_of_machine(frame), variables(frame.measurement, frame.rows), np.random.default_rng(SEED))
+    return dependences(
+        _of_machine(linearised), variables(linearised.measurement, linearised.rows), np.random.default_rng(SEED)
+    )
 
 
 def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
@@ -83,7 +85,7 @@ def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> 
     Smooth ones of its variables, that explain little more than is left: its form is not theirs. Others, and shapes that
     were searched for, which are found as strongly where there is nothing of the kind.
     """
-    given, chance = variables(stage.frame.measurement, stage.frame.rows), Chance(stage.frame, library)
+    given, chance = variables(stage.linearised.measurement, stage.linearised.rows), Chance(stage.linearised, library)
     return [
         each
         for i, each in enumerate(stage.accepted)
@@ -99,7 +101,7 @@ def _not_its_form(stage: Stage, index: int, left: Unexplained, given: Mapping[st
     shared = {_family(name) for name in depends_on(candidate.effect, given)} & {_family(n) for n in left.variables}
     without = stage.without(index)
     explains = float(size @ without.projected(without.columns(candidate.effect)).left @ size)
-    return bool(shared) and explains < IMPOSTOR * left.rms**2 * stage.frame.scalars
+    return bool(shared) and explains < IMPOSTOR * left.rms**2 * stage.linearised.scalars
 
 
 def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
@@ -116,44 +118,44 @@ def _family(variable: str) -> str:
     return "time" if variable.startswith("temperature ") else variable
 
 
-def in_lengths(frame: Frame, left: Unexplained) -> Array:
+def in_lengths(linearised: LinearisedFit, left: Unexplained) -> Array:
     """The function that is left `(n, d)`, mm and rad, of the rows of a frame, in the frame they are observed in."""
-    noise, turns = _noise(frame), _into_tool(frame)
+    noise, turns = _noise(linearised), _into_tool(linearised)
     if turns is None:
         return np.asarray((noise @ left.shape[:, :, None])[:, :, 0])
     errors = left.shape * np.linalg.norm(turns @ noise, axis=2)
     return np.asarray((np.swapaxes(turns, 1, 2) @ errors[:, :, None])[:, :, 0])
 
 
-def shared_rms(frame: Frame, left: Unexplained) -> float:
+def shared_rms(linearised: LinearisedFit, left: Unexplained) -> float:
     """RMS, um per scalar and urad on rotary axes, of what the rows that the fit kept share with the function left.
 
     Of a tracker the function is as uncertain across the beam as a reading is: its own RMS would be of that.
     """
-    residual = np.linalg.solve(frame.white, frame.residual.reshape(len(frame.rows), -1, 1))[:, :, 0]
-    shared = residual * in_lengths(frame, left) * frame.measurement.per_micro[frame.rows] ** 2
-    return float(np.sqrt(max(np.mean(shared[frame.good]), 0.0)))
+    residual = np.linalg.solve(linearised.white, linearised.residual.reshape(len(linearised.rows), -1, 1))[:, :, 0]
+    shared = residual * in_lengths(linearised, left) * linearised.measurement.per_micro[linearised.rows] ** 2
+    return float(np.sqrt(max(np.mean(shared[linearised.good]), 0.0)))
 
 
-def _of_machine(frame: Frame) -> Array:
+def _of_machine(linearised: LinearisedFit) -> Array:
     """Residuals `(n, d)` in terms of their noise: in the tool's directions where rotary axes turn what is observed."""
-    white, turns = frame.bounded.reshape(len(frame.rows), -1), _into_tool(frame)
+    white, turns = linearised.bounded.reshape(len(linearised.rows), -1), _into_tool(linearised)
     if turns is None:
         return white
-    unwhite = turns @ _noise(frame)
+    unwhite = turns @ _noise(linearised)
     return np.asarray((unwhite @ white[:, :, None])[:, :, 0] / np.linalg.norm(unwhite, axis=2))
 
 
-def _into_tool(frame: Frame) -> Array | None:
+def _into_tool(linearised: LinearisedFit) -> Array | None:
     """Turns `(n, 3, 3)` of what is observed into the tool's directions; None where these stay the same."""
-    measurement = frame.measurement
+    measurement = linearised.measurement
     turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
     if not turning or not isinstance(measurement.instrument, LaserTracker):
         return None
-    some = measurement.rows(frame.rows)
-    return np.swapaxes(frame.fit.registration.rotations(some) @ carried(some), 1, 2)
+    some = measurement.rows(linearised.rows)
+    return np.swapaxes(linearised.fit.registration.rotations(some) @ carried(some), 1, 2)
 
 
-def _noise(frame: Frame) -> Array:
+def _noise(linearised: LinearisedFit) -> Array:
     """Roots `(n, d, d)` of the covariances of the noise, whatever weight a row has."""
-    return np.asarray(np.linalg.inv(frame.white) * np.sqrt(frame.weights)[:, None, None])
+    return np.asarray(np.linalg.inv(linearised.white) * np.sqrt(linearised.weights)[:, None, None])

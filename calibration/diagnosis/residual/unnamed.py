@@ -20,7 +20,7 @@ from scipy import linalg
 
 from calibration.diagnosis.residual.dependence import EVIDENCE, LENGTHS, Unexplained
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import WORTH, Selector, Stage, chosen_of, predicts
 from kinematics.effects import Unnamed
 from kinematics.effects.unnamed import DEGREE
@@ -58,7 +58,7 @@ class Added(NamedTuple):
 def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
     """What is left as unnamed effects beside the causes of a stage; the stage as it was where they don't predict."""
     over = f"what is left, a function of {', '.join(left.variables)},"
-    strange = [name for name in left.variables if not may_depend_on(named.frame, name)]
+    strange = [name for name in left.variables if not may_depend_on(named.linearised, name)]
     if strange:
         says = f"{over} was not added: an unnamed effect is no function of {', '.join(strange)}"
         return Added(selector, named, says)
@@ -85,13 +85,13 @@ def _with_unnamed(selector: Selector, named: Stage, left: Unexplained) -> tuple[
     """The stage with an unnamed effect in each direction in which that predicts, and the lengths that it shows."""
     stage, missing = named, COMPONENTS
     while True:
-        best = next(iter(propose(stage.frame, left, missing)), None)
+        best = next(iter(propose(stage.linearised, left, missing)), None)
         if best is None:
             return stage, left
         first = selector.stage([*chosen_of(stage.accepted), (best, np.zeros(len(best.prior)))])
         trial, shown = _tuned(selector, first, -1, left)
         added = trial.accepted[-1]
-        if added.score.delta_bic < WORTH and predicts(added.held_gains) and trial.heldout_um < stage.heldout_um:
+        if added.score.delta_bic < WORTH and predicts(added.held_out_gains) and trial.heldout_um < stage.heldout_um:
             stage, left = trial, shown
         missing = tuple(component for component in missing if component != best.axis)
 
@@ -101,16 +101,16 @@ def _tuned(selector: Selector, stage: Stage, index: int, left: Unexplained) -> t
 
     The stage as it was where that predicts no better.
     """
-    frame = stage.without(index)
+    linearised = stage.without(index)
     own = [component for component in COMPONENTS if component == stage.accepted[index].candidate.axis]
-    shown, best = left, odds_of(frame, own[0], left)
+    shown, best = left, odds_of(linearised, own[0], left)
     for _ in range(PASSES):
         for i, length in product(range(len(left.lengths)), LENGTHS):
             tried = shown._replace(lengths=(*shown.lengths[:i], length, *shown.lengths[i + 1 :]))
-            odds = odds_of(frame, own[0], tried)
+            odds = odds_of(linearised, own[0], tried)
             if odds > best:
                 best, shown = odds, tried
-    candidates = propose(frame, shown, own)
+    candidates = propose(linearised, shown, own)
     if not candidates:
         return stage, left
     chosen = chosen_of(stage.accepted)
@@ -119,28 +119,30 @@ def _tuned(selector: Selector, stage: Stage, index: int, left: Unexplained) -> t
     return (again, shown) if again.heldout_um < stage.heldout_um else (stage, left)
 
 
-def propose(frame: Frame, left: Unexplained, components: Sequence[Direction] = COMPONENTS) -> list[Candidate]:
+def propose(
+    linearised: LinearisedFit, left: Unexplained, components: Sequence[Direction] = COMPONENTS
+) -> list[Candidate]:
     """Unnamed effects in the directions of the tool in which what is left is plain, the plainest first."""
     found = []
     for component in components:
-        effect, spread = _effect(frame, component, left, min(MOST_TERMS, len(frame.rows) // ROWS_PER_TERM))
-        columns = frame.columns(effect) * spread
-        left_of = frame.projected(columns).left
+        effect, spread = _effect(linearised, component, left, min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM))
+        columns = linearised.columns(effect) * spread
+        left_of = linearised.projected(columns).left
         kept = surviving(columns.T @ columns, left_of)
         if not len(kept):
             continue
-        odds, size = evidence(left_of[np.ix_(kept, kept)], columns[:, kept].T @ frame.residual)
+        odds, size = evidence(left_of[np.ix_(kept, kept)], columns[:, kept].T @ linearised.residual)
         terms = tuple(effect.terms[i] for i in kept.tolist())
         own = Unnamed(component, effect.variables, effect.ranges, terms, (0.0,) * len(terms))
         found.append((odds, Candidate(own, prior=tuple((size * spread[kept]).tolist()))))
     return [candidate for odds, candidate in sorted(found, key=lambda pair: -pair[0]) if odds > EVIDENCE]
 
 
-def odds_of(frame: Frame, component: Direction, left: Unexplained) -> float:
+def odds_of(linearised: LinearisedFit, component: Direction, left: Unexplained) -> float:
     """Log odds of an error of the tool in a direction, a function of these variables, against none."""
-    effect, spread = _effect(frame, component, left, MOST_IN_ODDS)
-    columns = frame.columns(effect) * spread
-    return evidence(frame.projected(columns).left, columns.T @ frame.residual)[0]
+    effect, spread = _effect(linearised, component, left, MOST_IN_ODDS)
+    columns = linearised.columns(effect) * spread
+    return evidence(linearised.projected(columns).left, columns.T @ linearised.residual)[0]
 
 
 def evidence(left: Array, along: Array) -> tuple[float, float]:
@@ -156,9 +158,9 @@ def evidence(left: Array, along: Array) -> tuple[float, float]:
     return float(odds[best]), float(AMPLITUDES[best])
 
 
-def _effect(frame: Frame, component: Direction, left: Unexplained, most: int) -> tuple[Unnamed, Array]:
+def _effect(linearised: LinearisedFit, component: Direction, left: Unexplained, most: int) -> tuple[Unnamed, Array]:
     """An effect of zero size with at most so many terms of these lengths, and their standard deviations `(k,)`."""
-    state, machine = frame.measurement.state, frame.measurement.machine
+    state, machine = linearised.measurement.state, linearised.measurement.machine
     columns = [state.variable(machine, name, "unnamed") for name in left.variables]
     ranges = tuple((float(column.min()), float(column.max())) for column in columns)
     terms, spread = terms_of(left.lengths, most)
@@ -207,6 +209,6 @@ def surviving(whole: Array, left: Array) -> np.ndarray:
     return kept
 
 
-def may_depend_on(frame: Frame, name: str) -> bool:
+def may_depend_on(linearised: LinearisedFit, name: str) -> bool:
     """True for a variable that an unnamed effect can be a function of."""
-    return name == TIME or name.startswith(TEMPERATURE) or name in frame.measurement.machine.names
+    return name == TIME or name.startswith(TEMPERATURE) or name in linearised.measurement.machine.names

@@ -69,22 +69,25 @@ class _Noise(NamedTuple):
     scale: float
 
     @property
-    def freedom(self) -> float:
+    def degrees_of_freedom(self) -> float:
         return self.scale * (self.residual.size - float(np.sum(self.absorbed**2)))
 
 
-def whiteness(white: Array, columns: Columns, spent: float = 0.0, absorbed: Array | None = None) -> list[Test]:
+def whiteness(
+    white: Array, columns: Columns, effective_parameters: float = 0.0, absorbed: Array | None = None
+) -> list[Test]:
     """All tests that the columns allow, of whitened residuals `(n, d)`; none below `FEWEST` rows.
 
-    spent: degrees of freedom that the fit used. absorbed `(n d, p)`: W, rows as in `white.ravel()`. Of a fit without
-    priors, any orthonormal basis of its whitened derivatives J; with priors of unit weight, U s / sqrt(1 + s^2) of
-    J = U s V^T. Then `spent` is the sum of its squares. Without it the fit counts as one that took as much from every
-    direction: p-values are then too large for what the fit can imitate, and somewhat too small for what it can't.
+    effective_parameters: degrees of freedom that the fit used. absorbed `(n d, p)`: W, rows as in `white.ravel()`. Of
+    a fit without priors, any orthonormal basis of its whitened derivatives J; with priors of unit weight,
+    U s / sqrt(1 + s^2) of J = U s V^T. Then `effective_parameters` is the sum of its squares. Without it the fit counts
+    as one that took as much from every direction: p-values are then too large for what the fit can imitate, and
+    somewhat too small for what it can't.
     """
     if len(white) < FEWEST:
         return []
-    taken = spent if absorbed is None else float(np.sum(absorbed**2))
-    noise = _centred(white, spent, absorbed)
+    taken = effective_parameters if absorbed is None else float(np.sum(absorbed**2))
+    noise = _centred(white, effective_parameters, absorbed)
     tests = [*_neighbours(noise, columns), *_regressions(noise, columns)]
     return [*tests, _size(white, taken)]
 
@@ -98,11 +101,11 @@ def combined(tests: Sequence[Test], level: float) -> list[Test]:
     return ranked
 
 
-def _centred(white: Array, spent: float, absorbed: Array | None) -> _Noise:
+def _centred(white: Array, effective_parameters: float, absorbed: Array | None) -> _Noise:
     n, d = white.shape
     means = np.broadcast_to(np.eye(d) / np.sqrt(n), (n, d, d))
     if absorbed is None:
-        return _Noise(white - white.mean(axis=0), means, 1.0 - spent / white.size)
+        return _Noise(white - white.mean(axis=0), means, 1.0 - effective_parameters / white.size)
     taken = absorbed.reshape(n, d, -1)
     return _Noise(white - white.mean(axis=0), np.concatenate([means, taken - taken.mean(axis=0)], axis=2), 1.0)
 
@@ -213,14 +216,17 @@ def _regression(noise: _Noise, columns: Array, what: str, hint: str) -> Test:
     seen = sizes > ABSORBED
     explained = float(np.sum((ways.T @ moments)[seen] ** 2 / sizes[seen]))
     used = int(seen.sum())
-    rest, freedom = float(np.sum(noise.residual**2)) - explained, noise.freedom - noise.scale * used
-    if used == 0 or freedom <= 1.0 or rest <= 0.0:
+    rest, degrees_of_freedom = (
+        float(np.sum(noise.residual**2)) - explained,
+        noise.degrees_of_freedom - noise.scale * used,
+    )
+    if used == 0 or degrees_of_freedom <= 1.0 or rest <= 0.0:
         return Test(what, 1.0, 0.0, hint)
-    statistic = explained / used / (rest / (freedom / noise.scale))
-    return Test(what, float(special.fdtrc(used, freedom, statistic)), statistic, hint)
+    statistic = explained / used / (rest / (degrees_of_freedom / noise.scale))
+    return Test(what, float(special.fdtrc(used, degrees_of_freedom, statistic)), statistic, hint)
 
 
-def _size(white: Array, spent: float) -> Test:
-    total, freedom = float(np.sum(white**2)), max(white.size - spent, 1.0)
+def _size(white: Array, effective_parameters: float) -> Test:
+    total, degrees_of_freedom = float(np.sum(white**2)), max(white.size - effective_parameters, 1.0)
     hint = "an effect of many small parts, or noise above the instrument's sheet (--noise estimate)"
-    return Test("size (chi2)", float(special.chdtrc(freedom, total)), total / freedom, hint)
+    return Test("size (chi2)", float(special.chdtrc(degrees_of_freedom, total)), total / degrees_of_freedom, hint)

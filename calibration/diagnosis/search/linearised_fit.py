@@ -53,7 +53,7 @@ class Score(NamedTuple):
 
     gain: float
     """By which the sum of squares falls, in terms of the noise's variance."""
-    spent: float
+    effective_parameters: float
     """Degrees of freedom that it takes, shapes included."""
     delta_bic: float
     """Below zero where it is worth its parameters."""
@@ -81,7 +81,7 @@ class Projected(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Frame:
+class LinearisedFit:
     """Rows of a measurement, the whitened design of what is fitted, and what the fit leaves."""
 
     fit: Fit
@@ -105,7 +105,7 @@ class Frame:
     """Of the rows `(n,)`, by which those that lie far out count less."""
 
     @classmethod
-    def of(cls, fit: Fit) -> Frame:
+    def of(cls, fit: Fit) -> LinearisedFit:
         """The frame of a fit."""
         measurement = fit.measurement
         lost = ~fit.kept & (fit.residual_um > LOST)
@@ -116,8 +116,10 @@ class Frame:
         white = whiteners(some)
         components = some.components
         distances = np.sum(whitened(white, fit.residual[rows]) ** 2, axis=1)
-        spent = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
-        weights = huber_weights(distances, components, robust_factor(distances, components, spent, fit.variance_factor))
+        effective_parameters = fit.effective_parameters * len(rows) / max(int(np.count_nonzero(fit.kept)), 1)
+        weights = huber_weights(
+            distances, components, robust_factor(distances, components, effective_parameters, fit.variance_factor)
+        )
         white = white * np.sqrt(weights / fit.variance_factor)[:, None, None]
         parts = derivatives(fit, measurement, rows, fit.registration, white)
         length = np.linalg.norm(parts.own, axis=0)
@@ -129,7 +131,7 @@ class Frame:
         blank = cls(fit, rows, white, parts.transform, design, limited, residual, away, fit.kept[rows], weights)
         return blank._at_rest()
 
-    def without(self, effect: int) -> Frame:
+    def without(self, effect: int) -> LinearisedFit:
         """The frame of a model that lacks one effect of the fit's, told by its number."""
         model, part = self.fit.model, self.fit.model.slices[effect]
         columns = np.arange(part.start, part.stop) + self.design.shape[1] - len(model.parameters)
@@ -145,7 +147,7 @@ class Frame:
         )
         return fewer._at_rest()
 
-    def along(self, effect: Effect, prior: Array) -> Frame:
+    def along(self, effect: Effect, prior: Array) -> LinearisedFit:
         """The frame of a model that holds one effect more, linear and at zero, with priors `(k,)`."""
         typical = np.array([quantity.typical for quantity in effect.parameter_table])
         finite = np.isfinite(prior)
@@ -158,12 +160,12 @@ class Frame:
         )
         return more._at_rest()
 
-    def _at_rest(self) -> Frame:
+    def _at_rest(self) -> LinearisedFit:
         """The frame where its own design and weights put the fit."""
         step = linalg.cho_solve(self.factor, self.design.T @ self.residual - self.limited * self.away)
         return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
 
-    def thinned(self, most: int) -> Frame:
+    def thinned(self, most: int) -> LinearisedFit:
         """The frame of at most so many of its rows, evenly spread."""
         n = len(self.rows)
         if n <= most:
@@ -182,7 +184,7 @@ class Frame:
         )
         return fewer._at_rest()
 
-    def shuffled(self, rng: np.random.Generator) -> Frame:
+    def shuffled(self, rng: np.random.Generator) -> LinearisedFit:
         """The frame of residuals as large, the sign of each row drawn at random."""
         signs = np.repeat(rng.choice([-1.0, 1.0], len(self.rows)), self.scalars // len(self.rows))
         return replace(self, residual=self.residual * signs)._at_rest()
@@ -224,7 +226,7 @@ class Frame:
         return np.asarray(self.design @ np.tril(inverse).T)
 
     @cached_property
-    def freedom(self) -> float:
+    def degrees_of_freedom(self) -> float:
         """N less the degrees of freedom that the model and the registration spend."""
         inverse = linalg.cho_solve(self.factor, np.diag(self.limited))
         return max(self.scalars - (len(self.limited) - float(np.trace(inverse))), 1.0)
@@ -306,13 +308,19 @@ class Frame:
         largest = float(np.abs(vectors @ (along / softened)).max(initial=0.0))
         softened = values + max(GENEROUS, BEYOND * largest) ** -2
         raw = float(np.sum(along**2 / softened))
-        spent = float(np.sum(values / softened)) + shapes
+        effective_parameters = float(np.sum(values / softened)) + shapes
         squares = min(self.squares - raw, self.bounded_squares)
-        variance = max(squares / max(self.freedom - spent, 1.0), 1.0)
+        variance = max(squares / max(self.degrees_of_freedom - effective_parameters, 1.0), 1.0)
         gain = raw / variance
-        p_value = float(special.chdtrc(max(spent, 1.0), gain)) * trials
+        p_value = float(special.chdtrc(max(effective_parameters, 1.0), gain)) * trials
         size = vectors @ (along / softened)
-        return Score(gain, spent, -gain + spent * float(np.log(self.scalars)), min(p_value, 1.0), size)
+        return Score(
+            gain,
+            effective_parameters,
+            -gain + effective_parameters * float(np.log(self.scalars)),
+            min(p_value, 1.0),
+            size,
+        )
 
     @cached_property
     def blocks(self) -> list[HeldBlock]:
@@ -331,7 +339,7 @@ class Frame:
             found.append(HeldBlock(mine, factor, moved, residual + design @ moved, counted))
         return found
 
-    def held_gains(self, candidate: Projected) -> Array:
+    def held_out_gains(self, candidate: Projected) -> Array:
         """By which the squares of each block's counted residuals fall with the candidate in the fit of the others.
 
         Outliers count, as far as their weight goes: a cause that the model lacks makes them.
@@ -352,7 +360,7 @@ class Frame:
         return np.array(gains)
 
     @cached_property
-    def held_out(self) -> HeldResiduals:
+    def cross_validation(self) -> HeldResiduals:
         """Residuals of every block under a fit of all the others, to first order."""
         components = self.measurement.components
         missed, counted = np.empty(self.scalars), np.zeros(self.scalars, bool)

@@ -17,9 +17,9 @@ import numpy as np
 
 from calibration.cores import each
 from calibration.diagnosis.search.candidates import Candidate
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.sawtooth import likeliest, refined, teeth
-from calibration.diagnosis.search.sensitivity import Lever
+from calibration.diagnosis.search.sensitivity import Sensitivity
 from calibration.diagnosis.search.spectra import finest, peaks, resolved, strengths
 from calibration.measurement.instruments import LaserTracker
 from calibration.observation.full_model import distinct_positions, moving_axes, observed_components
@@ -58,55 +58,57 @@ LEAST_ROWS = 8
 """Before and after a moment when the instrument moved."""
 
 
-def proposals(frame: Frame, library: Sequence[Candidate]) -> Iterator[Candidate]:
+def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
     """Candidates with shapes proposed from the residual of a frame, besides those of the library as they are."""
-    some = frame.thinned(SCANNED)
-    yield from steps(some, frame)
+    some = linearised.thinned(SCANNED)
+    yield from steps(some, linearised)
     yield from breaks(some)
     yield from finer(some)
     yield from fixed_points(some, library)
     yield from waves(some)
 
 
-def waves(frame: Frame, components: tuple[Component, ...] = get_args(Component)) -> Iterator[Candidate]:
+def waves(linearised: LinearisedFit, components: tuple[Component, ...] = get_args(Component)) -> Iterator[Candidate]:
     """The strongest cyclic error of each axis and component, with its period refined to what the travel resolves.
 
     With as many harmonics as pay, where it pays at all.
     """
-    along = partial(_waves_along, frame, components=components)
-    return chain.from_iterable(each(along, moving_axes(frame.measurement)))
+    along = partial(_waves_along, linearised, components=components)
+    return chain.from_iterable(each(along, moving_axes(linearised.measurement)))
 
 
-def _waves_along(frame: Frame, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
-    measurement = frame.measurement
+def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Component, ...]) -> list[Candidate]:
+    measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
-    x = frame.positions(axis)
+    x = linearised.positions(axis)
     # of a rotary axis none shorter than a degree
     most = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
     frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
         return []
     seen = [c for c in components if measurement.axis is None or c in observed_components(measurement, axis)]
-    levers = [Lever.of(frame, axis, component) for component in seen]
+    sensitivities = [Sensitivity.of(linearised, axis, component) for component in seen]
     found = []
-    for component, lever, power in zip(seen, levers, strengths(levers, x, frequencies), strict=True):
+    for component, sensitivity, power in zip(
+        seen, sensitivities, strengths(sensitivities, x, frequencies), strict=True
+    ):
         tried = frequencies[peaks(power, BEST)]
-        best = finest(lever, x, tried, 0.5 / (OVERSAMPLING * (high - low)), unit_of(component)[1])
+        best = finest(sensitivity, x, tried, 0.5 / (OVERSAMPLING * (high - low)), unit_of(component)[1])
         wave = _wave(component, axis, 1.0 / best, 1)
-        found.append(Candidate(_with_harmonics(lever, wave), 1, float(len(frequencies) * len(seen))))
+        found.append(Candidate(_with_harmonics(sensitivity, wave), 1, float(len(frequencies) * len(seen))))
     return found
 
 
-def _with_harmonics(lever: Lever, effect: Cyclic) -> Cyclic:
+def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
     """A cyclic error, where it pays with as many harmonics as pay; none that is one of the model already."""
-    if lever.score(lever.sizes(effect), 1).delta_bic >= 0.0:
+    if sensitivity.score(sensitivity.sizes(effect), 1).delta_bic >= 0.0:
         return effect
-    model = lever.frame.fit.model
+    model = sensitivity.linearised.fit.model
     known = [e.period for e in model.effects if isinstance(e, Cyclic) and e.axis == effect.axis]
     same = [k for k in range(2, MOST_HARMONICS + 1) for period in known if abs(effect.period / k / period - 1.0) < SAME]
     numbers = range(1, min(same, default=MOST_HARMONICS + 1))
     variants = [_wave(effect.component, effect.axis, effect.period, number) for number in numbers]
-    return min(variants, key=lambda variant: lever.score(lever.sizes(variant)).delta_bic)
+    return min(variants, key=lambda variant: sensitivity.score(sensitivity.sizes(variant)).delta_bic)
 
 
 def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
@@ -125,59 +127,59 @@ def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
     return _wave(longer.component, longer.axis, longer.period, harmonics)
 
 
-def steps(frame: Frame, whole: Frame | None = None) -> Iterator[Candidate]:
+def steps(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iterator[Candidate]:
     """The strongest saw tooth along each linear axis; where it pays, its place is closed in on in the `whole` frame.
 
     Pitches by the power of their wave, places within them by the tooth itself.
     """
-    linear = [axis for axis in moving_axes(frame.measurement) if axis[0] not in "ABC"]
-    return chain.from_iterable(each(partial(_steps_along, frame, whole or frame), linear))
+    linear = [axis for axis in moving_axes(linearised.measurement) if axis[0] not in "ABC"]
+    return chain.from_iterable(each(partial(_steps_along, linearised, whole or linearised), linear))
 
 
-def _steps_along(frame: Frame, whole: Frame, axis: str) -> list[Candidate]:
-    measurement = frame.measurement
+def _steps_along(linearised: LinearisedFit, whole: LinearisedFit, axis: str) -> list[Candidate]:
+    measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
-    x = frame.positions(axis)
+    x = linearised.positions(axis)
     count = min(distinct_positions(measurement, axis) / 2, MOST_TEETH / OVERSAMPLING)
     frequencies = np.arange(TEETH, max(count, TEETH), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
         return []
-    lever = Lever.of(frame, axis, own_component(axis))
-    (strength,) = strengths([lever], x, frequencies)
+    sensitivity = Sensitivity.of(linearised, axis, own_component(axis))
+    (strength,) = strengths([sensitivity], x, frequencies)
     shares, shapes = np.arange(OFFSETS) / OFFSETS, []
     for frequency in frequencies[peaks(strength, 2 * BEST)].tolist():
         tried = teeth(x, 1.0 / frequency, shares / frequency)
-        power = (lever.along @ tried) ** 2 / np.maximum(lever.squares @ tried**2, 1e-300)
+        power = (sensitivity.along @ tried) ** 2 / np.maximum(sensitivity.squares @ tried**2, 1e-300)
         shapes.append((float(power.max()), 1.0 / frequency, float(shares[power.argmax()]) / frequency))
     _, pitches, offsets = np.array(sorted(shapes, reverse=True)[:BEST]).T
-    best = likeliest(lever, axis, pitches, offsets)
-    pays = lever.score(lever.sizes(best), 2).delta_bic < 0.0
+    best = likeliest(sensitivity, axis, pitches, offsets)
+    pays = sensitivity.score(sensitivity.sizes(best), 2).delta_bic < 0.0
     return [Candidate(refined(whole, best) if pays else best, 2, float(len(frequencies) * OFFSETS))]
 
 
-def finer(frame: Frame) -> Iterator[Candidate]:
+def finer(linearised: LinearisedFit) -> Iterator[Candidate]:
     """Each error motion of the model in a finer basis, in its place: the one that pays most and predicts better."""
-    motions = [effect for effect in frame.fit.model.effects if isinstance(effect, ErrorMotion)]
-    return chain.from_iterable(each(partial(_finer_than, frame), motions))
+    motions = [effect for effect in linearised.fit.model.effects if isinstance(effect, ErrorMotion)]
+    return chain.from_iterable(each(partial(_finer_than, linearised), motions))
 
 
-def _finer_than(frame: Frame, motion: ErrorMotion) -> list[Candidate]:
-    most = distinct_positions(frame.measurement, motion.axis)
+def _finer_than(linearised: LinearisedFit, motion: ErrorMotion) -> list[Candidate]:
+    most = distinct_positions(linearised.measurement, motion.axis)
     sizes = [size for size in FINE if motion.basis.size < size <= most]
     variants = [Candidate(_finer(motion, size), 0, float(len(sizes)), motion.name) for size in sizes]
-    lever = Lever.of(frame, motion.axis, motion.component)
-    worth = [lever.score(lever.sizes(variant.effect)).delta_bic for variant in variants]
+    sensitivity = Sensitivity.of(linearised, motion.axis, motion.component)
+    worth = [sensitivity.score(sensitivity.sizes(variant.effect)).delta_bic for variant in variants]
     order = [i for i in np.argsort(worth).tolist() if worth[i] < 0.0]
     gains = {}
     for i in order:
-        gains[i] = float(frame.held_gains(frame.projected(frame.columns(variants[i].effect))).mean())
+        gains[i] = float(linearised.held_out_gains(linearised.projected(linearised.columns(variants[i].effect))).mean())
         if gains[i] > 0.0:
             return [variants[i]]
     best = max(gains, key=lambda i: gains[i], default=0)
     return variants[best : best + 1]
 
 
-def fixed_points(frame: Frame, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
+def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
     """Growths of an axis from the point that the data say is the fixed one, instead of the axis' zero."""
     for candidate in candidates:
         effect = candidate.effect
@@ -186,37 +188,37 @@ def fixed_points(frame: Frame, candidates: Sequence[Candidate]) -> Iterator[Cand
             and len(effect.parameter_table) == candidate.shapes + 1
         ):
             one = msgspec.structs.replace(effect, fixed_point=effect.fixed_point + 1.0)
-            here, there = frame.columns(effect), frame.columns(one)
-            both = frame.score(frame.projected(np.concatenate([here, (here - there) * 1e3], axis=1)))
+            here, there = linearised.columns(effect), linearised.columns(one)
+            both = linearised.score(linearised.projected(np.concatenate([here, (here - there) * 1e3], axis=1)))
             if both.size[0]:
                 point = effect.fixed_point - 1e3 * float(both.size[1] / both.size[0])
-                low, high = moving_axes(frame.measurement)[effect.axis]
+                low, high = moving_axes(linearised.measurement)[effect.axis]
                 if 2 * low - high < point < 2 * high - low:
                     moved = msgspec.structs.replace(effect, fixed_point=float(np.round(point, 1)))
                     yield Candidate(moved, candidate.shapes + 1, candidate.trials)
 
 
-def breaks(frame: Frame) -> Iterator[Candidate]:
+def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:
     """The moment when an instrument was knocked, of each station: the change point that explains most."""
-    measurement = frame.measurement
+    measurement = linearised.measurement
     state = measurement.state
     if not isinstance(measurement.instrument, LaserTracker) or state.time is None or state.station is None:
         return
-    station, time = state.station[frame.rows], state.time[frame.rows]
+    station, time = state.station[linearised.rows], state.time[linearised.rows]
     for name in np.unique(station).tolist():
         moments = np.unique(time[station == name])
         moments = moments[LEAST_ROWS:-LEAST_ROWS]
         if len(moments) < LEAST_ROWS:
             continue
         some = moments[np.unique(np.linspace(0, len(moments) - 1, BREAKS).astype(int))]
-        best = max(some.tolist(), key=lambda since: _gain(frame, StationShift(station=name, since_s=since)))
+        best = max(some.tolist(), key=lambda since: _gain(linearised, StationShift(station=name, since_s=since)))
         near = moments[np.abs(moments - best) <= np.diff(some).max(initial=0.0)]
-        best = max(near.tolist(), key=lambda since: _gain(frame, StationShift(station=name, since_s=since)))
+        best = max(near.tolist(), key=lambda since: _gain(linearised, StationShift(station=name, since_s=since)))
         yield Candidate(StationShift(station=name, since_s=best), 1, float(len(moments)))
 
 
-def _gain(frame: Frame, effect: StationShift) -> float:
-    return frame.score(frame.projected(frame.columns(effect))).gain
+def _gain(linearised: LinearisedFit, effect: StationShift) -> float:
+    return linearised.score(linearised.projected(linearised.columns(effect))).gain
 
 
 def _wave(component: Component, axis: str, period: float, harmonics: int) -> Cyclic:

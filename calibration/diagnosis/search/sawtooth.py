@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from calibration.diagnosis.search.linearised_fit import Frame
-from calibration.diagnosis.search.sensitivity import Lever
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
+from calibration.diagnosis.search.sensitivity import Sensitivity
 from calibration.observation.full_model import moving_axes
 from kinematics.effects import QuantisedCompensation
 from kinematics.effects.base import own_component
@@ -33,35 +33,35 @@ def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
     return np.asarray(0.5 - turns)
 
 
-def likeliest(lever: Lever, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
+def likeliest(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
     """The saw tooth along an axis, of these pitches and offsets `(k,)`, that explains most; its step at zero.
 
     lever: of the axis in its own direction.
     """
-    best = int(np.argmax(_gains(lever, axis, pitches, offsets)))
+    best = int(np.argmax(_gains(sensitivity, axis, pitches, offsets)))
     pitch = float(pitches[best])
     return QuantisedCompensation(axis=axis, step=0.0, pitch=pitch, offset=float(offsets[best]) % pitch)
 
 
-def refined(frame: Frame, effect: QuantisedCompensation) -> QuantisedCompensation:
+def refined(linearised: LinearisedFit, effect: QuantisedCompensation) -> QuantisedCompensation:
     """The likeliest saw tooth about this one."""
-    lever = Lever.of(frame, effect.axis, own_component(effect.axis))
+    sensitivity = Sensitivity.of(linearised, effect.axis, own_component(effect.axis))
     for k in range(ROUNDS):
-        effect = likeliest(lever, effect.axis, *_about(frame, effect, CLOSER**-k))
+        effect = likeliest(sensitivity, effect.axis, *_about(linearised, effect, CLOSER**-k))
     return effect
 
 
-def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float, float]:
+def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) -> tuple[float, float]:
     """Standard uncertainties of pitch and offset: RMS distances from those of the effect, by the odds of all others.
 
     In the frame of a fit without the effect.
     """
-    lever = Lever.of(frame, effect.axis, own_component(effect.axis))
+    sensitivity = Sensitivity.of(linearised, effect.axis, own_component(effect.axis))
     for k in range(ROUNDS):
-        pitches, offsets = _about(frame, effect, CLOSER**-k)
+        pitches, offsets = _about(linearised, effect, CLOSER**-k)
         apart = pitches[1] - pitches[0], offsets[PITCHES] - offsets[0]
-        gains = _gains(lever, effect.axis, pitches, offsets)
-        variance = max((frame.bounded_squares - float(gains.max())) / frame.freedom, 1.0)
+        gains = _gains(sensitivity, effect.axis, pitches, offsets)
+        variance = max((linearised.bounded_squares - float(gains.max())) / linearised.degrees_of_freedom, 1.0)
         odds = np.exp((gains - gains.max()) / (2.0 * variance))
         odds /= odds.sum()
         away = pitches - effect.pitch, offsets - effect.offset
@@ -72,12 +72,12 @@ def saw_uncertainty(frame: Frame, effect: QuantisedCompensation) -> tuple[float,
     return float(np.hypot(u_pitch, apart[0] / 12**0.5)), float(np.hypot(u_offset, apart[1] / 12**0.5))
 
 
-def _about(frame: Frame, effect: QuantisedCompensation, reach: float) -> tuple[Array, Array]:
+def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: float) -> tuple[Array, Array]:
     """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect, turned about the jump in mid-travel.
 
     reach: 1 for one step more or less over the travel, and half a pitch to either side.
     """
-    low, high = moving_axes(frame.measurement)[effect.axis]
+    low, high = moving_axes(linearised.measurement)[effect.axis]
     jumps = round(((low + high) / 2 - effect.offset) / effect.pitch)
     alias = effect.pitch**2 / (high - low)
     pitch = effect.pitch + reach * alias * np.linspace(-1.0, 1.0, PITCHES)
@@ -86,9 +86,9 @@ def _about(frame: Frame, effect: QuantisedCompensation, reach: float) -> tuple[A
     return pitches, middles - jumps * pitches
 
 
-def _gains(lever: Lever, axis: str, pitches: Array, offsets: Array) -> Array:
+def _gains(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Array) -> Array:
     """By which saw teeth `(k,)` lower the sum of squares."""
-    x = lever.frame.positions(axis)
+    x = sensitivity.linearised.positions(axis)
     size = max(1, OVER // len(x))
     parts = [slice(start, start + size) for start in range(0, len(pitches), size)]
-    return np.concatenate([lever.gains(teeth(x, pitches[part], offsets[part])) for part in parts])
+    return np.concatenate([sensitivity.gains(teeth(x, pitches[part], offsets[part])) for part in parts])

@@ -18,7 +18,7 @@ import numpy as np
 
 from calibration.diagnosis.search import proposed_shapes as scans
 from calibration.diagnosis.search.candidates import Candidate, at_zero
-from calibration.diagnosis.search.linearised_fit import Frame, Projected, Score
+from calibration.diagnosis.search.linearised_fit import LinearisedFit, Projected, Score
 from calibration.diagnosis.search.start_model import Base
 from calibration.fit.fit import Fit
 from calibration.measurement.measurement import Measurement
@@ -53,7 +53,7 @@ PASSES = 2
 Progress = Callable[[str], None]
 
 
-class Judged(NamedTuple):
+class Evaluated(NamedTuple):
     """A candidate, its columns and its score in one frame."""
 
     candidate: Candidate
@@ -64,7 +64,7 @@ class Judged(NamedTuple):
 class Sibling(NamedTuple):
     """Another cause that does much the same to these data."""
 
-    judged: Judged
+    evaluated: Evaluated
     cosine: float
     """Between what the two do, once the model and the registration have taken their part."""
     log_odds: float
@@ -81,14 +81,14 @@ class Accepted:
     """Linear parameters in terms of their typical sizes."""
     score: Score
     visible: float
-    held_gains: Array
+    held_out_gains: Array
     """Fall of the squares of each held-out block."""
     siblings: tuple[Sibling, ...] = ()
 
     @property
     def sureness(self) -> float:
         """Gain on held-out blocks in terms of its standard error."""
-        return float(self.held_gains.mean()) / max(_error(self.held_gains), 1e-300)
+        return float(self.held_out_gains.mean()) / max(_error(self.held_out_gains), 1e-300)
 
 
 class Stage(NamedTuple):
@@ -96,7 +96,7 @@ class Stage(NamedTuple):
 
     base: Base
     fit: Fit
-    frame: Frame
+    linearised: LinearisedFit
     accepted: tuple[Accepted, ...]
 
     @property
@@ -104,20 +104,20 @@ class Stage(NamedTuple):
         """Where the accepted causes stand among the effects of the fit."""
         return self.base.numbers(chosen_of(self.accepted))
 
-    def without(self, index: int) -> Frame:
+    def without(self, index: int) -> LinearisedFit:
         """The frame in which one accepted cause alone is missing."""
-        return self.base.lacking(self.frame, self.accepted[index].candidate, self.numbers[index])
+        return self.base.lacking(self.linearised, self.accepted[index].candidate, self.numbers[index])
 
     @property
     def cost(self) -> float:
         """Sum of squares, and what the causes' parameters are charged (BIC)."""
-        parameters = sum(each.score.spent for each in self.accepted)
-        return self.frame.squares + parameters * float(np.log(self.frame.scalars))
+        parameters = sum(each.score.effective_parameters for each in self.accepted)
+        return self.linearised.squares + parameters * float(np.log(self.linearised.scalars))
 
     @property
     def heldout_um(self) -> float:
         """RMS of held-out residuals."""
-        return self.frame.held_out.rms_um
+        return self.linearised.cross_validation.rms_um
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Selection:
 
     stages: tuple[Stage, ...]
     """The base alone, then with one cause more each; the last one is the result."""
-    last_round: tuple[Judged, ...]
+    last_round: tuple[Evaluated, ...]
     """All candidates in the frame of the result, the best first."""
 
 
@@ -158,11 +158,11 @@ class Selector:
         while True:
             now = stages[-1]
             self.progress(f"trying causes; found: {_listed(now.accepted)}")
-            judged = judge(now.frame, proposals(now.frame, self._left(now.accepted)))
-            allowed = [each for each in judged if _key(each.candidate) not in refused]
-            best = next(passing(now.frame, allowed), None) if len(now.accepted) < MOST else None
+            evaluated = evaluate(now.linearised, proposals(now.linearised, self._left(now.accepted)))
+            allowed = [each for each in evaluated if _key(each.candidate) not in refused]
+            best = next(passing(now.linearised, allowed), None) if len(now.accepted) < MOST else None
             if best is None:
-                return Selection(tuple(stages), tuple(judged))
+                return Selection(tuple(stages), tuple(evaluated))
             refused.add(_key(best.candidate))
             self.progress(f"fitting {best.candidate.effect.name} along; found: {_listed(now.accepted)}")
             trial = self.stage([*chosen_of(now.accepted), (best.candidate, best.score.size)])
@@ -172,19 +172,19 @@ class Selector:
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
         """The full fit with these causes, and each seen from the fit without it."""
         fit = self.base.fit(self.measurement, chosen, self.variance)
-        frame = Frame.of(fit)
+        linearised = LinearisedFit.of(fit)
         accepted = []
         for (candidate, _), number in zip(chosen, self.base.numbers(chosen), strict=True):
             effect = fit.model.effects[number]
             found = replace(candidate, effect=at_zero(effect))
-            without = self.base.lacking(frame, candidate, number)
+            without = self.base.lacking(linearised, candidate, number)
             projected = without.candidate(found.effect, found.unit)
             score = without.score(projected, candidate.shapes, candidate.trials)
-            size, gains = score.size * found.unit, without.held_gains(projected)
+            size, gains = score.size * found.unit, without.held_out_gains(projected)
             accepted.append(Accepted(found, size, score, projected.visible, gains))
-        return Stage(self.base, fit, frame, tuple(accepted))
+        return Stage(self.base, fit, linearised, tuple(accepted))
 
-    def settled(self, stage: Stage) -> Stage:
+    def against_siblings(self, stage: Stage) -> Stage:
         """Every cause held against others that could stand in its place; the better one stands there."""
         for swaps_left in reversed(range(PASSES + 1)):
             accepted: list[Accepted] = []
@@ -192,7 +192,9 @@ class Selector:
             for i, own in enumerate(stage.accepted):
                 self.progress(f"siblings of {own.candidate.effect.name}")
                 without = stage.without(i)
-                others = judge(without, proposals(without, self._left([*stage.accepted[:i], *stage.accepted[i + 1 :]])))
+                others = evaluate(
+                    without, proposals(without, self._left([*stage.accepted[:i], *stage.accepted[i + 1 :]]))
+                )
                 accepted.append(replace(own, siblings=tuple(siblings(without, own, others))))
                 first = next(passing(without, others), None)
                 if better is None and first and first.score.delta_bic < own.score.delta_bic + BETTER:
@@ -205,7 +207,7 @@ class Selector:
                 break
             stage = trial
         kept = self.pruned(stage)
-        return stage._replace(accepted=tuple(accepted)) if kept is stage else self.settled(kept)
+        return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
 
     def chosen_again(self, stage: Stage) -> Base:
         """The base whose bases are chosen by the evidence once more, with what a stage has found besides."""
@@ -222,7 +224,9 @@ class Selector:
             others = chosen_of([each for each in stage.accepted if each is not one and each is not other])
             together = replace(one.candidate, effect=whole), np.concatenate([one.size, other.size])
             trial = self.stage([*others, together])
-            if trial.frame.squares < stage.frame.squares + float(np.log(stage.frame.scalars)):  # a period less
+            if trial.linearised.squares < stage.linearised.squares + float(
+                np.log(stage.linearised.scalars)
+            ):  # a period less
                 return self.joined(trial)
         return stage
 
@@ -240,32 +244,32 @@ class Selector:
         return stage
 
 
-def judge(frame: Frame, candidates: Sequence[Candidate]) -> list[Judged]:
+def evaluate(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> list[Evaluated]:
     """Candidates with their scores, the best first."""
-    left = frame.candidates([candidate.effect for candidate in candidates])
+    left = linearised.candidates([candidate.effect for candidate in candidates])
     found = [
-        Judged(candidate, projected, frame.score(projected, candidate.shapes, candidate.trials))
+        Evaluated(candidate, projected, linearised.score(projected, candidate.shapes, candidate.trials))
         for candidate, projected in zip(candidates, left, strict=True)
     ]
-    return sorted(found, key=lambda judged: judged.score.delta_bic)
+    return sorted(found, key=lambda evaluated: evaluated.score.delta_bic)
 
 
-def proposals(frame: Frame, library: Sequence[Candidate]) -> list[Candidate]:
+def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> list[Candidate]:
     """The library, and shapes proposed from the residual of this frame."""
-    return [*library, *scans.proposals(frame, library)]
+    return [*library, *scans.proposals(linearised, library)]
 
 
-def passing(frame: Frame, judged: Sequence[Judged]) -> Iterator[Judged]:
+def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterator[Evaluated]:
     """Those that may be named, the best first."""
-    limit = _discovered([each.score.p_value for each in judged])
-    hidden = min((each.score.delta_bic for each in judged if each.projected.visible < SEEN), default=np.inf)
-    for each in judged[:LOOKED_AT]:
+    limit = _discovered([each.score.p_value for each in evaluated])
+    hidden = min((each.score.delta_bic for each in evaluated if each.projected.visible < SEEN), default=np.inf)
+    for each in evaluated[:LOOKED_AT]:
         # what a cause that the data hardly show explains as well is not blamed on another
         if each.score.delta_bic > min(WORTH, hidden + WORTH):
             return
         if each.projected.visible < SEEN or each.score.p_value > limit or np.abs(each.score.size).max() > LARGEST:
             continue
-        if predicts(frame.held_gains(each.projected)):
+        if predicts(linearised.held_out_gains(each.projected)):
             yield each
 
 
@@ -274,13 +278,13 @@ def predicts(gains: Array) -> bool:
     return bool(gains.mean() > SURE * _error(gains) or (gains.sum() > 0 and np.mean(gains > 0) >= MOSTLY))
 
 
-def siblings(frame: Frame, accepted: Accepted, judged: Sequence[Judged]) -> list[Sibling]:
+def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[Evaluated]) -> list[Sibling]:
     """Other causes that do much the same, in the frame of a fit that has none of them; the likeliest first."""
-    own = frame.projected(frame.columns(accepted.candidate.effect))
-    score = frame.score(own, accepted.candidate.shapes)
+    own = linearised.projected(linearised.columns(accepted.candidate.effect))
+    score = linearised.score(own, accepted.candidate.shapes)
     energy = float(score.size @ own.left @ score.size)
     found: dict[tuple[str | None, ...], Sibling] = {}
-    for each in judged:
+    for each in evaluated:
         other, cause = each.projected, each.candidate.cause
         if other.visible < SEEN or not energy or cause == accepted.candidate.cause:
             continue
@@ -291,7 +295,7 @@ def siblings(frame: Frame, accepted: Accepted, judged: Sequence[Judged]) -> list
         )
         if cosine > RELATED:
             free = complexity(each.candidate) - complexity(accepted.candidate)
-            log_odds = (score.gain - each.score.gain + free * float(np.log(frame.scalars))) / 2
+            log_odds = (score.gain - each.score.gain + free * float(np.log(linearised.scalars))) / 2
             if cause not in found or log_odds < found[cause].log_odds:
                 found[cause] = Sibling(each, cosine, log_odds)
     return sorted(found.values(), key=lambda sibling: sibling.log_odds)

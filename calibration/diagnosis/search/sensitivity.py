@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from calibration.diagnosis.search.linearised_fit import RIDGE, Frame, Score
+from calibration.diagnosis.search.linearised_fit import RIDGE, LinearisedFit, Score
 from kinematics.effects import COMPONENTS, Component, Effect
 from kinematics.transforms import Array
 
@@ -20,23 +20,23 @@ UNSEEN = 1e-12
 
 
 @dataclass(frozen=True)
-class Lever:
+class Sensitivity:
     """An error of 1, mm or rad, at every row of a frame."""
 
-    frame: Frame
+    linearised: LinearisedFit
     arm: Array
     """Whitened derivatives `(n, d)` of what is observed."""
 
     @classmethod
-    def of(cls, frame: Frame, axis: str, component: Component) -> Lever:
+    def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Sensitivity:
         """Of an axis, in a direction of its error frame."""
-        column = 6 * frame.measurement.machine.index(axis) + COMPONENTS.index(component)
-        return cls(frame, frame.transform[:, :, column])
+        column = 6 * linearised.measurement.machine.index(axis) + COMPONENTS.index(component)
+        return cls(linearised, linearised.transform[:, :, column])
 
     @cached_property
     def along(self) -> Array:
         """The residual `(n,)` along it."""
-        return np.asarray(np.sum(self.arm * self.frame.residual.reshape(self.arm.shape), axis=1))
+        return np.asarray(np.sum(self.arm * self.linearised.residual.reshape(self.arm.shape), axis=1))
 
     @cached_property
     def squares(self) -> Array:
@@ -47,7 +47,7 @@ class Lever:
     def _through(self) -> Array:
         """Of each row, `Projected.through` `(q, n)`."""
         n, d = self.arm.shape
-        spanned = self.frame.spanned.reshape(n, d, -1)
+        spanned = self.linearised.spanned.reshape(n, d, -1)
         along = np.zeros((n, spanned.shape[2]))
         for i in range(d):
             along += self.arm[:, i, None] * spanned[:, i]
@@ -79,11 +79,11 @@ class Lever:
 
     def sizes(self, effect: Effect) -> Array:
         """Sizes `(n, k)` of an effect of this axis and direction alone, by its linear parameters, in typical sizes."""
-        (only,) = effect.columns(self.frame.measurement.machine, self.frame.state)
+        (only,) = effect.columns(self.linearised.measurement.machine, self.linearised.state)
         linear = [quantity.linear for quantity in effect.parameter_table]
         typical = np.array([quantity.typical for quantity in effect.parameter_table])[linear]
         return np.asarray(only.values[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
 
     def score(self, sizes: Array, shapes: int = 0) -> Score:
-        """What an error of some sizes would bring; see `Frame.score`."""
-        return self.frame.rated(self.left(sizes), sizes.T @ self.along, shapes)
+        """What an error of some sizes would bring; see `LinearisedFit.score`."""
+        return self.linearised.rated(self.left(sizes), sizes.T @ self.along, shapes)

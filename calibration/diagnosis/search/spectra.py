@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.diagnosis.search.sensitivity import Lever
+from calibration.diagnosis.search.sensitivity import Sensitivity
 from kinematics.transforms import Array
 
 BEYOND = 16.0
@@ -15,10 +15,10 @@ LATTICE = 0.02
 """Share of their distance by which positions may miss a lattice."""
 
 
-def strengths(levers: Sequence[Lever], x: Array, frequencies: Array) -> Array:
+def strengths(sensitivities: Sequence[Sensitivity], x: Array, frequencies: Array) -> Array:
     """Power `(c, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
-    squares = np.array([lever.squares.sum() for lever in levers])[:, None]
-    sums = spectrum(np.stack([lever.along for lever in levers]), x, frequencies)
+    squares = np.array([sensitivity.squares.sum() for sensitivity in sensitivities])[:, None]
+    sums = spectrum(np.stack([sensitivity.along for sensitivity in sensitivities]), x, frequencies)
     return np.asarray(np.abs(sums) ** 2 / np.maximum(squares, 1e-300))
 
 
@@ -42,7 +42,7 @@ def peaks(power: Array, count: int) -> np.ndarray:
     return np.asarray(top[np.argsort(power[top])[::-1][:count]])
 
 
-def finest(lever: Lever, x: Array, tried: Array, step: float, unit: float) -> float:
+def finest(sensitivity: Sensitivity, x: Array, tried: Array, step: float, unit: float) -> float:
     """The frequency that explains most once the model has taken its part, between the neighbours of the best tried.
 
     unit: amplitude of a wave, mm or rad.
@@ -51,7 +51,7 @@ def finest(lever: Lever, x: Array, tried: Array, step: float, unit: float) -> fl
     def best_of(tried: Array) -> float:
         """The one that explains most."""
         phase = 2 * np.pi * x[:, None] * tried
-        return float(tried[int(np.argmax(lever.wave_gains(unit * np.sin(phase), unit * np.cos(phase))))])
+        return float(tried[int(np.argmax(sensitivity.wave_gains(unit * np.sin(phase), unit * np.cos(phase))))])
 
     best = best_of(tried)
     for _ in range(4):

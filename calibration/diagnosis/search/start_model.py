@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from calibration.diagnosis.search.candidates import Candidate, at_zero
-from calibration.diagnosis.search.linearised_fit import Frame
+from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.fit.basis_search import AUTOMATIC_KINDS, ROTARY_KIND, Choice
 from calibration.fit.basis_selection import choose
 from calibration.fit.fit import Fit, Progress, fit
@@ -86,12 +86,12 @@ class Base:
         root[len(prior) :, len(prior) :] = np.diag(own)
         return fit(measurement, model, prior=root, variance=variance)
 
-    def lacking(self, frame: Frame, candidate: Candidate, number: int) -> Frame:
+    def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
         """The frame in which an accepted candidate, the effect of that number, alone is missing.
 
         In the place of a finer error motion stands the base's own.
         """
-        without = frame.without(number)
+        without = linearised.without(number)
         if not (candidate.replaces and self.prior.ndim == 1):
             return without
         return without.along(self.model.effects[number], self.prior[self.model.slices[number]])

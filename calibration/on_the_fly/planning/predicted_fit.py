@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibration.fit.fit import fit
-from calibration.fit.identifiability import Blind, visibility
+from calibration.fit.identifiability import Unidentifiable, identifiability
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import AcrossPath, Measurement, Target, with_moves
 from calibration.observation.full_model import priors
@@ -32,7 +32,7 @@ class Judged(NamedTuple):
     feed_mm: float
     """Length of the feed moves, as the feed counts."""
     blind_mode: str | None
-    not_visible: tuple[Blind, ...]
+    not_visible: tuple[Unidentifiable, ...]
 
 
 def judged(path: NominalPath, targets: Mapping[str, Target]) -> Judged:
@@ -50,7 +50,9 @@ def judged(path: NominalPath, targets: Mapping[str, Target]) -> Judged:
     ideal = _ideal(path, targets)
     found = fit(ideal, volume.model, prior=priors(volume.model) * (PRIOR / TYPICAL))
     length = float(np.diff(path.way)[moves].sum())
-    return Judged(volume.gain(total), length, common_odd_mode(ideal, found.registration), visibility(found).blind)
+    return Judged(
+        volume.gain(total), length, common_odd_mode(ideal, found.registration), identifiability(found).unidentifiable
+    )
 
 
 def _ideal(path: NominalPath, targets: Mapping[str, Target]) -> Measurement:

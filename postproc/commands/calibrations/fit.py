@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from calibration.fit.calibrate import Calibration
     from calibration.fit.fit import Fit
-    from calibration.fit.identifiability import Visibility
+    from calibration.fit.identifiability import Identifiability
     from calibration.on_the_fly.along_path import OnTheFly
     from kinematics.effects import Effect
 
@@ -188,7 +188,7 @@ def summary(found: Calibration) -> dict[str, Any]:
     """The result for programs."""
     from kinematics.effects import LocationError
 
-    fitted, seen, held = found.fit, found.visibility, found.held_out
+    fitted, seen, held = found.fit, found.identifiability, found.cross_validation
     measurement = fitted.measurement
     return {
         "before": {"rms_um": found.before_rms_um, "max_um": found.before_max_um},
@@ -209,7 +209,7 @@ def summary(found: Calibration) -> dict[str, Any]:
         "not_visible": seen.not_visible,
         "blind": [
             {"effects": list(b.effects), "directions": b.directions, "reason": b.reason, "remedy": b.remedy}
-            for b in seen.blind
+            for b in seen.unidentifiable
         ],
         "basis": {axis: str(choice) for axis, choice in found.choice.bases.items()},
         "prior_scale": found.choice.prior_scale,
@@ -240,7 +240,7 @@ def show(found: Calibration, to: Console) -> None:
 
     from kinematics.effects import LocationError
 
-    fitted, seen = found.fit, found.visibility
+    fitted, seen = found.fit, found.identifiability
     measurement = fitted.measurement
     bases = ", ".join(f"{axis} {basis}" for axis, basis in found.choice.bases.items())
     show_insignificant(found.significant_share, to)
@@ -252,7 +252,7 @@ def show(found: Calibration, to: Console) -> None:
         f"rank         {seen.rank} with the instrument's position known, {seen.rank_registered} as it is; "
         f"{seen.by_convention} directions are the frame's and fixed by convention"
     )
-    to.print(residual_table((found.before_rms_um, found.before_max_um), fitted, found.held_out))
+    to.print(residual_table((found.before_rms_um, found.before_max_um), fitted, found.cross_validation))
     to.print(f"noise        {_noise(fitted)}")
     to.print(f"uncertainty  {found.seen}")
     locations = [effect for effect in found.model.effects if isinstance(effect, LocationError)]
@@ -291,11 +291,11 @@ def _show_besides(effects: Iterable[Effect], to: Console) -> None:
         to.print(table)
 
 
-def _alike(seen: Visibility) -> dict[tuple[str, str], list[str]]:
+def _alike(seen: Identifiability) -> dict[tuple[str, str], list[str]]:
     """Names of what is not visible, by reason and remedy."""
     found: dict[tuple[str, str], list[str]] = {}
-    for blind in seen.blind:
-        found.setdefault((blind.reason, blind.remedy), []).append(" + ".join(blind.effects))
+    for unidentifiable in seen.unidentifiable:
+        found.setdefault((unidentifiable.reason, unidentifiable.remedy), []).append(" + ".join(unidentifiable.effects))
     return found
 
 

@@ -97,7 +97,7 @@ def summary(found: ThreePoints, checked: Check) -> dict[str, Any]:
     """The result for programs; um and urad, positions in mm and degrees, u with k = 1."""
     from calibration.single_axis.three_points_figures import locations, ranges, squarenesses
 
-    points, held = found.points, checked.held_out
+    points, held = found.points, checked.cross_validation
     return {
         "before": {"rms_um": checked.before_rms_um, "max_um": checked.before_max_um},
         "after": {
@@ -171,7 +171,7 @@ def show(found: ThreePoints, checked: Check, to: Console, tables: bool = False) 
             f"rounds       chi2/dof {points.chi2 / points.freedom:.3g} by the tracker's sheet; the machine's "
             f"repeatability beyond it {points.repeatability_um:.2g} um"
         )
-    to.print(residual_table((checked.before_rms_um, checked.before_max_um), checked.fit, checked.held_out))
+    to.print(residual_table((checked.before_rms_um, checked.before_max_um), checked.fit, checked.cross_validation))
     for axis in found.axes.values():
         to.print(_axis_summary(axis))
         if tables:

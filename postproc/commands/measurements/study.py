@@ -165,7 +165,7 @@ def _show(found: Sequence[Result], draws: Draws, to: Console) -> None:
     for each in found:
         for note in each.notes:
             say("note", f"case {each.case.name}: {note}")
-        if not each.settled:
+        if not each.converged:
             say(
                 "not settled",
                 f"case {each.case.name}: {draws.most} draws do not settle it to {draws.tolerance_um:g} um",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from calibration.fit.cross_validation import HeldOut
+    from calibration.fit.cross_validation import CrossValidation
     from calibration.fit.fit import Fit
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
@@ -192,7 +192,7 @@ def write_json(results: dict[str, Any], file: BinaryIO) -> None:
     file.write((json.dumps(results, indent=2) + "\n").encode())
 
 
-def residual_table(before: tuple[float, float], after: Fit, held: HeldOut | None) -> Table:
+def residual_table(before: tuple[float, float], after: Fit, held: CrossValidation | None) -> Table:
     """Residuals, um, RMS and largest, of the nominal machine, of the model and of the held-out rows."""
     from rich.table import Table
 

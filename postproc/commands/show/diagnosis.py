@@ -21,7 +21,7 @@ WIDTH = 100
 
 def summary(found: Diagnosis) -> dict[str, Any]:
     """Contract 4.3; keys beyond it at the end."""
-    fit, left, seen = found.after.fit, found.unexplained, found.visibility
+    fit, left, seen = found.after.fit, found.unexplained, found.identifiability
     hidden = [entry.name for entry in found.not_visible]
     return {
         "before": figures(found.before),
@@ -41,7 +41,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "one_by_one": [dependence._asdict() for dependence in found.one_by_one],
         "moves": [
             {"move": move.name, "minutes": move.minutes, "gain_per_minute": move.gain_per_minute, "says": move.says}
-            for move in found.moves
+            for move in found.proposed_measurements
         ],
         "origin": found.base.origin,
         "basis": {} if found.base.choice is None else {a: str(b) for a, b in found.base.choice.bases.items()},
@@ -51,7 +51,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "closure": found.closure,
         "by_direction_um": found.by_direction,
         "volume_um": found.volume._asdict(),
-        "visibility": {each.candidate.effect.name: each.projected.visible for each in reversed(found.judged)},
+        "visibility": {each.candidate.effect.name: each.projected.visible for each in reversed(found.evaluated)},
         "would_show_from": [{"name": name, "size": size, "unit": unit} for name, size, unit in found.smallest],
         "not_tested": [{"name": entry.name, "lacks": entry.lacks} for entry in found.untested],
         "outliers": [found.measurement.where(int(row)) for row in fit.outliers],
@@ -150,8 +150,8 @@ def _head(found: Diagnosis) -> Iterator[str]:
     for remedy, names in words.hidden(found).items():
         more = f" and {len(names) - words.MANY} more" if len(names) > words.MANY else ""
         yield f"NOT VISIBLE  {', '.join(names[: words.MANY])}{more}: it needs {remedy}"
-    for blind in found.visibility.blind if found.visibility else ():
-        yield f"NOT VISIBLE  {blind}"
+    for unidentifiable in found.identifiability.unidentifiable if found.identifiability else ():
+        yield f"NOT VISIBLE  {unidentifiable}"
 
 
 def _tail(found: Diagnosis) -> Iterator[str]:
