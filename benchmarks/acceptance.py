@@ -26,9 +26,7 @@ from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from postproc.control.setup import Setup, make_setup
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.unroll import unrolled
 from postproc.dialects import find_dialect
-from postproc.text.notes import Notes
 from postproc.text.source import open_source
 from postproc.tool_tables import ToolTable
 
@@ -76,9 +74,8 @@ def run(path: Path, machine: Machine, model: ErrorModel, setup: Setup, unroll: b
     """One run of the main job."""
     source, out = open_source(str(path)), io.BytesIO()
     dialect = find_dialect("auto", source.name, source.text_head)
-    if unroll:
-        source = unrolled(source, dialect, lambda: dialect.interpreter(machine, setup, Notes()))
-    Pipeline(Job(source, dialect, machine, model, setup, travel_check=False)).run(out, lambda _: None)
+    job = Job(source, dialect, machine, model, setup, travel_check=False, unroll=unroll)
+    Pipeline(job).run(out, lambda _: None)
     return out.getvalue()
 
 

@@ -34,6 +34,7 @@ def correct_position(
     movable: NDArrayBool,
     start: Array | None = None,
     shift: Array | float = 0.0,
+    precision: float = CONVERGED,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, whose actual tool point is where the nominal one is at `nominal`.
 
@@ -41,7 +42,8 @@ def correct_position(
     positions that all other axes take (default: nominal). shift `(n, 3)`, mm, workpiece frame: from the nominal tool
     point to the target. The target of the nominal machine is shifted by the tool point error of the exact model until
     this error vanishes: each iteration reduces it by about the slope of the errors (1e-4). If the errors jump and the
-    target lies in the jump, the side with the smaller error is taken. UserError if the iteration does not converge.
+    target lies in the jump, the side with the smaller error is taken. precision: last step of the iteration, mm.
+    UserError if the iteration does not converge.
     """
     target = tool_point(machine, nominal, tool) + shift
     aim = target.copy()
@@ -53,9 +55,9 @@ def correct_position(
         following = np.where(moving, linear_positions(machine, q, aim, tool), others)
         steps = np.abs(following - q).max(axis=1, initial=0.0)
         q = following
-        if steps.max(initial=0.0) < CONVERGED:
+        if steps.max(initial=0.0) < precision:
             return q
-    return _beside_jumps(machine, errors, q, (target, tool, moving, others), steps >= CONVERGED)
+    return _beside_jumps(machine, errors, q, (target, tool, moving, others), steps >= precision)
 
 
 def _beside_jumps(

@@ -1,19 +1,20 @@
-"""A program through its dialect: lines to blocks, blocks as they run, what runs to moves; and back to lines in order.
+"""A program through its dialect: lines to blocks, blocks as they run, runs to moves; and back to lines in order.
 
-A program in which one block follows the other is read chunk by chunk, and every chunk can be written at once. One with
-jumps, loops or calls is held as a whole: its chunks are of blocks as they run, so that a block may come in several.
+A program in which one block follows the other is read chunk by chunk, and every chunk can be written at once. A program
+with jumps, loops or calls is stored: it is interpreted once, and corrected when all contexts of its blocks are known.
 """
 
 from __future__ import annotations
 
 import itertools
+import pickle
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
 
-from kinematics.user_error import UserError
 from postproc.dialects import Dialect, Interpreter
 from postproc.motion.motions import Motions, merged
 from postproc.text.block import Block, Refusal
@@ -21,6 +22,8 @@ from postproc.text.block_values import straight
 from postproc.text.flow import Flow
 from postproc.text.source import CHUNK, Source
 
+KEPT = 64
+"""Chunks of a stored program that are kept in memory, 262,144 block runs; later ones are kept in a temporary file."""
 Item = TypeVar("Item")
 
 
@@ -29,14 +32,12 @@ class Part:
     """A chunk of blocks as they ran."""
 
     motions: Motions
-    places: Sequence[int]
-    """Of every block that ran: its index in the program."""
     size: int
     """Characters of text that were read for it."""
+    places: Sequence[int] | None = None
+    """Index in the program of every block run; None where every block runs once."""
     varied: frozenset[int] = frozenset()
-    """Blocks of the chunk that run several times, and move from or to different places."""
-    held: bool = False
-    """The program is held as a whole: blocks may run several times."""
+    """Blocks of the chunk that run several times, and move from or to different positions."""
 
 
 def settled(parts: Iterable[Part]) -> Iterator[Part]:
@@ -57,21 +58,28 @@ def settled(parts: Iterable[Part]) -> Iterator[Part]:
 def _joined(parts: list[Part]) -> Part:
     if len(parts) == 1:
         return parts[0]
-    firsts = itertools.accumulate((len(part.places) for part in parts), initial=0)
+    places = [place for part in parts for place in part.places or ()]
+    firsts = itertools.accumulate((len(part.motions.blocks) for part in parts), initial=0)
     return Part(
         merged([part.motions for part in parts]),
-        [place for part in parts for place in part.places],
         sum(part.size for part in parts),
+        None if parts[0].places is None else places,
         frozenset(first + i for first, part in zip(firsts, parts, strict=False) for i in part.varied),
-        parts[0].held,
     )
 
 
 class Execution(Protocol):
-    """Runs a program once, and puts what is made of its blocks in the order in which they stand."""
+    """Runs a program once, and puts its corrected blocks into their order in the text."""
+
+    @property
+    def source(self) -> Source:
+        """The text."""
 
     def parts(self) -> Iterator[Part]:
-        """The chunks as they run; UserError, located in the program, for what can't be used."""
+        """The chunks as they run; UserError, located in the program, for a block that can't be used."""
+
+    def in_context(self) -> Iterator[Part]:
+        """The same, each with its blocks that run several times with different moves."""
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """Blocks, in the order of the program, whose texts are known when the blocks of a part have become `texts`."""
@@ -80,14 +88,10 @@ class Execution(Protocol):
         """Those that are left at the end."""
 
 
-def execution(
-    source: Source, dialect: Dialect, interpreter: Interpreter, rehearsal: Interpreter | None = None
-) -> Execution:
-    """How a program has to be run; where a `rehearsal` finds out which blocks run several times, in different ways."""
-    if turns(source, dialect):
-        varied = frozenset[int]() if rehearsal is None else _varied(Walk(source, dialect, rehearsal))
-        return Walk(source, dialect, interpreter, varied)
-    return Straight(source, dialect, interpreter)
+def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Execution:
+    """The program as it has to be run."""
+    kind = StoredProgram if turns(source, dialect) else StreamedProgram
+    return kind(source, dialect, interpreter)
 
 
 def turns(source: Source, dialect: Dialect) -> bool:
@@ -104,7 +108,7 @@ def turns(source: Source, dialect: Dialect) -> bool:
 
 
 @dataclass
-class Straight:
+class StreamedProgram:
     """A program whose blocks run one after the other."""
 
     source: Source
@@ -117,13 +121,17 @@ class Straight:
             lines = self.dialect.join_lines(self.source.lines())
             read = (self.dialect.read_block(line, text) for line, text in lines)
             while (motions := self._next(read)).blocks:
-                yield Part(motions, range(len(motions.blocks)), sum(len(block.text) for block in motions.blocks))
+                yield Part(motions, sum(len(block.text) for block in motions.blocks))
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
 
     def _next(self, read: Iterator[Block]) -> Motions:
         """The next chunk; of several blocks that can't be used, the first one is refused."""
         return self.interpreter.read(straight(_chunk(read, self.dialect.leads), self.interpreter.scope))
+
+    def in_context(self) -> Iterator[Part]:
+        """The same: every block runs once."""
+        return self.parts()
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """All of them."""
@@ -135,17 +143,15 @@ class Straight:
 
 
 @dataclass
-class Walk:
-    """A program that is held as a whole and walked through."""
+class StoredProgram:
+    """A program with jumps, loops or calls, stored as a whole and run in the order of execution."""
 
     source: Source
     dialect: Dialect
     interpreter: Interpreter
-    varied: frozenset[int] = frozenset()
-    """Indices in the program of blocks that run several times, not alike."""
     blocks: list[Block] = field(init=False, default_factory=list)
     texts: dict[int, str] = field(init=False, default_factory=dict)
-    """What became of the blocks that ran."""
+    """Corrected texts of the blocks that ran."""
 
     def parts(self) -> Iterator[Part]:
         """Chunks of blocks as they run."""
@@ -153,29 +159,45 @@ class Walk:
             lines = self.dialect.join_lines(self.source.lines())
             self.blocks = self.dialect.link([self.dialect.read_block(line, text) for line, text in lines])
             flow = Flow(self.blocks, self.interpreter.scope, self.dialect.labels, self.dialect.begins)
-            steps = flow.run(self.interpreter)
+            runs = flow.run(self.interpreter)
             size = sum(len(block.text) for block in self.blocks)
             more = True
             while more:
                 places: list[int] = []
-                chunk = _chunk(steps, lambda step: self.dialect.leads(step[1]))
+                chunk = _chunk(runs, lambda run: self.dialect.leads(run[1]))
                 motions = self.interpreter.read(_noting(chunk, places.append))
                 more = len(places) >= CHUNK
-                varied = frozenset(i for i, place in enumerate(places) if place in self.varied)
-                yield Part(motions, places, size, varied, held=True)
+                yield Part(motions, size, places)
                 size = 0
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
 
+    def in_context(self) -> Iterator[Part]:
+        """The chunks, once all blocks have run."""
+        kept: list[Part] = []
+        contexts = _Contexts()
+        with tempfile.TemporaryFile() as file:
+            stored = 0
+            for part in self.parts():
+                contexts.add(part)
+                if len(kept) < KEPT:
+                    kept.append(part)
+                else:
+                    pickle.dump(part, file)
+                    stored += 1
+            file.seek(0)
+            for part in itertools.chain(kept, (pickle.load(file) for _ in range(stored))):
+                yield contexts.marked(part)
+
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """None before the end; a block that runs more than once has to become the same every time."""
-        for place, text in zip(part.places, texts, strict=True):
+        for place, text in zip(part.places or (), texts, strict=True):
             first = self.texts.setdefault(place, text)
             if first != text:
-                block = self.blocks[place]
                 shown = " and ".join(repr(part.strip()) for part in (first, text))
-                raise block.refuse(
-                    f"runs at several places, where it wants different corrections: {shown}; --unroll writes it out"
+                raise self.blocks[place].refuse(
+                    f"this block runs more than once and needs a different correction each time ({shown}); "
+                    "--unroll writes it out"
                 )
         return [], []
 
@@ -184,22 +206,27 @@ class Walk:
         return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
 
 
-def _varied(walk: Walk) -> frozenset[int]:
-    """Blocks whose moves are not the same whenever they run; nothing of a program that is refused, which says it."""
-    first: dict[int, bytes] = {}
-    varied = set()
-    try:
-        for part in walk.parts():
-            motions = part.motions
-            columns = (np.round(motions.start, 9), np.round(motions.target, 9), motions.known_start, motions.known)
-            moves = np.hstack([motions.machine_target.round(9), *columns]) + 0.0
-            for row, block in enumerate(motions.block.tolist()):
-                place, move = part.places[block], moves[row].tobytes()
-                if first.setdefault(place, move) != move:
-                    varied.add(place)
-    except UserError:
-        return frozenset()
-    return frozenset(varied)
+class _Contexts:
+    """Compares the runs of each block of a stored program."""
+
+    def __init__(self) -> None:
+        self._first: dict[int, bytes] = {}
+        """Move of the first run by block."""
+        self._varied: set[int] = set()
+
+    def add(self, part: Part) -> None:
+        """Take in the moves of a chunk."""
+        motions, places = part.motions, part.places or ()
+        columns = (np.round(motions.start, 9), np.round(motions.target, 9), motions.known_start, motions.known)
+        moves = np.hstack([motions.machine_target.round(9), *columns]) + 0.0
+        for row, block in enumerate(motions.block.tolist()):
+            move = moves[row].tobytes()
+            if self._first.setdefault(places[block], move) != move:
+                self._varied.add(places[block])
+
+    def marked(self, part: Part) -> Part:
+        """The chunk with its blocks that run several times with different moves."""
+        return replace(part, varied=frozenset(i for i, place in enumerate(part.places or ()) if place in self._varied))
 
 
 def _chunk(items: Iterator[Item], leads: Callable[[Item], bool]) -> Iterator[Item]:

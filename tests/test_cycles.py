@@ -79,7 +79,7 @@ def test_holes_are_put_right(name):
     machine, text = load("gantry"), HEAD + PROGRAMS[name] + TAIL
     assert correct(text, machine, travel_check=False).text == text
     if name == "a loop":
-        with pytest.raises(UserError, match="runs at several places"):
+        with pytest.raises(UserError, match="needs a different correction each time"):
             correct(text, machine, random_model(machine, 5), travel_check=False)
         return
     model = random_model(machine, 5)

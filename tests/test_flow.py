@@ -146,7 +146,8 @@ def test_a_block_at_several_places_that_want_different_corrections():
     machine = load("gantry")
     text = HEAD + "#1=0\nWHILE[#1 LT 3]DO1\nG1 X[#1*100] F100\n#1=#1+1\nEND1\n"
     with pytest.raises(
-        UserError, match=r"test.nc:4: .*runs at several places, where it wants different corrections: 'G1 X\["
+        UserError,
+        match=r"test.nc:4: .*this block runs more than once and needs a different correction each time \('G1 X\[",
     ):
         correct(text, machine, random_model(machine, 3), travel_check=False)
 

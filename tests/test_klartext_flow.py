@@ -55,7 +55,9 @@ def test_a_program_that_has_these_parameters_itself():
 
 def test_a_block_at_several_places_that_want_different_corrections():
     text = HEAD + "Q1 = 0\nLBL 1\nQ1 = Q1 + 100\nL X+Q1 F500\nCALL LBL 1 REP 3\n" + TAIL
-    with pytest.raises(UserError, match=r"test.h:6: .*runs at several places, where it wants different corrections"):
+    with pytest.raises(
+        UserError, match=r"test.h:6: .*this block runs more than once and needs a different correction each time"
+    ):
         correct(text, model=random_model(load("gantry"), 3))
 
 

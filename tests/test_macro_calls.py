@@ -4,16 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.programs import correct, load, model_of, random_model, read, shifted, source_of
+from support.programs import correct, load, model_of, random_model, read, setup_of, shifted, source_of, written_out
 
 from kinematics.basis import Polynomial
 from kinematics.effects import Backlash, ErrorMotion
 from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
 from postproc.correct.check import check
-from postproc.correct.unroll import unrolled
 from postproc.dialects import find_dialect
-from postproc.text.notes import Notes
 
 HEAD = "G21 G90 G54 G0 X0. Y0. Z0.\n"
 SHIFT = {"X": 3.0, "Y": -4.2, "Z": 5.5}
@@ -133,14 +131,12 @@ def test_with_a_constant_error_every_move_goes_by_it(name):
 
 @pytest.mark.parametrize("name", RUNS)
 def test_written_out(name):
-    """The same moves one after the other, without calls; `unrolled` itself compares them in every axis."""
+    """The same moves one after the other, without calls; the run compares them in every axis."""
     machine, dialect, text = load("gantry"), find_dialect("iso", "", ""), HEAD + RUNS[name][0]
-    source = unrolled(
-        source_of(text), dialect, lambda: dialect.interpreter(machine, make_setup(machine, zero=True), Notes())
-    )
-    out = source.data.decode()
-    if source.data != text.encode():
-        assert not any(word in out for word in ("G66", "G67", "M99", "GOTO"))
+    program = written_out(source_of(text), dialect, machine, setup_of(machine))
+    out = program.source.data.decode()
+    assert sum(len(part.motions) for part in program.parts()) == len(read(text, machine))
+    assert not any(word in out for word in ("G66", "G67", "M99", "GOTO"))
     np.testing.assert_allclose(read(out, machine).target, read(text, machine).target, atol=1e-9)
 
 
@@ -248,5 +244,5 @@ def test_a_macro_at_places_that_want_different_corrections():
     """Increments take none; a depth said in the macro would be another at every place."""
     machine = load("gantry")
     text = HEAD + "G66 P7\nX100.\nX500.\nG67\nM30\nO7\nZ-5.\nZ0.\nM99\n"
-    with pytest.raises(UserError, match="runs at several places, where it wants different corrections"):
+    with pytest.raises(UserError, match="this block runs more than once and needs a different correction each time"):
         correct(text, machine, random_model(machine, 3), travel_check=False)

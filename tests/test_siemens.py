@@ -420,7 +420,7 @@ def test_loops_of_a_real_program(nc_data):
     np.testing.assert_allclose(
         read(written).target - motions.target, np.broadcast_to(SHIFT, motions.target.shape), atol=1e-9
     )
-    with pytest.raises(UserError, match="runs at several places, where it wants different corrections"):
+    with pytest.raises(UserError, match="this block runs more than once and needs a different correction each time"):
         correct(text, model=random_model(load("gantry"), 1))
 
 

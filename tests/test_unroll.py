@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from support.iso_generator import HEAD, OUTSIDE, lines
-from support.programs import load, model_of, random_model, setup_of, source_of
+from support.programs import correct, load, model_of, random_model, setup_of, source_of, written_out
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.unroll import unrolled
 from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
-from postproc.text.notes import Notes
 from postproc.text.source import ENCODING
 
 GANTRY = load("gantry")
@@ -29,10 +27,11 @@ def run(text, dialect="iso", model=BENT, tolerance_um=1.0, *, unroll=True):
     """The source that is corrected, the corrected text, and the moves of the original and of the result."""
     language = find_dialect(dialect, "", "")
     source, setup = source_of(text), setup_of(GANTRY, ["G54=0,0,0"])
-    if unroll:
-        source = unrolled(source, language, lambda: language.interpreter(GANTRY, setup, Notes()))
     out = io.BytesIO()
-    Pipeline(Job(source, language, GANTRY, model, setup, False, tolerance_um=tolerance_um)).run(out, lambda _: None)
+    job = Job(source, language, GANTRY, model, setup, False, tolerance_um=tolerance_um, unroll=unroll)
+    Pipeline(job).run(out, lambda _: None)
+    if unroll:
+        source = written_out(source, language, GANTRY, setup).source
     written = out.getvalue().decode(ENCODING)
     moves = [merged(read_motions(source_of(t), language, GANTRY, setup)) for t in (text, written)]
     return source, written, *moves
@@ -85,14 +84,16 @@ def test_by_hand():
     assert verdict.moves == len(nominal) == 10
     assert verdict.after.largest < 0.1
     assert verdict.path_after.largest < 1.0
-    with pytest.raises(UserError, match="runs at several places, where it wants different corrections"):
+    with pytest.raises(UserError, match="this block runs more than once and needs a different correction each time"):
         run(ISO, unroll=False)
     assert ISO.startswith(written[:14])
 
 
 def test_a_program_without_loops_is_the_source_itself():
-    source = source_of("G0 X1\nM30\n")
-    assert unrolled(source, find_dialect("iso", "", ""), lambda: None) is source
+    text = "G0 X1\nM30\n"
+    written, plain = (correct(text, GANTRY, BENT, unroll=unroll, travel_check=False) for unroll in (True, False))
+    assert written.text == plain.text != text
+    assert written.report.program == plain.report.program
 
 
 def test_siemens():

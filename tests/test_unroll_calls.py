@@ -4,13 +4,11 @@ import io
 
 import pytest
 from support.axis_positions import positions
-from support.programs import load, random_model, setup_of, source_of
+from support.programs import load, random_model, setup_of, source_of, written_out
 
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.unroll import unrolled
 from postproc.dialects import find_dialect
-from postproc.text.notes import Notes
 from postproc.text.source import ENCODING
 
 DRILLED = """\
@@ -29,14 +27,14 @@ M30
 """
 
 
-def written_out(text):
+def unrolled(text):
     machine, dialect = load("gantry"), find_dialect("siemens", "", "")
     source = source_of(text, "test.mpf")
-    return unrolled(source, dialect, lambda: dialect.interpreter(machine, setup_of(machine), Notes()))
+    return written_out(source, dialect, machine, setup_of(machine)).source.data.decode(ENCODING)
 
 
 def test_a_modal_cycle_with_variables_is_written_out():
-    text = written_out(DRILLED).data.decode(ENCODING)
+    text = unrolled(DRILLED)
     assert "MCALL CYCLE81(50,0,2,-5,)" in text
     assert "MCALL CYCLE81(50,1,2,-10,)" in text
     assert positions(text, "siemens") == positions(DRILLED, "siemens")
@@ -44,12 +42,12 @@ def test_a_modal_cycle_with_variables_is_written_out():
 
 def test_it_is_corrected():
     machine, out = load("gantry"), io.BytesIO()
-    source, dialect = written_out(DRILLED), find_dialect("siemens", "", "")
-    job = Job(source, dialect, machine, random_model(machine, 8), setup_of(machine), travel_check=False)
+    source, dialect = source_of(DRILLED, "test.mpf"), find_dialect("siemens", "", "")
+    job = Job(source, dialect, machine, random_model(machine, 8), setup_of(machine), travel_check=False, unroll=True)
     Pipeline(job).run(out, lambda _: None)
     assert b"MCALL CYCLE81(50,1,2,-10,)" in out.getvalue()
 
 
 def test_an_argument_that_is_not_known_is_refused_with_its_line():
     with pytest.raises(UserError, match=r"test\.mpf:6: .*an argument of CYCLE81 is not known"):
-        written_out(DRILLED.replace("2, DEPTH", "2, $AA_IM[Z]"))
+        unrolled(DRILLED.replace("2, DEPTH", "2, $AA_IM[Z]"))

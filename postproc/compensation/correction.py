@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.correction import Errors, correct_orientation, correct_position
+from kinematics.correction import CONVERGED, Errors, correct_orientation, correct_position
 from kinematics.error_model.model import ErrorModel
 from kinematics.forward import forward
 from kinematics.machine import Machine, NDArrayBool
@@ -54,15 +54,28 @@ def correct(
     The target is the part as it lies: where a work offset was touched off on the machine, its shift is in it, by
     `model`. approach `(n, axes)`: the direction in which each move comes to its end.
     """
-    movable = motions.movable
-    nominal = motions.machine_target
-    models, states = (model, orientation), conditions.states(approach)
-    shift = datum_shifts(motions, model, conditions)
-    corrected = corrected_positions(motions.machine, models, states, nominal, motions.tool, movable, shift)
+    ends = correct_ends(motions, model, orientation, conditions, approach)
     rows = sorted(motions.arcs)
-    at_arcs = conditions.states(None if approach is None else approach[rows])
-    middles = _arc_middles(motions, models, at_arcs, movable, rows, shift)
-    return Correction(nominal, corrected, motions.in_program(corrected), middles)
+    states = conditions.states(None if approach is None else approach[rows])
+    shift = datum_shifts(motions, model, conditions)
+    return replace(ends, middle_shift=_arc_middles(motions, (model, orientation), states, rows, shift))
+
+
+def correct_ends(
+    motions: Motions,
+    model: ErrorModel,
+    orientation: ErrorModel | None = None,
+    conditions: Conditions = COLD,
+    approach: Array | None = None,
+    precision: float = CONVERGED,
+) -> Correction:
+    """As `correct`, the end points alone; precision: mm, last step of the iteration."""
+    nominal, states = motions.machine_target, conditions.states(approach)
+    shift = datum_shifts(motions, model, conditions)
+    corrected = corrected_positions(
+        motions.machine, (model, orientation), states, nominal, motions.tool, motions.movable, shift, precision
+    )
+    return Correction(nominal, corrected, motions.in_program(corrected), {})
 
 
 def corrected_positions(
@@ -73,11 +86,13 @@ def corrected_positions(
     tool: Array,
     movable: NDArrayBool,
     shift: Array | float = 0.0,
+    precision: float = CONVERGED,
 ) -> Array:
     """Axis positions `(n, axes)`, mm and rad, that put the tool where it nominally is at `nominal` `(n, axes)`.
 
     By the model of the tool point and, for movable rotary axes, that of the orientation; tool `(n, 3)`, mm. shift
-    `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal position.
+    `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal position. precision: last step of the
+    iteration, mm.
     """
 
     def errors_of(which: ErrorModel) -> Errors:
@@ -85,7 +100,7 @@ def corrected_positions(
 
     model, orientation = models
     start = None if orientation is None else correct_orientation(machine, errors_of(orientation), nominal, movable)
-    return correct_position(machine, errors_of(model), nominal, tool, movable, start, shift)
+    return correct_position(machine, errors_of(model), nominal, tool, movable, start, shift, precision)
 
 
 class Missed(NamedTuple):
@@ -128,7 +143,6 @@ def _arc_middles(
     motions: Motions,
     models: tuple[ErrorModel, ErrorModel | None],
     states: States,
-    movable: NDArrayBool,
     rows: list[int],
     shift: Array,
 ) -> dict[int, Array]:
@@ -139,7 +153,7 @@ def _arc_middles(
     corrected = nominal.copy()
     tool = motions.tool[rows]
     corrected[rows] = corrected_positions(
-        motions.machine, models, states, nominal[rows], tool, movable[rows], shift[rows]
+        motions.machine, models, states, nominal[rows], tool, motions.movable[rows], shift[rows]
     )
     moved = motions.in_program(corrected) - middles
     return {row: moved[row] for row in rows}

@@ -33,6 +33,8 @@ class ControlState:
     """Tools that a programmed move was made with, with their lengths, mm, in words."""
     assumed: dict[str, str] = field(default_factory=dict)
     """Work offsets and tools among them that the machine file assumes, with their values in words."""
+    _origins: dict[tuple[str, str, tuple[float, ...], float], str] = field(default_factory=dict)
+    """Of the frames that moves were programmed in, by their names and values: origins in words."""
     _frame: Frame | None = None
     """The last frame that was looked at."""
 
@@ -112,6 +114,7 @@ class ControlState:
         if frame is None or frame is self._frame:
             return
         self._frame = frame
+        self._origins[_values_of(frame)] = self._origins_now(frame)
         offset, tool = frame.work_offset, tool_key(frame.tool_name)
         if offset and offset not in self.used_offsets:
             origin, text = self._offset_origin(offset), self._offset_text(offset)
@@ -132,7 +135,10 @@ class ControlState:
         return ", ".join(f"{axis} {value:g}" for axis, value in self._offset_values(name).items()) or "0"
 
     def origins(self, frame: Frame) -> str:
-        """Work offset and tool length that a frame is made of, with their origins, in words; empty for none."""
+        """Work offset and tool length of a frame when it was used, with their origins, in words; empty for none."""
+        return self._origins.get(_values_of(frame), "")
+
+    def _origins_now(self, frame: Frame) -> str:
         parts = []
         if name := frame.work_offset:
             parts.append(f"work offset {name} = {_with_origin(self._offset_text(name), self._offset_origin(name))}")
@@ -164,6 +170,10 @@ class ControlState:
             *(f"the datum of {name} was given and is not used" for name in datums),
             *(f"tool length {shown_tool(tool)} was given and is not used" for tool in tools),
         ]
+
+
+def _values_of(frame: Frame) -> tuple[str, str, tuple[float, ...], float]:
+    return frame.work_offset, frame.tool_name, frame.offset, frame.tool_length
 
 
 def _how(option: str) -> str:

@@ -16,7 +16,7 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.axis_positions import held_shifts
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import correct
+from postproc.compensation.correction import correct_ends
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
 from postproc.motion.reversals import (
@@ -35,6 +35,8 @@ from postproc.text.block import Block
 from postproc.text.notes import Notes
 from postproc.write.added_blocks import ALONE, START_M
 
+PRECISION = 0.1
+"""Last step of the iteration that finds the directions of moves, as a share of the dead band."""
 NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
 
 
@@ -96,7 +98,8 @@ class TakeUps:
         """Directions `(n, axes)` in which moves begin and end, were there no play."""
         if not len(motions):
             return np.zeros_like(motions.target), np.zeros_like(motions.target)
-        correction = correct(motions, self._plain, self._orientation, self.conditions)
+        precision = PRECISION * float(self.band[list(self.machine.translators)].min())
+        correction = correct_ends(motions, self._plain, self._orientation, self.conditions, precision=precision)
         shifts = held_shifts(motions, correction, self._shift)
         ends = correction.nominal + shifts
         certain = known_before(motions)

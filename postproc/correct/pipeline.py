@@ -36,8 +36,9 @@ from postproc.correct.rotary_moves import leave_before_turning
 from postproc.correct.splitting import Splitter
 from postproc.correct.trace import Trace
 from postproc.correct.travel import note_outside, refuse_outside
+from postproc.correct.unroll import unrolled
 from postproc.dialects import Dialect
-from postproc.execution import Part, execution, settled
+from postproc.execution import Execution, Part, StoredProgram, execution, settled, turns
 from postproc.iso.lines import refuse_lengthened
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known
@@ -82,6 +83,8 @@ class Job:
     """Largest correction of a linear axis; None for that of `CorrectionLimit`."""
     accepted: frozenset[str] = frozenset(REASONS)
     """Names of implausible conditions that are accepted; the command line accepts none by default."""
+    unroll: bool = False
+    """Loops and calls are written out."""
 
 
 class Pipeline:
@@ -146,16 +149,24 @@ class Pipeline:
         """Write the corrected program with room for its mark."""
         job = self.job
         out.write([job.source.mark])
-        rehearsal = job.dialect.interpreter(job.machine, job.setup, Notes()) if self.model.effects else None
-        program = execution(job.source, job.dialect, self.interpreter, rehearsal)
+        program = self._program()
+        self.report.program["name"] = program.source.name
         try:
-            for part in settled(program.parts()):
+            for part in settled(program.in_context()):
                 self._put(out, *program.finished(part, self._correct(part)))
                 progress(part.size)
             self._put(out, *program.rest())
         except Refusal as refusal:
-            raise refusal.located(job.source.name, job.dialect.evidence) from None
+            raise refusal.located(program.source.name, job.dialect.evidence) from None
         self._check_whole()
+
+    def _program(self) -> Execution:
+        """The program, or on request the text that is written out of it."""
+        job = self.job
+        if job.unroll and turns(job.source, job.dialect):
+            interpreter = job.dialect.interpreter(job.machine, job.setup, Notes())
+            return unrolled(StoredProgram(job.source, job.dialect, interpreter), self.interpreter)
+        return execution(job.source, job.dialect, self.interpreter)
 
     def _check_whole(self) -> None:
         """The checks of plausibility that need all moves: UserError for conditions that are not accepted."""
@@ -216,7 +227,7 @@ class Pipeline:
             refuse_outside(motions, correction.corrected, "after correction", self.interpreter.control_state)
         else:
             note_outside(motions, correction.corrected, self.notes)
-        written = self.writer.write(motions, correction, part.places if part.held else None)
+        written = self.writer.write(motions, correction, part.places)
         self._judge(motions, correction, written)
         report.added_blocks += written.added
         return written.texts

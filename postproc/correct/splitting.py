@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Hashable, Set
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,6 +15,7 @@ from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from postproc.compensation.conditions import Conditions
 from postproc.correct.chord_error import CorrectedWays, Limits, bent, find_cuts
+from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
 from postproc.motion.segments import arc_turned, split
@@ -63,12 +64,27 @@ class Splitter:
         uneven = bent(ways, rows, self.limits)
         reasons = {row: _obstacle(motions, row, ways, varied) for row in uneven.tolist()}
         self.whole = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
-        free = np.array([row for row, reason in reasons.items() if not reason], int)
-        found = find_cuts(ways, free, self.limits)
-        self.uneven = self.whole.keys() | {int(motions.block[piece.row]) for piece in found.steep}
-        cuts = {row: _quarters(motions, row, shares) for row, shares in found.shares.items()}
+        runs = _runs_by_move(motions, [row for row, reason in reasons.items() if not reason])
+        found = find_cuts(ways, np.array(list(runs), int), self.limits)
+        steep = [row for piece in found.steep for row in runs[piece.row]]
+        self.uneven = self.whole.keys() | set(motions.block[steep].tolist())
+        cuts = {row: _quarters(motions, row, shares) for first, shares in found.shares.items() for row in runs[first]}
         self.moves += len(cuts)
         return _with_round_angles(split(motions, cuts)) if cuts else motions
+
+
+def _runs_by_move(motions: Motions, rows: list[int]) -> dict[int, list[int]]:
+    """The rows of the same move, by the first of them: the iterations of a loop are cut alike."""
+    frames: dict[Frame, int] = {}
+    number = [frames.setdefault(frame, i) for i, frame in enumerate(motions.frames)]
+    groups: dict[Hashable, list[int]] = {}
+    columns = (motions.start, motions.target, motions.known_start, motions.known)
+    for row in rows:
+        arc = motions.arcs.get(row)
+        circle = arc and arc._replace(words=(None, None), pole_block=-1)
+        move = number[motions.frame[row]], circle, *(column[row].tobytes() for column in columns)
+        groups.setdefault(move, []).append(row)
+    return {rows[0]: rows for rows in groups.values()}
 
 
 def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset[int]) -> str:

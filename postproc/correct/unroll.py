@@ -1,25 +1,25 @@
 """A program with jumps, loops and calls written out: the blocks as they run, with numbers in the place of formulas.
 
-What is written is a program of its own, which is read again and has to make the very same moves.
+The written text is a program of its own. It is interpreted once, when it is corrected, and must make the same moves.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kinematics.user_error import UserError
 from postproc.control.codes import AXES, PROGRAM_ENDS
-from postproc.dialects import Dialect, Interpreter
-from postproc.execution import Walk, turns
+from postproc.dialects import Interpreter
+from postproc.execution import Part, StoredProgram, StreamedProgram, turns
 from postproc.motion.motions import Motions, merged
 from postproc.siemens.variables import EMPTY
-from postproc.text.block import Block, Edit, Word, edited
+from postproc.text.block import Block, Edit, Refusal, Word, edited
 from postproc.text.expressions import Constant
-from postproc.text.source import ENCODING, HEAD_SIZE, Source
+from postproc.text.source import ENCODING, HEAD_SIZE
 from postproc.text.statements import Return
 
 SAME = 1e-6
@@ -34,49 +34,78 @@ CLOSING = frozenset(("tape_mark", "end_pgm"))
 """Blocks that stand behind the end of the program and close the file."""
 
 
-def unrolled(source: Source, dialect: Dialect, interpreter: Callable[[], Interpreter]) -> Source:
-    """The program without jumps, loops and calls, the source itself where it has none.
+def unrolled(program: StoredProgram, interpreter: Interpreter) -> UnrolledProgram:
+    """The program without jumps, loops and calls, for a new `interpreter`.
 
-    `interpreter` gives a fresh one. UserError, located in the program, for what can't be written out.
+    The program runs once. UserError, located in it, for a block that can't be written out.
     """
-    if not turns(source, dialect):
-        return source
-    walk = Walk(source, dialect, interpreter())
-    ran: list[tuple[int, Block]] = []
-    moves = []
-    for part in walk.parts():
-        ran += zip(part.places, part.motions.blocks, strict=True)
-        moves.append(_bare(part.motions))
-    end = source.line_end
-    text = source.mark + "".join(line if line.endswith(end) else line + end for line in _lines(walk, ran))
-    data = text.encode(ENCODING)
-    result = replace(
-        source, name=f"{source.name} (unrolled)", head=data[:HEAD_SIZE].decode(ENCODING), data=data, origin=source.hash
-    )
-    _check(result, dialect, interpreter(), merged(moves))
-    return result
+    moves: list[Motions] = []
+    source, end = program.source, program.source.line_end
+    lines = (line if line.endswith(end) else line + end for line in _lines(program, moves))
+    data = (source.mark + "".join(lines)).encode(ENCODING)
+    head = data[:HEAD_SIZE].decode(ENCODING)
+    text = replace(source, name=f"{source.name} (unrolled)", head=head, data=data, origin=source.hash)
+    if turns(text, program.dialect):
+        raise UserError(f"{text.name}: a jump, a loop or a call could not be written out")
+    return UnrolledProgram(text, program.dialect, interpreter, merged(moves))
 
 
-def _lines(walk: Walk, ran: list[tuple[int, Block]]) -> Iterator[str]:
-    """With a comment where something else runs than the next block of the program: its line, and how often it ran."""
+@dataclass
+class UnrolledProgram(StreamedProgram):
+    """The text that is written out of a program; its moves must be those of the program."""
+
+    moves: Motions
+    """Of the program."""
+
+    def parts(self) -> Iterator[Part]:
+        """Chunk by chunk; UserError for a chunk with other moves than the program."""
+        done = 0
+        for part in super().parts():
+            first, done = done, done + len(part.motions)
+            if done > len(self.moves) or not _same(part.motions, self.moves.take(np.arange(first, done))):
+                break
+            yield part
+        else:
+            if done == len(self.moves):
+                return
+        raise UserError(f"{self.source.name}: the written text does not make the same moves as the program")
+
+
+def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[str]:
+    """With a comment where another block runs than the next of the program: its line, and how often it ran.
+
+    `moves` takes the moves of the program.
+    """
     passes: Counter[int] = Counter()
     before, comment = -1, ""
-    for i, (place, block) in enumerate(ran):
+    for place, block, last in _runs(program, moves):
         passes[place] += 1
         try:
-            line = _straight(block, walk.blocks[place], last=i == len(ran) - 1)
-        except UserError as refusal:
-            located = getattr(refusal, "located", None)
-            raise located(walk.source.name, walk.dialect.evidence) if located else refusal from None
+            line = _straight(block, program.blocks[place], last=last)
+        except Refusal as refusal:
+            raise refusal.located(program.source.name, program.dialect.evidence) from None
         if place != before + 1:
-            comment = walk.dialect.comment.format(f"LINE {block.line}, PASS {passes[place]}")
+            comment = program.dialect.comment.format(f"LINE {block.line}, PASS {passes[place]}")
         before = place
         if line is not None:
             yield from (comment, line) if comment else (line,)
             comment = ""
-    for place in range(max((place for place, _ in ran), default=-1) + 1, len(walk.blocks)):
-        if walk.blocks[place].kind in CLOSING and not passes[place]:
-            yield walk.blocks[place].text
+    for place in range(max(passes, default=-1) + 1, len(program.blocks)):
+        if program.blocks[place].kind in CLOSING:
+            yield program.blocks[place].text
+
+
+def _runs(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[int, Block, bool]]:
+    """Index in the program and block of every run, true for the last one."""
+    held: tuple[int, Block] | None = None
+    for part in program.parts():
+        moves.append(replace(part.motions, blocks=[], words=[]))
+        for run in zip(part.places or (), part.motions.blocks, strict=True):
+            if held is not None:
+                yield *held, False
+            held = run
+    if held is not None:
+        yield *held, True
 
 
 def _straight(block: Block, written: Block, *, last: bool) -> str | None:
@@ -141,23 +170,14 @@ def _literal(block: Block, word: Word) -> list[Edit]:
     return [Edit(word.start, word.end, plus + text)]
 
 
-def _bare(motions: Motions) -> Motions:
-    return replace(motions, blocks=[], words=[])
-
-
-def _check(source: Source, dialect: Dialect, interpreter: Interpreter, wanted: Motions) -> None:
-    """Refuse a text that does not make the moves that it was made from, or that still turns."""
-    if turns(source, dialect):
-        raise UserError(f"{source.name}: what turns the run of the program could not be taken out of it")
-    walk = Walk(source, dialect, interpreter)
-    found = merged([_bare(part.motions) for part in walk.parts()])
-    same = len(found) == len(wanted) and np.array_equal(found.kind, wanted.kind)
-    if same and len(found):
-        same = bool(np.abs(found.machine_target - wanted.machine_target).max() < SAME)
-        same &= bool((found.known == wanted.known).all()) and found.arcs.keys() == wanted.arcs.keys()
-        for row, arc in wanted.arcs.items() if same else ():
-            other = found.arcs[row]
-            same &= (arc.plane, arc.sense, arc.full, arc.turns) == (other.plane, other.sense, other.full, other.turns)
-            same &= bool(np.allclose(arc.centre, other.centre, rtol=0.0, atol=1e-4))
-    if not same:
-        raise UserError(f"{source.name}: what is written out does not make the same moves as the program")
+def _same(found: Motions, wanted: Motions) -> bool:
+    """True for the same moves, but for the rounding of the written numbers."""
+    if not np.array_equal(found.kind, wanted.kind) or found.arcs.keys() != wanted.arcs.keys():
+        return False
+    same = bool(np.abs(found.machine_target - wanted.machine_target).max(initial=0.0) < SAME)
+    same &= bool((found.known == wanted.known).all())
+    for row, arc in wanted.arcs.items():
+        other = found.arcs[row]
+        same &= (arc.plane, arc.sense, arc.full, arc.turns) == (other.plane, other.sense, other.full, other.turns)
+        same &= bool(np.allclose(arc.centre, other.centre, rtol=0.0, atol=1e-4))
+    return same

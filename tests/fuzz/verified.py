@@ -23,11 +23,9 @@ from kinematics.error_model.model import ErrorModel, decode_model, no_errors
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.correct.report import Report
-from postproc.correct.unroll import unrolled
 from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
-from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, HEAD_SIZE, Source
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.ncomp import reason_of
@@ -406,11 +404,8 @@ def judge(case: Case) -> Outcome:
     model = _model(case.machine, case.calibration)
     try:
         none, _ = _run(Job(source, dialect, machine, no_errors(machine), setup))
-        if plan.get("unroll"):
-            source = unrolled(source, dialect, lambda: dialect.interpreter(machine, setup, Notes()))
-        text, report = _run(
-            Job(source, dialect, machine, model, setup, tolerance_um=plan["tolerance"], accepted=ACCEPTED)
-        )
+        options = {"tolerance_um": plan["tolerance"], "accepted": ACCEPTED, "unroll": plan.get("unroll", False)}
+        text, report = _run(Job(source, dialect, machine, model, setup, **options))
     except UserError as refusal:
         return Outcome(Verdict.REFUSED, reason_of(str(refusal).partition("': ")[2])[:50])
     if none != case.program:

@@ -19,9 +19,10 @@ from kinematics.machine import Machine
 from postproc.control.setup import Setup, make_setup
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.correct.report import Report
+from postproc.correct.unroll import UnrolledProgram, unrolled
 from postproc.correct.verify import read_motions
-from postproc.dialects import find_dialect
-from postproc.execution import execution
+from postproc.dialects import Dialect, find_dialect
+from postproc.execution import StoredProgram, execution
 from postproc.motion.motions import Motions, merged
 from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, HEAD_SIZE, Source
@@ -94,6 +95,12 @@ def correct(
     job = Job(source, dialect, machine, model or no_errors(machine), setup, **options)
     report = Pipeline(job).run(out, lambda _: None)
     return Corrected(out.getvalue().decode(ENCODING), report)
+
+
+def written_out(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> UnrolledProgram:
+    """A program with jumps, loops or calls written out, which is not yet read again."""
+    program, interpreter = (dialect.interpreter(machine, setup, Notes()) for _ in range(2))
+    return unrolled(StoredProgram(source, dialect, program), interpreter)
 
 
 def model_of(machine: Machine, *effects: Effect) -> ErrorModel:

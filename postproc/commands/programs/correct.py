@@ -125,9 +125,7 @@ def correct(
     from postproc.compensation.conditions import make_conditions
     from postproc.correct.pipeline import Job, Pipeline
     from postproc.correct.plausibility import parse_accepted
-    from postproc.correct.unroll import unrolled
     from postproc.dialects import find_dialect
-    from postproc.text.notes import Notes
     from postproc.text.source import open_source
 
     target = target_of(program, output, in_place=in_place)
@@ -143,8 +141,6 @@ def correct(
     known = source.hash
     setup = setup_of(found, work_offset, tool_length, tool_table, datum, zero=set_up_zero)
     language = find_dialect(dialect, source.name, source.text_head)
-    if unroll:
-        source = unrolled(source, language, lambda: language.interpreter(found, setup, Notes()))
     conditions = make_conditions(temperature or (), elapsed, log)
     job = Job(
         source,
@@ -159,6 +155,7 @@ def correct(
         conditions=conditions,
         max_correction_um=max_correction_um,
         accepted=accepted,
+        unroll=unroll,
     )
     pipeline = Pipeline(job, traced=report is not None)
     with (
