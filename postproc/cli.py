@@ -6,6 +6,7 @@ import io
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, Any, NoReturn
 
@@ -15,6 +16,7 @@ from typer.core import TyperGroup
 from kinematics.user_error import UserError
 from postproc.commands.calibrations import compare, continuous, diagnose, fit, iso230, three_points
 from postproc.commands.measurements import plan, predict, simulate, simulate_continuous, study, tracker
+from postproc.commands.options.declared import with_options
 from postproc.commands.programs import check, correct, export, import_tables, machines, verify
 
 MAIN_JOB = "correct"
@@ -45,24 +47,29 @@ app = typer.Typer(
     """,
 )
 
-app.command(MAIN_JOB, epilog=correct.EPILOG)(correct.correct)
-app.command("verify", epilog=verify.EPILOG)(verify.verify)
-app.command("check", epilog=check.EPILOG)(check.check)
-app.command("compare", epilog=compare.EPILOG)(compare.compare)
-app.command("machines", epilog=machines.EPILOG)(machines.machines)
-app.command("export", epilog=export.EPILOG)(export.export)
-app.command("fit", epilog=fit.EPILOG)(fit.fit)
-app.command("diagnose", epilog=diagnose.EPILOG)(diagnose.diagnose)
-app.command("import", epilog=import_tables.EPILOG)(import_tables.import_tables)
-app.command("iso230", epilog=iso230.EPILOG)(iso230.iso230)
-app.command("tracker", epilog=tracker.EPILOG)(tracker.tracker)
-app.command("continuous", epilog=continuous.EPILOG)(continuous.continuous)
-app.command("plan", epilog=plan.EPILOG)(plan.plan)
-app.command("predict", epilog=predict.EPILOG)(predict.predict)
-app.command("simulate", epilog=simulate.EPILOG)(simulate.simulate)
-app.command("simulate-continuous", epilog=simulate_continuous.EPILOG)(simulate_continuous.simulate_continuous)
-app.command("study", epilog=study.EPILOG)(study.study)
-app.command("three-points", epilog=three_points.EPILOG)(three_points.three_points)
+COMMANDS: dict[str, tuple[Callable[..., None], str]] = {
+    MAIN_JOB: (correct.correct, correct.EPILOG),
+    "verify": (verify.verify, verify.EPILOG),
+    "check": (check.check, check.EPILOG),
+    "compare": (compare.compare, compare.EPILOG),
+    "machines": (machines.machines, machines.EPILOG),
+    "export": (export.export, export.EPILOG),
+    "fit": (fit.fit, fit.EPILOG),
+    "diagnose": (diagnose.diagnose, diagnose.EPILOG),
+    "import": (import_tables.import_tables, import_tables.EPILOG),
+    "iso230": (iso230.iso230, iso230.EPILOG),
+    "tracker": (tracker.tracker, tracker.EPILOG),
+    "continuous": (continuous.continuous, continuous.EPILOG),
+    "plan": (plan.plan, plan.EPILOG),
+    "predict": (predict.predict, predict.EPILOG),
+    "simulate": (simulate.simulate, simulate.EPILOG),
+    "simulate-continuous": (simulate_continuous.simulate_continuous, simulate_continuous.EPILOG),
+    "study": (study.study, study.EPILOG),
+    "three-points": (three_points.three_points, three_points.EPILOG),
+}
+"""Each command with the examples under its help."""
+for _name, (_command, _epilog) in COMMANDS.items():
+    app.command(_name, epilog=_epilog)(with_options(_command))
 
 
 def run() -> None:

@@ -48,9 +48,9 @@ POSTPROC = (
     "postproc.correct",
     "postproc.tables",
 )
-TOP = ("postproc.commands", "postproc.cli")
-BOTH_SIDES = ("postproc.commands",)
-"""The only folder where NC programs and calibrations meet."""
+TOP = ("ncomp", "postproc.commands", "postproc.cli")
+BOTH_SIDES = ("ncomp", "postproc.commands")
+"""The only modules where NC programs and calibrations meet."""
 BESIDE_EACH_OTHER = ("postproc.iso", "postproc.siemens", "postproc.heidenhain")
 """The dialects do not import one another."""
 LARGEST_FOLDER = 16
@@ -63,6 +63,7 @@ def module_name(path: Path) -> str:
 
 
 FILES = {module_name(path): path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))}
+FILES["ncomp"] = ROOT / "ncomp.py"
 
 
 def imported(path: Path) -> set[str]:

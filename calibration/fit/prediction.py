@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,6 +57,52 @@ class Predicted(NamedTuple):
     deviation: Array
     u: Array
     """Standard uncertainties, k = 1."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The deviations that a calibration predicts at a table of states, worked out a block at a time."""
+
+    machine: Machine
+    model: ErrorModel
+    state: State
+    tool: Array
+    """Tool vectors `(n, 3)`, mm."""
+
+    def blocks(self) -> Iterator[Predicted]:
+        """The predictions, a block of rows at a time."""
+        return predictions(self.model, self.machine, self.state, self.tool)
+
+    @cached_property
+    def _whole(self) -> tuple[Array, Array]:
+        deviations, uncertainties = zip(*((block.deviation, block.u) for block in self.blocks()), strict=True)
+        return np.concatenate(deviations), np.concatenate(uncertainties)
+
+    @property
+    def deviation_um(self) -> Array:
+        """Deviations `(n, 3)`, um, actual minus nominal, tool relative to workpiece, in the workpiece frame."""
+        return self._whole[0]
+
+    @property
+    def u_um(self) -> Array:
+        """Standard uncertainties `(n, 3)` of the deviations, um, k = 1."""
+        return self._whole[1]
+
+    def seen(self) -> Seen:
+        """Deviations relative to their mean, with their uncertainties, at no more than STATES of the states."""
+        return relative_at_most(self.model, self.machine, self.state, self.tool)
+
+    @property
+    def notes(self) -> list[str]:
+        """Positions beyond the calibrated range, and a calibration without uncertainties."""
+        notes = [
+            f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
+            for (name, unit), excess in self.model.outside(self.machine, self.state).items()
+        ]
+        effects = self.model.effects
+        if effects and self.model.covariance is None and not any(any(effect.uncertainties) for effect in effects):
+            notes.append("the calibration has no uncertainties: every deviation counts as significant")
+        return notes
 
 
 class Seen(NamedTuple):

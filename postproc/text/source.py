@@ -124,6 +124,17 @@ def open_source(path: str) -> Source:
     return source
 
 
+def text_source(text: str, name: str = "<text>") -> Source:
+    """The program in a text; UserError for a character beyond latin-1 and for a text that is no NC program."""
+    try:
+        data = text.encode(ENCODING)
+    except UnicodeEncodeError as fault:
+        raise UserError(f"program {name}: {text[fault.start]!r} is no character of an NC program") from None
+    source = Source(name, text[:HEAD_SIZE], data)
+    _check(source)
+    return source
+
+
 def chunks(items: Iterator[tuple[int, str]], size: int) -> Iterator[list[tuple[int, str]]]:
     """The items in lists of `size`."""
     while chunk := list(itertools.islice(items, size)):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.shared import (
     JsonFile,
@@ -14,7 +15,6 @@ from postproc.commands.options.shared import (
     check_either,
     check_places,
     machine_names,
-    machine_of,
     whole_results,
     write_json,
 )
@@ -104,7 +104,7 @@ def _read(a: Path, b: Path, name: str | None) -> tuple[Machine, tuple[ErrorModel
         )
     if name is None and first.name not in shipped.names():
         raise UserError(f"{a}: machine {first.name} is not shipped; give its file with --machine FILE.toml")
-    machine = machine_of(name or first.name)
+    machine = ncomp.load_machine(name or first.name)
     return machine, (read_model(a, machine), read_model(b, machine))
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.measurement import HeaderLines, header_of
 from postproc.commands.options.shared import (
@@ -17,7 +18,6 @@ from postproc.commands.options.shared import (
     check_apart,
     check_places,
     machine_names,
-    machine_of,
     whole_results,
     write_json,
 )
@@ -132,7 +132,7 @@ def continuous(
     with whole_results(json, report, write_calibration, output) as (results, shown, calibration, file):
         _write_table(found.table(), file)
         if made is not None and machine is not None:
-            calibration.write(calibration_file(made.model, machine_of(machine)))
+            calibration.write(calibration_file(made.model, ncomp.load_machine(machine)))
         write_json(summary(found, read), results)
         if report is not None:
             from calibration.pages.continuous import continuous_page
@@ -162,7 +162,7 @@ def _calibration(
     from calibration.measurement.readers import read_any
     from kinematics.error_model.model import read_model
 
-    machine = machine_of(name)
+    machine = ncomp.load_machine(name)
     if read.machine not in ("", machine.name):
         raise UserError(f"{', '.join(read.fingerprints)}: of machine {read.machine}, --machine is {machine.name}")
     if read.axis not in machine.names:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.options.shared import (
@@ -14,7 +15,6 @@ from postproc.commands.options.shared import (
     MachineName,
     check_either,
     check_places,
-    machine_of,
     refuse_one_place,
     show_insignificant,
     whole_results,
@@ -85,7 +85,7 @@ def diagnose(
     check_places((*data, plan, calibration), (output, json, report))
     check_either("--noise", noise, ("sheet", "estimate"))
     check_either("--unexplained", unexplained, ("report", "add"))
-    found_machine = machine_of(machine)
+    found_machine = ncomp.load_machine(machine)
     present = None if calibration is None else read_model(calibration, found_machine)
     measurement = _read(data, found_machine, file_format, header, columns, plan)
     with console.status("reading") as status:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import ncomp
 from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.options.path import (
     CellLength,
@@ -20,13 +21,12 @@ from postproc.commands.options.path import (
     refuse_without_path,
     show_moving,
 )
-from postproc.commands.options.program import DialectName, SetUpZero, ToolLengths, ToolTable, WorkOffsets, setup_of
+from postproc.commands.options.program import DialectName, SetUpOptions
 from postproc.commands.options.shared import (
     JsonFile,
     MachineName,
     check_either,
     check_places,
-    machine_of,
     refuse_one_place,
     residual_table,
     show_insignificant,
@@ -93,6 +93,7 @@ HoldOut = Annotated[bool, typer.Option(help="Also predict each run, or cell of s
 
 
 def fit(
+    *,
     data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file.")],
     machine: MachineName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
@@ -110,10 +111,7 @@ def fit(
     cell_mm: CellLength = None,
     corner_mm: CornerLength = 5.0,
     reversal: ReversalMode = "none",
-    work_offset: WorkOffsets = None,
-    tool_length: ToolLengths = None,
-    tool_table: ToolTable = None,
-    set_up_zero: SetUpZero = False,
+    set_up: SetUpOptions,
     dialect: DialectName = "auto",
     json: JsonFile = None,
     report: Annotated[
@@ -135,16 +133,20 @@ def fit(
     refuse_one_place(json, str(output), "the calibration")
     check_places((data, plan, path), (output, json, report))
     check_either("--noise", noise, ("sheet", "estimate"))
-    found_machine = machine_of(machine)
+    found_machine = ncomp.load_machine(machine)
     effects = read_effects(effect or [], found_machine)
     taken = None
     if path is None:
-        given = {"work_offset": work_offset, "tool_length": tool_length, "set_up_zero": set_up_zero or None}
+        given = {
+            "work_offset": set_up.work_offset,
+            "tool_length": set_up.tool_length,
+            "set_up_zero": set_up.set_up_zero or None,
+        }
         refuse_without_path(cell_mm=cell_mm, reversal=reversal, **given)
         measurement = read_data(data, found_machine, file_format, header, columns, plan)
     else:
         refuse_plan(plan)
-        setup = setup_of(found_machine, work_offset, tool_length, tool_table, zero=set_up_zero)
+        setup = set_up.setup(found_machine)
         nominal = read_path(path, found_machine, dialect, setup)
         taken = read_on_the_fly(data, nominal, file_format, header, columns, cell_mm, corner_mm)
         measurement = taken.measurement

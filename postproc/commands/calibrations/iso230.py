@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 
 import typer
 
+import ncomp
 from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.options.shared import (
     JsonFile,
     MachineName,
     check_places,
-    machine_of,
     refuse_one_place,
     whole_results,
     write_json,
@@ -59,7 +59,7 @@ def iso230(
 
     refuse_one_place(json, output, "the table")
     check_places((data, plan), (output, json))
-    tests = evaluate(read_data(data, machine_of(machine), format, header, columns, plan))
+    tests = evaluate(read_data(data, ncomp.load_machine(machine), format, header, columns, plan))
     with whole_results(json, output) as (results, file):
         write_json({"axes": [test.json() for test in tests]}, results)
         _write_tables(tests, file)

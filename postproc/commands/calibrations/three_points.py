@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
 from postproc.commands.options.shared import (
     JsonFile,
     MachineName,
     check_places,
-    machine_of,
     refuse_one_place,
     residual_table,
     show_insignificant,
@@ -62,7 +62,7 @@ def three_points(
 
     refuse_one_place(json, str(output), "the calibration")
     check_places((data, plan), (output, json))
-    measurement = read_data(data, machine_of(machine), file_format, header, columns, plan)
+    measurement = read_data(data, ncomp.load_machine(machine), file_format, header, columns, plan)
     choice = Choice(_kind(basis), _degrees(degree or []))
     found = identify(measurement, choice)
     for note in found.notes:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.measurements import plan_path
 from postproc.commands.options import optimising
 from postproc.commands.options import strategy as options
-from postproc.commands.options.program import SetUpZero, ToolLengths, ToolTable, setup_of
-from postproc.commands.options.shared import MachineName, machine_of, whole_results
+from postproc.commands.options.program import ToolOptions
+from postproc.commands.options.shared import MachineName, whole_results
 
 if TYPE_CHECKING:
     from calibration.measurement.plan import Choices, Plan
@@ -56,6 +57,7 @@ EPILOG = (
 
 
 def plan(
+    *,
     machine: MachineName,
     output: Annotated[str, typer.Option("--output", "-o", metavar="PLAN.csv", help="Plan; - for standard output.")],
     strategy: Annotated[
@@ -93,15 +95,13 @@ def plan(
     nc: ProgramFile = None,
     dialect: ProgramDialect = None,
     work_offset: ProgramOffset = None,
-    tool_length: ToolLengths = None,
-    tool_table: ToolTable = None,
-    set_up_zero: SetUpZero = False,
+    tools: ToolOptions,
     rapid: InRapid = False,
 ) -> None:
     """Plan a measurement: positions inside the travel, their order, the time it takes, and the program for it."""
     own_offset = work_offset if path is None else None
     _check_program(nc, output, {"dialect": dialect, "work-offset": own_offset, "rapid": rapid or None})
-    found = machine_of(machine)
+    found = ncomp.load_machine(machine)
     choices = options.choices_of(
         found, ranges=ranges, margin=margin, rotary=rotary, order=order, runs=runs, targets=target,
         target_order=target_order, seed=seed, planes_at=planes_at, rotary_points=rotary_points, approach=approach,
@@ -115,7 +115,7 @@ def plan(
     if strategy == plan_path.STRATEGY:
         _refuse_of_points(points, spacing, dwell, order, approach, references or None)
         length = plan_path.Length(length_m, minutes, manner.feed)
-        setup = setup_of(found, [work_offset] if work_offset else None, tool_length, tool_table, zero=set_up_zero)
+        setup = tools.set_up(found, [work_offset] if work_offset else [])
         _plan_on_the_fly(found, choices, length, path, setup, manner, dialect or "iso", (output, nc))
         return
     for option, value in (("length-m", length_m), ("minutes", None if optimise else minutes), ("path", path)):

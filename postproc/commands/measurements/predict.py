@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ncomp
 from postproc.commands.options.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
     check_places,
-    machine_of,
-    model_of,
     refuse_one_place,
     whole_results,
     write_json,
@@ -50,25 +49,26 @@ def predict(
     standard uncertainties (k = 1) u_dx_um, u_dy_um, u_dz_um. All other columns stay as they are; effects of the
     measuring instrument are not in it.
     """
-    from calibration.fit.prediction import predictions, read_points, relative_at_most
+    from calibration.fit.prediction import read_points
     from postproc.commands.show.prediction import Summary
     from postproc.commands.show.terminal import console, say
     from postproc.commands.show.terminal import output as screen
 
     refuse_one_place(json, output, "the table")
     check_places((points, calibration), (output, json))
-    found = machine_of(machine)
-    model = model_of(calibration, found)
+    found = ncomp.load_machine(machine)
+    model = ncomp.load_calibration(found, calibration)
     read = read_points(points, found)
-    notes = [*read.notes, *_doubts(model, read)]
+    prediction = ncomp.predict(read, found, model)
+    notes = [*read.notes, *prediction.notes]
     summary = Summary()
     with whole_results(json, output) as (results, file):
         for line in _head(read, model):
             file.write(line)
-        for block in predictions(model, found, read.places.state, read.places.tool):
+        for block in prediction.blocks():
             summary.add(block)
             file.write("".join(_lines(read, block)).encode())
-        seen = relative_at_most(model, found, read.places.state, read.places.tool)
+        seen = prediction.seen()
         write_json(summary.json() | {"u_um": seen.json(), "calibration": _identity(model), "notes": notes}, results)
     if model.demonstration:
         say("demonstration calibration", "it describes no real machine")
@@ -82,17 +82,6 @@ def predict(
 def _identity(model: ErrorModel) -> str:
     """What names the calibration; that without effects is none."""
     return model.id if model.effects else "none"
-
-
-def _doubts(model: ErrorModel, read: Points) -> list[str]:
-    """Where the calibration is asked for more than it knows."""
-    doubts = [
-        f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
-        for (name, unit), excess in model.outside(read.machine, read.places.state).items()
-    ]
-    if model.effects and model.covariance is None and not any(any(effect.uncertainties) for effect in model.effects):
-        doubts.append("the calibration has no uncertainties: every deviation counts as significant")
-    return doubts
 
 
 def _head(read: Points, model: ErrorModel) -> Iterator[bytes]:

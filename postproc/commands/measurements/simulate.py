@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.measurements import simulate_on_the_fly as motion
 from postproc.commands.options import strategy as options
 from postproc.commands.options import virtual_instrument as instruments
 from postproc.commands.options import virtual_machine as virtual
 from postproc.commands.options.path import read_path
-from postproc.commands.options.program import DialectName, SetUpZero, ToolLengths, ToolTable, WorkOffsets, setup_of
-from postproc.commands.options.shared import MachineName, check_apart, check_places, machine_of, whole_results
+from postproc.commands.options.program import DialectName, SetUpOptions
+from postproc.commands.options.shared import MachineName, check_apart, check_places, whole_results
 from postproc.commands.options.simulation import Simulation, streams
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ EPILOG = (
 
 
 def simulate(
+    *,
     machine: MachineName,
     output: MeasurementFile,
     strategy: StrategyName = None,
@@ -88,10 +90,7 @@ def simulate(
     acceleration: motion.Acceleration = 1.0,
     rate: motion.Rate = 500.0,
     vibration: motion.VibrationText = None,
-    work_offset: WorkOffsets = None,
-    tool_length: ToolLengths = None,
-    tool_table: ToolTable = None,
-    set_up_zero: SetUpZero = False,
+    set_up: SetUpOptions,
     dialect: DialectName = "auto",
     seed: options.Seed = 0,
 ) -> None:
@@ -107,7 +106,7 @@ def simulate(
     options.check_finite(
         location=location, incidence=incidence, noise=noise, outliers=outliers, duplicates=duplicates, missing=missing
     )
-    found, draws = machine_of(machine), streams(seed, 4)
+    found, draws = ncomp.load_machine(machine), streams(seed, 4)
     told = read_effects(effect or [], found)
     simulated = Simulation(
         virtual.virtual_model(found, errors, calibration, location, told, draws[0]), told,
@@ -118,9 +117,7 @@ def simulate(
     if path is not None:
         given = {"strategy": strategy, "points": points, "spacing": spacing, "range": ranges, "elevation": elevation}
         motion.refuse_with_path(given | {"incidence": incidence, "duplicates": duplicates or None}, instrument)
-        nominal = read_path(
-            path, found, dialect, setup_of(found, work_offset, tool_length, tool_table, zero=set_up_zero)
-        )
+        nominal = read_path(path, found, dialect, set_up.setup(found))
         ride = motion.Ride(feed or [2500.0], acceleration, rate, vibration, target or [], tracker or [])
         motion.simulate_on_path(nominal, ride, simulated)
         return

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options import strategy as options
 from postproc.commands.options import virtual_machine as virtual
-from postproc.commands.options.shared import MachineName, check_apart, check_places, machine_of, whole_results
+from postproc.commands.options.shared import MachineName, check_apart, check_places, whole_results
 from postproc.commands.options.simulation import streams
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def simulate_continuous(
         start_mm=start_mm, end_mm=end_mm, feed=feed, acceleration=acceleration, jerk=jerk, lag=lag, rate=rate,
         noise=noise, jitter=jitter, dropped=dropped, spacing=spacing, dwell=dwell, u_um=u_um,
     )  # fmt: skip
-    found = machine_of(machine)
+    found = ncomp.load_machine(machine)
     axis = axis.strip().upper()
     _check_way(found, axis, start_mm, end_mm, spacing)
     draws = streams(seed, 2)

@@ -13,12 +13,8 @@ import typer
 from kinematics.user_error import UserError
 from postproc.commands.options.program import (
     DialectName,
-    SetUpZero,
-    ToolLengths,
-    ToolTable,
-    WorkOffsets,
+    SetUpOptions,
     moves_of,
-    setup_of,
 )
 from postproc.commands.options.shared import JsonFile, check_places, refuse_one_place, whole_results, write_json
 
@@ -44,6 +40,7 @@ EPILOG = (
 
 
 def study(
+    *,
     definition: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="What is to be compared; docs/study.md.")],
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="RESULTS.csv", help="One row a case; - for standard output.")
@@ -61,10 +58,7 @@ def study(
         typer.Option("--program", metavar="PART.nc", help="Also judge by what a correction leaves along this program."),
     ] = None,
     dialect: DialectName = "auto",
-    work_offset: WorkOffsets = None,
-    tool_length: ToolLengths = None,
-    tool_table: ToolTable = None,
-    set_up_zero: SetUpZero = False,
+    set_up: SetUpOptions,
     json: JsonFile = None,
     report: Annotated[
         str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
@@ -85,7 +79,7 @@ def study(
     from postproc.commands.show.terminal import output as screen
 
     refuse_one_place(json, output, "the results")
-    check_places((definition, program, *(tool_table or ())), (output, json, report))
+    check_places((definition, program, *set_up.files), (output, json, report))
     if dask is not None and workers is not None:
         raise UserError("--workers are processes of this machine, --dask is a cluster: one or the other")
     wanted = read_study(definition)
@@ -93,9 +87,7 @@ def study(
         cases = read_cases(wanted, definition.parent)
     if program is not None:
         machine = cases[0].plan.machine
-        moves = moves_of(
-            program, dialect, machine, setup_of(machine, work_offset, tool_length, tool_table, zero=set_up_zero)
-        )
+        moves = moves_of(program, dialect, machine, set_up.setup(machine))
         along = _ends(moves, program, wanted.instrument.temperature)
         cases = [with_volume(case, along) for case in cases]
     number = None if wanted.draws == "adaptive" else wanted.draws

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from calibration.fit.cross_validation import CrossValidation
     from calibration.fit.fit import Fit
-    from kinematics.error_model.model import ErrorModel
-    from kinematics.machine import Machine
 
 
 def machine_names() -> list[str]:
@@ -38,30 +36,6 @@ CalibrationName = Annotated[
     typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
 ]
 JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
-
-
-def machine_of(name: str) -> Machine:
-    """The machine of that name or file."""
-    import machines as shipped
-
-    return shipped.load(name)
-
-
-def model_of(calibration: str | None, machine: Machine) -> ErrorModel:
-    """The calibration that `--calibration` names; without it the machine's own; UserError when there is none."""
-    import machines as shipped
-    from kinematics.error_model.model import no_errors, read_model
-
-    if calibration == "none":
-        return no_errors(machine)
-    path = Path(calibration) if calibration else shipped.default_calibration(machine)
-    if path is None:
-        raise UserError(
-            f"machine {machine.name} has no calibration of its own: give one with --calibration CAL.json "
-            "('ncomp fit' makes one from measurements), "
-            "or --calibration none"
-        )
-    return read_model(path, machine)
 
 
 def refuse_one_place(json: str | None, output: str | None, what: str) -> None:

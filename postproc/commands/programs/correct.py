@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from kinematics.user_error import UserError
+import ncomp
 from postproc.commands.options.program import (
-    ConditionsLog,
-    Datums,
+    ConditionsOptions,
+    DatumOptions,
     DialectName,
-    Elapsed,
     NoTravelCheck,
     Program,
-    SetUpZero,
-    Temperatures,
-    ToolLengths,
-    ToolTable,
-    WorkOffsets,
-    setup_of,
 )
 from postproc.commands.options.shared import (
     CalibrationName,
@@ -28,16 +21,12 @@ from postproc.commands.options.shared import (
     MachineName,
     check_apart,
     check_places,
-    machine_of,
-    model_of,
     refuse_one_place,
     whole_results,
     write_json,
 )
 from postproc.commands.programs.in_place import backup_of, target_of
-
-if TYPE_CHECKING:
-    from kinematics.machine import Machine
+from postproc.text.source import open_source
 
 EPILOG = (
     "Examples:\n\n"
@@ -82,6 +71,7 @@ Accept = Annotated[
 
 
 def correct(
+    *,
     program: Program,
     machine: MachineName,
     output: Annotated[
@@ -93,17 +83,11 @@ def correct(
     ] = False,
     calibration: CalibrationName = None,
     dialect: DialectName = "auto",
-    work_offset: WorkOffsets = None,
-    datum: Datums = None,
-    tool_length: ToolLengths = None,
-    tool_table: ToolTable = None,
-    set_up_zero: SetUpZero = False,
+    set_up: DatumOptions,
     no_travel_check: NoTravelCheck = False,
     classes: ClassNames = None,
     tolerance_um: Tolerance = 1.0,
-    temperature: Temperatures = None,
-    elapsed: Elapsed = None,
-    log: ConditionsLog = None,
+    at: ConditionsOptions,
     max_correction_um: MaxCorrection = None,
     accept: Accept = None,
     unroll: Annotated[
@@ -122,60 +106,47 @@ def correct(
     output.
     """
     from postproc.commands.show.terminal import progress_of, show_report
-    from postproc.compensation.conditions import make_conditions
-    from postproc.correct.pipeline import Job, Pipeline
     from postproc.correct.plausibility import parse_accepted
-    from postproc.dialects import find_dialect
-    from postproc.text.source import open_source
 
     target = target_of(program, output, in_place=in_place)
     refuse_one_place(json, target, "the program")
     check_apart({"--output": target, "--json": json, "--report": report})
-    check_places((program, calibration, *(tool_table or ()), log), (json, report))
-    check_places((calibration, *(tool_table or ()), log), (target,))
-    accepted = parse_accepted(accept)
-    found = machine_of(machine)
-    model = model_of(calibration, found)
-    chosen = _classes(classes, found)
+    check_places((program, calibration, *set_up.files, at.log), (json, report))
+    check_places((calibration, *set_up.files, at.log), (target,))
+    parse_accepted(accept)
+    found = ncomp.load_machine(machine)
+    model = ncomp.load_calibration(found, calibration)
     source = open_source(program)
     known = source.hash
-    setup = setup_of(found, work_offset, tool_length, tool_table, datum, zero=set_up_zero)
-    language = find_dialect(dialect, source.name, source.text_head)
-    conditions = make_conditions(temperature or (), elapsed, log)
-    job = Job(
-        source,
-        language,
-        found,
-        model,
-        setup,
-        travel_check=not no_travel_check,
-        force=force,
-        classes=chosen,
-        tolerance_um=tolerance_um,
-        conditions=conditions,
-        max_correction_um=max_correction_um,
-        accepted=accepted,
-        unroll=unroll,
-    )
-    pipeline = Pipeline(job, traced=report is not None)
+    setup = set_up.setup(found)
+    conditions = at.conditions()
     with (
         progress_of(source.size, "correcting") as progress,
         backup_of(program, known) if in_place else nullcontext(),
         whole_results(json, report, target) as (results, page, file),
     ):
-        done = pipeline.run(file, progress)
-        write_json(done.json(), results)
-        if pipeline.trace is not None:
+        done = ncomp.correct(
+            source,
+            found,
+            model,
+            dialect=dialect,
+            setup=setup,
+            conditions=conditions,
+            classes=classes,
+            tolerance_um=tolerance_um,
+            max_correction_um=max_correction_um,
+            accept=accept,
+            travel_check=not no_travel_check,
+            unroll=unroll,
+            force=force,
+            output=file,
+            progress=progress,
+            traced=report is not None,
+        )
+        write_json(done.report.json(), results)
+        if done.trace is not None:
             from postproc.commands.show.job_page import job_page
 
-            page.write(job_page(job, done, pipeline.trace, f"ncomp {program} --machine {machine} -o {target}"))
-    show_report(done)
-
-
-def _classes(text: str | None, machine: Machine) -> frozenset[str] | None:
-    from kinematics.error_model.classes import ORIENTATION, parse_classes
-
-    chosen = None if text is None else parse_classes(text)
-    if chosen and ORIENTATION in chosen and not machine.rotary.any():
-        raise UserError(f"--classes {text}: machine {machine.name} has no rotary axis to correct the orientation with")
-    return chosen
+            command = f"ncomp {program} --machine {machine} -o {target}"
+            page.write(job_page(done.job, done.report, done.trace, command))
+    show_report(done.report)

@@ -7,23 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.program import (
     DialectName,
-    SetUpZero,
-    ToolLengths,
-    ToolTable,
-    WorkOffsets,
+    SetUpOptions,
     moves_of,
-    setup_of,
 )
 from postproc.commands.options.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
     check_places,
-    machine_of,
-    model_of,
     whole_results,
     write_json,
 )
@@ -64,6 +59,7 @@ SignName = Annotated[
 
 
 def export(
+    *,
     machine: MachineName,
     format: FormatName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A new folder.")],
@@ -83,10 +79,7 @@ def export(
         str | None, typer.Option("--program", metavar="IN.nc", help="Also tell the errors along this program.")
     ] = None,
     dialect: DialectName = "auto",
-    work_offset: WorkOffsets = None,
-    tool_length: ToolLengths = None,
-    tool_table: ToolTable = None,
-    set_up_zero: SetUpZero = False,
+    set_up: SetUpOptions,
     json: JsonFile = None,
 ) -> None:
     """Write a calibration as compensation tables of a control, with a sheet of what they mean and what they leave.
@@ -103,9 +96,9 @@ def export(
     from postproc.tables.probe import probe as probe_files
     from postproc.tables.sheet import sheet
 
-    check_places((calibration, program, *(tool_table or ())), (rest, json))
+    check_places((calibration, program, *set_up.files), (rest, json))
     _check_folder(output)
-    found = machine_of(machine)
+    found = ncomp.load_machine(machine)
     form = find_format(format)
     chosen = parse_settings(form.settings, settings or ())
     if probe is not None:
@@ -114,9 +107,9 @@ def export(
         _write_probe(output, probe_files(found, probe, form, chosen))
         return
     meaning = sign_of(form, sign)
-    model = model_of(calibration, found)
+    model = ncomp.load_calibration(found, calibration)
     exported = exported_tables(found, model, form, chosen, meaning, (0.0, 0.0, -tool_mm))
-    setup = setup_of(found, work_offset, tool_length, tool_table, zero=set_up_zero)
+    setup = set_up.setup(found)
     places = _places(program, dialect, exported, setup)
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
     if places is not None:

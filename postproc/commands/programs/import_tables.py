@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.shared import MachineName, check_places, machine_of
+from postproc.commands.options.shared import MachineName, check_places
 from postproc.commands.programs.export import FormatName, SettingTexts, SignName
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def import_tables(
     if less_tables_from is not None and with_tables_to is not None:
         raise UserError("--less-tables-from and --with-tables-to: one of them")
     check_places((*files, less_tables_from, with_tables_to), (output,))
-    found = machine_of(machine)
+    found = ncomp.load_machine(machine)
     form = find_format(format)
     parse_settings(form.settings, settings or ())
     said = dict(text.partition("=")[::2] for text in settings or ())

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from postproc.commands.options.shared import machine_of
+import ncomp
 
 EPILOG = "Examples:\n\n`ncomp machines`\n\n`ncomp machines dmu50`\n\n`ncomp machines my_mill.toml`"
 
@@ -23,6 +23,6 @@ def machines(
             machine = shipped.load(each)
             output.print(f"{each:<12} {machine.chain:<24} {machine.description}")
         return
-    machine = machine_of(name)
+    machine = ncomp.load_machine(name)
     path = shipped.default_calibration(machine)
     show_machine(machine, "none of its own" if path is None else path.name)

@@ -1,0 +1,129 @@
+"""Verification of a corrected program against its original, by one model or several, from the two texts alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from kinematics.error_model.model import ErrorModel
+from kinematics.machine import Machine
+from postproc.compensation.conditions import Conditions
+from postproc.compensation.predicted_error import in_a_program, standing_notes
+from postproc.compensation.used_datums import UsedDatums
+from postproc.control.setup import Setup
+from postproc.correct.classes import Left, class_table
+from postproc.correct.mark import PARTS, Mark, check_mark, mark_in_program, mark_of
+from postproc.correct.plausibility import parse_accepted
+from postproc.correct.verify import Verdict, run_motions, verify
+from postproc.dialects import find_dialect
+from postproc.motion.motions import merged
+from postproc.text.notes import Notes
+from postproc.text.source import Source
+
+
+class Models(NamedTuple):
+    """The error models of a verification."""
+
+    calibration: ErrorModel
+    """Model of the correction."""
+    earlier: ErrorModel | None = None
+    true: ErrorModel | None = None
+    """Model that is taken for the true errors; None for `calibration`."""
+
+    @property
+    def judge(self) -> ErrorModel:
+        """The model of the errors."""
+        return self.true or self.calibration
+
+    def by_key(self) -> dict[str, tuple[ErrorModel, str]]:
+        """Each model by its key in the results, with the name of its option; the first has no key."""
+        found = {"": (self.judge, "--align" if self.true else "")}
+        if self.true:
+            found["by_calibration"] = (self.calibration, "--calibration")
+        if self.earlier:
+            found["by_old_model"] = (self.earlier, "--old")
+        return found
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Tool point errors of a program before and after correction."""
+
+    models: Models
+    setup: Setup
+    verdicts: dict[str, Verdict]
+    """By key of `Models.by_key`."""
+    datums: UsedDatums
+    classes: list[Left]
+    """Errors that each ISO/TR 16907 class would leave; empty unless asked for."""
+    assumptions: tuple[str, ...]
+    """Assumed parts of the set-up, as sentences."""
+    notes: list[str]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The errors by the model of the correction, or by the one taken for the true errors."""
+        return self.verdicts[""]
+
+    def json(self) -> dict[str, Any]:
+        """The machine-readable form; every length in um."""
+        others = {key: verdict.json() for key, verdict in self.verdicts.items() if key}
+        rest = {"datum": self.datums.json(self.setup.obtained), "classes": [left.json() for left in self.classes]}
+        return self.verdict.json() | others | rest
+
+
+def verify_programs(
+    programs: tuple[Source, Source],
+    machine: Machine,
+    models: Models,
+    setup: Setup,
+    *,
+    dialect: str,
+    conditions: Conditions,
+    classes: bool,
+    tolerance_um: float,
+    accept: str | None,
+) -> Verification:
+    """Verify the second program as a correction of the first, both run with the same set-up.
+
+    accept: parts of the mark that may differ, separated by commas. UserError for a program that is not understood, for
+    two programs that make different moves, and for a mark of another set-up that is not accepted.
+    """
+    accepted = parse_accepted(accept, PARTS)
+    notes = standing_notes(models.judge, conditions)
+    motions, states = [], []
+    for source in programs:
+        language = find_dialect(dialect, source.name, source.text_head)
+        interpreter = language.interpreter(machine, setup, Notes())
+        motions.append(merged(run_motions(source, language, interpreter)))
+        states.append(interpreter.control_state)
+    corrected = programs[1]
+    here = mark_of(models.calibration, states[0])
+    notes += _mark_notes(corrected.name, mark_in_program(corrected), here, models.earlier, accepted)
+    verdicts = {
+        key: verify(motions[0], motions[1], model, conditions, tolerance_um)
+        for key, (model, _) in models.by_key().items()
+    }
+    datums = UsedDatums(setup)
+    datums.add(motions[0])
+    datums.predict(machine, models.judge.part(in_a_program), conditions)
+    return Verification(
+        models,
+        setup,
+        verdicts,
+        datums,
+        class_table(motions[0], models.judge, conditions) if classes else [],
+        tuple(dict.fromkeys(state.assumption() for state in states)),
+        [*notes, *datums.notes()],
+    )
+
+
+def _mark_notes(
+    name: str, mark: Mark | None, here: Mark, earlier: ErrorModel | None, accepted: frozenset[str]
+) -> list[str]:
+    """Notes on the mark of a corrected program; UserError, by name, if its set-up differs from `here`."""
+    if mark is None:
+        return [f"{name} has no mark of ncomp: the calibration and the set-up of its correction are not known"]
+    if earlier is not None and mark.calibration == earlier.id.upper():
+        here = here._replace(calibration=mark.calibration)
+    return check_mark(name, mark, here, accepted)

@@ -1,0 +1,39 @@
+"""The public interface: its examples, its names, and its results beside those of the commands."""
+
+from __future__ import annotations
+
+import doctest
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import ncomp
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+OFFSET, LENGTH = "G54=-30,-20,150", "T1=80"
+HEAVY = ("scipy.optimize", "sympy", "matplotlib", "lark", "rich")
+
+
+def test_every_public_function_has_a_docstring_and_the_examples_run():
+    functions = [getattr(ncomp, name) for name in ncomp.__all__]
+    assert all(function.__doc__ for function in functions)
+    results = doctest.testmod(ncomp)
+    assert results.attempted > 10
+    assert results.failed == 0
+
+
+def test_the_import_is_light():
+    code = f"import ncomp, sys; print([name for name in {HEAVY} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=EXAMPLES.parent)
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_command_and_the_function_write_the_same_bytes(command, tmp_path):
+    program = EXAMPLES / "box.nc"
+    options = ("--work-offset", OFFSET, "--tool-length", LENGTH)
+    assert command(program, "-m", "dmu50", *options, "-o", "out.nc", "--json", "out.json").status == 0
+    done = ncomp.correct(program, "dmu50", setup=ncomp.set_up("dmu50", work_offset=[OFFSET], tool_length=[LENGTH]))
+    assert done.text.encode("latin-1") == (tmp_path / "out.nc").read_bytes()
+    assert json.dumps(done.report.json()) == json.dumps(json.loads((tmp_path / "out.json").read_text()))
+    assert len(done.moves) == done.report.moves + sum(done.moves.added)
