@@ -11,10 +11,10 @@ SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test test-slow test-all fuzz lint lock clean
+.PHONY: help setup demo test test-unit test-statistical test-all fuzz lint lock clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 25
 
 setup: $(INSTALLED) ## create .venv from requirements.lock (done by the other targets when needed)
 
@@ -27,12 +27,15 @@ demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it g
 	@echo
 	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE) $(SETUP)
 
-test: $(INSTALLED) ## run the tests, without the slow ones (ARGS="-k name" is passed on)
-	$(BIN)/pytest -n 2 -m "not slow" $(ARGS)
+test: $(INSTALLED) ## run the unit and the integration tests (ARGS="-k name" is passed on)
+	$(BIN)/pytest -n 2 -m "not statistical" $(ARGS)
+
+test-unit: $(INSTALLED) ## run the unit tests only, about a minute
+	$(BIN)/pytest -n 2 -m unit $(ARGS)
 
 # pytest ends with 5 where there is no test to run.
-test-slow: $(INSTALLED) ## run the slow tests only
-	$(BIN)/pytest -n 2 -m slow $(ARGS) || [ $$? -eq 5 ]
+test-statistical: $(INSTALLED) ## run the tests with many draws only
+	$(BIN)/pytest -n 2 -m statistical $(ARGS) || [ $$? -eq 5 ]
 
 test-all: $(INSTALLED) ## run every test; those of LinuxCNC fail, rather than skip, without rs274
 	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 $(ARGS)

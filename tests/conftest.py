@@ -26,10 +26,22 @@ hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("default")  # or --hypothesis-profile=ci
 
 
+TIERS = {"unit", "integration", "statistical"}
+LINUXCNC = {"linuxcnc", "linuxcnc_sim"}
+INTEGRATION = {"command", "ncomp", "nc_data", "plates", "slit_log", *LINUXCNC}
+"""A test with one of these fixtures is an integration test, unless it is marked as statistical."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark every test that asks for LinuxCNC, so that `-m "not linuxcnc"` leaves it out."""
+    """Put every test in one tier, and mark those that need LinuxCNC, so that `-m "not linuxcnc"` leaves them out."""
     for item in items:
-        if {"linuxcnc", "linuxcnc_sim"} & set(getattr(item, "fixturenames", ())):
+        fixtures = set(getattr(item, "fixturenames", ()))
+        marked = TIERS & {marker.name for marker in item.iter_markers()}
+        if len(marked) > 1:
+            raise pytest.UsageError(f"{item.nodeid} is marked as {' and '.join(sorted(marked))}: one tier is expected")
+        if not marked:
+            item.add_marker("integration" if fixtures & INTEGRATION else "unit")
+        if fixtures & LINUXCNC:
             item.add_marker("linuxcnc")
 
 

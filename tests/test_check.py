@@ -70,7 +70,7 @@ def test_ranges(lines, text):
     assert ranges(lines) == text
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_check_and_correct_agree(command, nc_data):
     """What one accepts the other does, for real programs of all dialects."""
     agreed = 0

@@ -73,7 +73,7 @@ def real_programs(nc_data):
     return sorted([*(nc_data / "iso").rglob("*.*"), *FREECAD.glob("*.nc")])
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_every_real_program_that_linuxcnc_takes(linuxcnc, nc_data):
     left, moves = set(), 0
     for path in real_programs(nc_data):
@@ -92,14 +92,16 @@ def test_every_real_program_that_linuxcnc_takes(linuxcnc, nc_data):
     assert moves > 5000
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_the_impeller(linuxcnc, nc_data):
     (path,) = (nc_data / "iso").rglob("impeller*")
     assert compare(linuxcnc, path.read_bytes().decode(ENCODING), load("trunnion_ac")) == 4492
 
 
 @pytest.mark.parametrize("machine", ["gantry", "head_table"])
-@pytest.mark.parametrize("seed", [*range(4), *[pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 60)]])
+@pytest.mark.parametrize(
+    "seed", [*range(4), *[pytest.param(seed, marks=pytest.mark.statistical) for seed in range(4, 60)]]
+)
 def test_random_programs(linuxcnc, machine, seed):
     machine = load(machine)
     setup = random_setup(machine)

@@ -80,7 +80,7 @@ def test_joint_estimate_is_below_the_papers_methods():
     assert ours < least < two < end
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("noise_quasi", [0.05, 0.15])
 def test_the_papers_case_over_300_draws(noise_quasi):
     noise = 0.15 if noise_quasi == 0.15 else 0.1

@@ -71,7 +71,7 @@ def test_from_the_log_to_the_corrected_program(command):
     assert after < 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_from_the_log_to_tables_and_back(command):
     made(command, "cframe", *ERRORS)
     calibrated(command, "cframe")

@@ -111,13 +111,13 @@ def test_nothing_to_look_at():
     assert explaining_variables(np.zeros((100, 3)), {"X": np.arange(100.0)}, rng) is None
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("grid", [False, True])
 def test_level_of_sets(grid):
     assert found_sets(100, 300, nothing, grid)[None] >= 98
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("n", [300, 1000])
 def test_power_of_sets(n):
     assert found_sets(40, n, joint)["X", "Z", "time"] >= 36

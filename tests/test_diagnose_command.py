@@ -325,7 +325,9 @@ ODD = {
 QUICK = ("5 % outliers", "no time")
 
 
-@pytest.mark.parametrize("case", [pytest.param(case, marks=() if case in QUICK else pytest.mark.slow) for case in ODD])
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, marks=() if case in QUICK else pytest.mark.statistical) for case in ODD]
+)
 def test_odd_data_show_the_same_cause(diagnosed, sheet, case):
     done, said, _ = diagnosed(ODD[case](sheet))
     assert done.status == 0, done.err
@@ -337,7 +339,7 @@ def test_odd_data_show_the_same_cause(diagnosed, sheet, case):
     assert abs(width["parameters"]["width_um"] - 30.0) < 4 * width["u"]["width_um"]
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("factor", [1e-3, 50.0])
 def test_a_sheet_that_is_far_off_is_told(diagnosed, sheet, factor):
     for line in [line for line in sheet.head if line.startswith("# u_")]:

@@ -39,7 +39,7 @@ def test_no_pitch_error_and_no_backlash_is_claimed_of_the_plates(command, plates
     assert {"E_ZX", "E_ZY"} <= set(found["not_visible"])
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("kind", draws.KINDS)
 def test_every_kind_is_named(kind):
     result = exam.ask(draws.draw([kind], MACHINES[kind], 3))
@@ -47,29 +47,29 @@ def test_every_kind_is_named(kind):
     assert not result.score.blamed
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("seed", range(5))
 def test_nothing_is_named_where_nothing_is_wrong(seed):
     assert not exam.ask(draws.nothing(seed)).found
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_ties_are_printed_as_ties():
     assert exam.tied(draws.tied_growth("gantry", 0), ("thermal-drift", "tracker-drift"))[0]
     assert exam.tied(draws.tied_backlash("cframe", 0), ("backlash", "settling"))[0]
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_what_one_station_cannot_see_is_not_named():
     assert exam.not_visible(draws.range_of_one_station("cframe", 0), "tracker-range")[0]
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_what_is_outside_the_table_is_unexplained():
     assert exam.unexplained(draws.unknown("cframe", 1), {"X", "Z", "time"})[0]
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_steps_behind_which_a_fine_basis_hides():
     """150 positions, and 600 parameters by the evidence, which bend themselves round steps of 64 um."""
     result = exam.ask(draws.draw(["quantised-compensation"], "dmu50", 19), with_twin=True)
@@ -78,7 +78,7 @@ def test_steps_behind_which_a_fine_basis_hides():
     assert result.heldout < 1.05
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize(("name", "seed"), [("gantry", 5), ("dmu50", 3)], ids=["first cycle", "cyclic"])
 def test_what_chance_finds_beside_what_has_no_name_is_not_blamed(name, seed):
     assert exam.unexplained(draws.unknown(name, seed), {"X", "Z", "time"})[0]

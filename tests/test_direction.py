@@ -184,7 +184,7 @@ def test_without_play_nothing_is_added():
 
 
 @pytest.mark.parametrize(
-    "name", ["gantry", *(pytest.param(name, marks=pytest.mark.slow) for name in ("dmu50", "head_table"))]
+    "name", ["gantry", *(pytest.param(name, marks=pytest.mark.statistical) for name in ("dmu50", "head_table"))]
 )
 @settings(max_examples=4)
 @given(seed=seeds, tcp=st.booleans())

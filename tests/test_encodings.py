@@ -114,7 +114,7 @@ def test_a_comment_that_goes_on_in_the_next_line_hides_no_block(tmp_path):
         corrected(path, no_errors(GANTRY))
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_real_programs_in_other_clothes(nc_data, tmp_path):
     """Every real program that is read comes back with its line ends changed, and with a comment in another alphabet."""
     accepted = 0

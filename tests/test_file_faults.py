@@ -73,7 +73,7 @@ def test_a_device_without_space_leaves_no_result_at_all(where):
     check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} {where}"), OUTPUTS[where])
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize(
     "command",
     ["ncomp verify in.nc in.nc --machine gantry --calibration cal.json", "ncomp machines", "ncomp --help",
@@ -86,7 +86,7 @@ def test_tables_for_people_on_a_full_disk(command):
     assert b"Traceback" not in done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize(
     "command",
     ["plan --machine gantry --strategy grid --points 3 -o {}", "plan --machine gantry --strategy grid -o out.nc --nc {}",
@@ -183,7 +183,7 @@ def check_whole(text: str) -> None:
     assert text.endswith("M30\n")
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_stopped_at_some_moment(folder, stop):
     (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 20_000 + "M30"))

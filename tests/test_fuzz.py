@@ -35,7 +35,7 @@ def test_found_before(path):
     assert outcome.verdict is not Verdict.DIFFERS, f"{outcome.text}\nfound: {json.loads(path.read_text())['detail']}"
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("name", EXAMINERS)
 def test_random_programs(name):
     count = run(name, PROGRAMS, seed=0, keep=False)

@@ -27,7 +27,7 @@ WORDS = (
 COUNT = 1500
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("family", ["any", "linuxcnc"])
 def test_blocks_end_where_linuxcnc_ends(family, linuxcnc):
     """A random sample of them all; blocks that either refuses are no danger."""

@@ -11,7 +11,7 @@ from kinematics.effects import Backlash
 from postproc.motion.moves import Kind
 from postproc.motion.segments import like
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.statistical
 
 GANTRY = load("gantry")
 WIDTHS = {"X": 20.0, "Y": 40.0, "Z": 10.0}  # um; half of each is a whole number of 0.0001 mm

@@ -8,7 +8,7 @@ import machines
 from kinematics.forward import forward, tool_point
 from kinematics.inverse import inverse, linear_positions
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.statistical
 
 TOLERANCE = 1e-9  # mm and rad
 EXACT = 1e-12

@@ -102,7 +102,7 @@ def test_the_machine_without_errors():
 @pytest.mark.parametrize(
     "covariance",
     [
-        pytest.param(None, id="independent", marks=pytest.mark.slow),
+        pytest.param(None, id="independent", marks=pytest.mark.statistical),
         pytest.param(correlated(12, seed=7), id="correlated"),
     ],
 )
@@ -146,7 +146,8 @@ def many_states(n: int, seed: int) -> State:
 
 
 @pytest.mark.parametrize(
-    "correlation", [pytest.param(0.0, id="independent", marks=pytest.mark.slow), pytest.param(0.6, id="correlated")]
+    "correlation",
+    [pytest.param(0.0, id="independent", marks=pytest.mark.statistical), pytest.param(0.6, id="correlated")],
 )
 def test_standard_uncertainty_of_effects_of_all_places_equals_monte_carlo(correlation):
     """Shapes (period, time constant, lag) are linearised; the instrument's uncertainty is none of the prediction's."""

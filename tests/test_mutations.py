@@ -103,7 +103,7 @@ def test_klartext(data):
     check(*data.draw(spoilt("heidenhain")), "heidenhain")
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.usefixtures("nc_data")
 @pytest.mark.parametrize("dialect", ["iso", "siemens", "heidenhain"])
 @settings(max_examples=1500)

@@ -319,7 +319,7 @@ def test_backlash_and_what_differs_forward_and_backward():
         reversals(m, "some")
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_several_feeds_stations_and_targets_are_one_measurement():
     targets = {"a": Target(TOOL), "b": Target((90.0, 40.0, -160.0)), "c": Target((-60.0, 80.0, -120.0))}
     truth = truth_of(6)
@@ -425,7 +425,7 @@ def test_options_of_a_path_need_a_path(command):
     assert "--path PATH.nc" in done.err
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_vibration_that_is_fast_does_not_matter():
     readings, _ = followed(polyline(6), truth_of(7), rate=200.0, vibration=Vibration(5.0, 43.0))
     found = calibrate(on_path(readings, polyline(6)).measurement, hold_out=False)
@@ -442,7 +442,7 @@ def test_a_path_sweeps_the_turn_between_its_ends():
     assert high == pytest.approx(300.0, abs=5.0)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_five_axes():
     machine = machines.load("dmu50")
     rng = np.random.default_rng(3)

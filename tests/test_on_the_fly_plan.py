@@ -121,7 +121,7 @@ def test_too_short_a_path_is_refused():
         planned(volume(), 200.0, np.random.default_rng(0))
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_the_fixed_set_up():
     """The bars of the fixed set-up: noise gain 0.165, and with 1 um on each reading 0.55 um on a grid in 21 m of path."""
     found = planned(volume(), 21_000.0, np.random.default_rng(0))
@@ -142,7 +142,7 @@ def test_a_given_path_is_judged():
     assert {"E_XX", "E_YY", "E_ZZ"} not in [set(blind.effects) for blind in good.not_visible]
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_three_targets_see_everything():
     three = {"a": Target((0.0, 0.0, -100.0)), "b": Target((80.0, 0.0, -100.0)), "c": Target((0.0, 90.0, -180.0))}
     assert judged(polyline(3, 30), three).not_visible == ()
@@ -328,7 +328,7 @@ def test_what_cant_be_is_refused(command, tmp_path, arguments, said):
     assert {path.name for path in tmp_path.iterdir()} == {"fixed.toml"}
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_on_the_fly_agrees_with_points_at_rest():
     """The same virtual machine by both: their deviations in the volume differ by no more than both uncertainties."""
     rng = np.random.default_rng(2)
@@ -352,7 +352,7 @@ def test_on_the_fly_agrees_with_points_at_rest():
     assert np.sqrt(np.mean(apart**2)) < 1.5
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_uncertainty_of_what_one_tool_vector_shows_apart_from_the_shift_that_it_does_not(command, tmp_path):
     """The correction between positions is known as it errs; the shift common to all, within the unseen tilt."""
     (tmp_path / "mill.toml").write_text(

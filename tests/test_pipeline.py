@@ -86,7 +86,7 @@ def test_random_programs(name, seed, tcp, blocks):
     assert any(note.startswith("already corrected") for note in again.report.notes)
 
 
-@pytest.mark.parametrize("name", ["gantry", pytest.param("dmu50", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["gantry", pytest.param("dmu50", marks=pytest.mark.statistical)])
 @settings(max_examples=8)
 @given(seed=seeds)
 def test_chunks_of_any_size_give_the_same_bytes(name, seed):
@@ -157,7 +157,7 @@ def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp,
     assert (after[:, machine.rotary] == before[:, machine.rotary]).all()
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("name", MACHINES)
 @settings(max_examples=150)
 @given(seed=seeds, tcp=st.booleans())

@@ -223,7 +223,9 @@ def test_programs_with_take_ups(linuxcnc, name):
 
 
 @pytest.mark.parametrize("machine", ["gantry", "head_table"])
-@pytest.mark.parametrize("seed", [*range(8), *[pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 120)]])
+@pytest.mark.parametrize(
+    "seed", [*range(8), *[pytest.param(seed, marks=pytest.mark.statistical) for seed in range(8, 120)]]
+)
 def test_random_programs(linuxcnc, machine, seed):
     machine = load(machine)
     setup = random_setup(machine)

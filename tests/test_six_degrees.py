@@ -96,7 +96,7 @@ def test_fit_finds_all_six_error_motions_of_an_axis(tmp_path: Path) -> None:
         assert np.sqrt(np.mean(left**2)) < 0.15 * np.sqrt(np.mean(without_line(true[component], x, degree) ** 2)) + 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_slope_and_offset_of_a_straightness_are_the_lasers_not_the_machines(tmp_path: Path) -> None:
     data = simulated(tmp_path)
     command("fit", str(data), "--machine", "cframe", "--basis", "cubic:6", "-o", str(tmp_path / "one.json"))
@@ -187,7 +187,7 @@ def test_a_rotary_axis_has_no_such_columns(tmp_path: Path) -> None:
         read_measurement(written(tmp_path, text), machines.load("dmu50"))
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_diagnose_finds_backlash_in_six_degree_data(tmp_path: Path) -> None:
     data = simulated(tmp_path, "--effect", "backlash:axis=Y,width=9")
     found = tmp_path / "found.json"

@@ -142,7 +142,7 @@ def long_lines(machine, seed, tcp, dialect, moves=4):
 
 
 @pytest.mark.parametrize(("name", "tcp"), EVERY)
-@pytest.mark.parametrize("dialect", ["iso", pytest.param("siemens", marks=pytest.mark.slow), pytest.param("heidenhain", marks=pytest.mark.slow)])  # fmt: skip
+@pytest.mark.parametrize("dialect", ["iso", pytest.param("siemens", marks=pytest.mark.statistical), pytest.param("heidenhain", marks=pytest.mark.statistical)])  # fmt: skip
 def test_random_long_lines_on_all_machines(name, tcp, dialect):
     machine = load(name)
     seed = EVERY.index((name, tcp))
@@ -161,7 +161,7 @@ def test_other_dialects(dialect):
     assert run.report.split_moves == 4
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), case=st.sampled_from(EVERY), dialect=st.sampled_from(list(TCP)))
 def test_any_long_lines(seed, case, dialect):
@@ -325,7 +325,7 @@ def test_arcs_on_all_machines(name, tcp):
         assert abs(math.dist(ends[0], arc.centre) - math.dist(ends[1], arc.centre)) < 3e-3
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), case=st.sampled_from(EVERY))
 def test_any_arcs(seed, case):

@@ -83,7 +83,7 @@ def test_few_positions_are_refused_with_what_is_needed(tmp_path: Path) -> None:
         examined(tmp_path, "few", 3, rotary=1)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("seed", [1, 4, 5])
 @pytest.mark.parametrize("kind", ["whole-turn", "part-of-turn", "inches", "within"])
 def test_many_positions_on_strange_machines(tmp_path: Path, kind: str, seed: int) -> None:
@@ -95,7 +95,7 @@ def test_three_points_on_a_table_with_long_arms_make_nothing_worse(tmp_path: Pat
     check(*examined(tmp_path, "three-points", 4, rotary=2, fitted=("three-points",)), share=1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("basis", ["polynomial", "table"])
 @pytest.mark.parametrize("seed", [1, 3])
 def test_three_points_scatter_as_they_claim(tmp_path: Path, seed: int, basis: str) -> None:
@@ -125,7 +125,7 @@ def test_three_points_scatter_as_they_claim(tmp_path: Path, seed: int, basis: st
     assert 0.7 < length(scatter) / length(np.concatenate(u)) < 1.3
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("seed", [3, 6])
 @pytest.mark.parametrize("kind", ["one-at-a-time", "bed", "table-only"])
 def test_poor_designs_claim_little_and_make_nothing_worse(tmp_path: Path, kind: str, seed: int) -> None:

@@ -435,7 +435,7 @@ def test_bad_options(ncomp, name):
     assert sorted(Path().iterdir()) == before
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_examples_of_the_page(ncomp):
     """The commands of docs/planning.md run one after the other."""
     page = (Path(__file__).parents[1] / "docs" / "planning.md").read_text()

@@ -202,7 +202,7 @@ SLOW_TO_CHOOSE = ("three tools", "runs", "200 points", "four stations", "five ax
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW_TO_CHOOSE else []) for name in ALIKE]
+    "name", [pytest.param(name, marks=[pytest.mark.statistical] if name in SLOW_TO_CHOOSE else []) for name in ALIKE]
 )
 def test_a_draw_chooses_its_basis_as_the_fit_of_its_measurement(name):
     """The same bases and size of the errors, whatever the other draws of its chunk prefer."""
@@ -219,7 +219,7 @@ def test_a_draw_chooses_its_basis_as_the_fit_of_its_measurement(name):
         assert found.prior_scale == scale
 
 
-@pytest.mark.parametrize("changes", [{}, pytest.param({"runs": 3, "points": 50}, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("changes", [{}, pytest.param({"runs": 3, "points": 50}, marks=pytest.mark.statistical)])
 def test_fits_leave_of_lines_unseen_what_those_of_the_measurement_leave(changes):
     """By lines, or runs, that fits have not seen."""
     ready = on_diagonals(**changes)
@@ -344,7 +344,7 @@ def test_the_stopping_rule_is_that_of_the_supplement(seed):
 # ---- spread, interrupted, resumed
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_processes_give_the_same_and_go_on_without_a_lost_one():
     cases = [paper_case(), paper_case(name="b", strategy="grid")]
     alone, team, killed = results(cases, 120), Processes(2), []
@@ -430,7 +430,7 @@ def test_a_result_states_the_time_of_its_own_case():
     assert second.minutes == first.minutes + 30
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_gives_the_same_and_loses_nothing_with_a_worker():
     from distributed import Client, LocalCluster

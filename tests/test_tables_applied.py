@@ -137,14 +137,14 @@ def check_round_trip(command, written, sign="error"):
 
 
 @pytest.mark.parametrize(
-    "format", [each if each in QUICK else pytest.param(each, marks=pytest.mark.slow) for each in FORMATS]
+    "format", [each if each in QUICK else pytest.param(each, marks=pytest.mark.statistical) for each in FORMATS]
 )
 def test_a_c_frame_is_left_as_the_sheet_says(command, format):
     calibration(load("cframe"), Path("cal.json"))
     check_left(exported(command, "cframe", format, "cal.json", "tables"), "cal.json")
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_fanuc_by_direction(command):
     """Points of negative travel are others than those of positive travel."""
     calibration(load("cframe"), Path("cal.json"))
@@ -163,7 +163,7 @@ def test_the_shift_of_the_zeros_is_told_first(command):
     assert sheet.index("**Zero shift:") < sheet.index("## What the numbers mean")
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("machine", [*THREE_AXES, *FIVE_AXES])
 @pytest.mark.parametrize("format", FORMATS)
 def test_every_machine_is_left_as_the_sheet_says_and_read_again(command, machine, format):

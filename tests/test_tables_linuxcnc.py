@@ -13,7 +13,7 @@ from postproc.tables.export import export
 from postproc.tables.format import parse_settings
 from postproc.tables.formats import find_format
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.statistical
 
 CLOSE = 1e-6  # mm and degrees
 TRAVEL = {"cframe": {"X": (0, 600), "Y": (0, 450), "Z": (0, 500)}, "head_table": {"C": (0, 360), "X": (-500, 500)}}

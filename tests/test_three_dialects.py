@@ -116,7 +116,7 @@ def test_without_errors_the_bytes_stay(part):
         assert written == text
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @settings(max_examples=150)
 @given(parts())
 def test_many_parts(part):

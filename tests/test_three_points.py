@@ -156,7 +156,7 @@ def covered(truth: ErrorModel, found: ErrorModel) -> float:
     return float(np.mean(np.abs(best - moved(truth)) <= 2.0 * np.std(draws, axis=0)))
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_uncertainties_hold_errors_with_five_half_waves(monkeypatch):
     shares, degrees = [], []
     for seed in (1, 2, 3, 4):
@@ -223,7 +223,7 @@ def test_a_model_with_averaged_degrees_is_read_again(seed):
     np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_the_choice_of_degrees_is_in_the_uncertainty():
     truth, rng = model(DMU50, random_effects(8, degree=2, axes="XYZ", size=4.0)), np.random.default_rng(5)
     at = np.linspace(-250.0, 250.0, 41)
@@ -240,7 +240,7 @@ def test_the_choice_of_degrees_is_in_the_uncertainty():
     assert np.sqrt(np.mean(scatter / claimed)) == pytest.approx(1.0, abs=0.15)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_chi2_of_curves_is_that_of_noise():
     truth, rng = model(DMU50, random_effects(3)), np.random.default_rng(7)
     ratios = []
@@ -279,7 +279,7 @@ def test_angular_errors_of_one_axis_do_not_become_squareness_of_the_next():
     assert max(np.ptp(z.errors[:, [2, 3, 4, 5]], axis=0)) < 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("stations", [dict.fromkeys("1234", FRONT["1"]), AROUND], ids=["one station", "four stations"])
 def test_covariance_agrees_with_monte_carlo(stations):
     truth, rng = model(DMU50, random_effects(3, axes="XYZ")), np.random.default_rng(11)

@@ -89,7 +89,7 @@ def another_machine(seed: int) -> Measurement:
     return replace(seen, state=replace(seen.state, positions=q))
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.statistical)])
 @pytest.mark.parametrize("spoil", [rough, noise_only, swapped, shuffled, another_machine])
 def test_data_that_predict_nothing_are_refused(command, tmp_path: Path, spoil: Callable[[int], Measurement], seed: int):
     written(spoil(seed), tmp_path)
@@ -131,7 +131,12 @@ def sparse(monkeypatch) -> Measurement:
 
 @pytest.mark.parametrize(
     "kind",
-    ["linear", "sparse", "table", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("five axes", "ruler"))],
+    [
+        "linear",
+        "sparse",
+        "table",
+        *(pytest.param(kind, marks=pytest.mark.statistical) for kind in ("five axes", "ruler")),
+    ],
 )
 def test_good_data_pass_and_the_figures_say_how_well(command, tmp_path: Path, monkeypatch, kind: str):
     seen = (

@@ -92,7 +92,7 @@ def missed_um(model, draw, causes, folder):
     return volumetric_error_um(said - true, tool_point(machine, state.positions, measured.tool)).rms
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("seed", [0, 1])
 def test_what_no_cause_explains_is_predicted_and_leaves_the_machine_alone(seed, tmp_path):
     draw = draws.unknown("cframe", seed)
@@ -115,7 +115,7 @@ def test_what_no_cause_explains_is_predicted_and_leaves_the_machine_alone(seed, 
     assert missed_um(machine, draw, (), tmp_path) < missed_um(told.model, draw, (), tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_where_nothing_is_left_nothing_is_added(tmp_path):
     measurement = read(draws.nothing(1).sheet(), "cframe", tmp_path)
     told, found = diagnose(measurement), diagnose(measurement, left_over="add")

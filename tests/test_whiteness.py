@@ -61,18 +61,18 @@ def smooth_design(_rng, columns):
 
 
 @pytest.mark.parametrize(
-    ("design", "known"), [pytest.param(random_design, False, marks=pytest.mark.slow), (smooth_design, True)]
+    ("design", "known"), [pytest.param(random_design, False, marks=pytest.mark.statistical), (smooth_design, True)]
 )
 def test_p_values_are_uniform_under_pure_noise(design, known):
     for what, values in levels(300, design, known).items():
         assert stats.kstest(values, "uniform").pvalue > 1e-3, what
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 @pytest.mark.parametrize("kind", ["normal", "heavy"])
 @pytest.mark.parametrize("step", [None, 50.0])
 @pytest.mark.parametrize(
-    ("design", "known"), [pytest.param(random_design, False, marks=pytest.mark.slow), (smooth_design, True)]
+    ("design", "known"), [pytest.param(random_design, False, marks=pytest.mark.statistical), (smooth_design, True)]
 )
 def test_levels_hold_on_grids_and_with_heavy_tails(design, known, step, kind):
     for what, values in levels(1500, design, known, kind, step, ROWS).items():
