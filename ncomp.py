@@ -47,10 +47,10 @@ if TYPE_CHECKING:
     from postproc.correct.pipeline import Job
     from postproc.correct.report import Report
     from postproc.correct.trace import Trace
-    from postproc.correct.verify_programs import Verification
     from postproc.motion.motions import Motions
     from postproc.tables.export import Exported
     from postproc.text.source import Source
+    from postproc.verification.verify_programs import Verification
 
 __all__ = [
     "Corrected",
@@ -159,8 +159,8 @@ class Corrected:
     @cached_property
     def moves(self) -> Motions:
         """The moves of the corrected program: axis positions `(n, axes)`, mm and rad, read from its text."""
-        from postproc.correct.verify import read_motions
         from postproc.motion.motions import merged
+        from postproc.verification.verify import read_motions
 
         job = self.job
         return merged(read_motions(open_program(self.text), job.dialect, job.machine, job.setup))
@@ -279,7 +279,7 @@ def verify(
     example is that of this module.
     """
     from postproc.compensation.correction import COLD
-    from postproc.correct.verify_programs import Models, verify_programs
+    from postproc.verification.verify_programs import Models, verify_programs
 
     found = load_machine(machine)
     models = Models(

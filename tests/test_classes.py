@@ -20,10 +20,10 @@ from kinematics.user_error import UserError
 from postproc.control.setup import make_setup
 from postproc.correct.classes import class_table
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import Source
+from postproc.verification.verify import read_motions
 
 FIVE_AXES = ("dmu50", "trunnion_bc", "trunnion_ac", "head_head", "head_table")
 DMU50 = machines.load("dmu50")

@@ -11,8 +11,8 @@ from kinematics.effects import Backlash
 from kinematics.error_model.model import ErrorModel
 from kinematics.user_error import UserError
 from postproc.compensation.correction import missed
-from postproc.correct.verify import verify
 from postproc.motion.moves import Kind
+from postproc.verification.verify import verify
 
 HEAD = "G21 G90 G54 G17 G98\nG0 X0. Y0. Z100.\n"
 TAIL = "G80\nG0 X1. Y1.\nM2\n"

@@ -23,9 +23,9 @@ from postproc import execution as execution_module
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.datum import deviations, poses
 from postproc.control.setup import make_setup
-from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
+from postproc.verification.verify import read_motions
 
 ROOT = Path(__file__).parents[1]
 BOX = (ROOT / "examples" / "box.nc").read_text()

@@ -24,10 +24,10 @@ from support.real_programs import ACCEPTED, machine_for, real_programs, run
 from kinematics.effects import Backlash
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
-from postproc.correct.verify import verify
 from postproc.motion.reversals import Directions
 from postproc.motion.segments import like
 from postproc.text.source import ENCODING
+from postproc.verification.verify import verify
 
 GANTRY, DMU50 = load("gantry"), load("dmu50")
 WIDTHS = {"X": 20.0, "Y": 40.0, "Z": -12.0}

@@ -12,11 +12,11 @@ from support.programs import load, model_of
 from kinematics.effects import Backlash
 from postproc.control.setup import make_setup
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
 from postproc.motion.segments import like
 from postproc.text.source import Source, open_source
+from postproc.verification.verify import read_motions, verify
 
 DMU50 = load("dmu50")
 WIDTHS = {"X": 20.0, "Y": 40.0, "Z": 12.0}

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from support.programs import correct, load, random_model, read, shifted
 
 from kinematics.user_error import UserError
-from postproc.correct.verify import verify
+from postproc.verification.verify import verify
 
 HEAD = "G21 G90 G54 G0 X0. Y0. Z0.\n"
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

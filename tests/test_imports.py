@@ -46,6 +46,7 @@ POSTPROC = (
     "postproc.program_path",
     "postproc.generate",
     "postproc.correct",
+    "postproc.verification",
     "postproc.tables",
 )
 TOP = ("ncomp", "postproc.commands", "postproc.cli")

@@ -14,13 +14,13 @@ import machines
 from kinematics.forward import tool_point
 from kinematics.machine import Control
 from kinematics.user_error import UserError
-from postproc.correct.verify import CHUNK
 from postproc.iso.blocks import read_block
 from postproc.iso.codes import HARMLESS_G, REFUSED_G, REFUSED_M
 from postproc.iso.interpreter import IsoInterpreter
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal
 from postproc.text.notes import Notes
+from postproc.verification.verify import CHUNK
 
 RAPID, LINE, ARC, MACHINE = Kind.RAPID, Kind.LINE, Kind.ARC, Kind.MACHINE
 ROOT = math.sqrt(0.5)

@@ -10,8 +10,8 @@ from support.programs import correct, load, random_model, read, shifted
 
 from kinematics.forward import forward, tool_point
 from kinematics.user_error import UserError
-from postproc.correct.verify import verify
 from postproc.motion.moves import Kind
+from postproc.verification.verify import verify
 
 HEAD = "G21 G90 G54 G17 G94 F500\nG0 X10. Y5. Z20.\n"
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

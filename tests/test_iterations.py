@@ -11,10 +11,10 @@ from support.three_dialects import WRITERS, loops, paths
 
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING
+from postproc.verification.verify import read_motions, verify
 
 GANTRY = load("gantry")
 

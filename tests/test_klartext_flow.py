@@ -10,7 +10,7 @@ from support.programs import load, random_model, shifted
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
 from postproc.compensation.correction import missed
-from postproc.correct.verify import verify
+from postproc.verification.verify import verify
 
 RUNS = {
     "formulas": ("Q1 = 2 + 3 * 4\nL X+Q1\nQ2 = ( 2 + 3 ) * 4\nL X+Q2\nQ3 = - Q1\nL X-Q3\nQ4 = SQRT 16 + SQ 3\nL X+Q4\nQ5 = 7 % 4\nL X+Q5\n", [14, 20, 14, 13, 3]),

@@ -12,9 +12,9 @@ import machines
 from kinematics.error_model.model import read_model
 from postproc.control.setup import make_setup
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
 from postproc.motion.motions import merged
 from postproc.text.source import Source, open_source
+from postproc.verification.verify import read_motions, verify
 
 DMU50 = machines.load("dmu50")
 MODEL = read_model(machines.default_calibration(DMU50), DMU50)

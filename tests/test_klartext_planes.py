@@ -14,12 +14,12 @@ from kinematics.forward import forward
 from kinematics.user_error import UserError
 from postproc.compensation.correction import missed
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
 from postproc.heidenhain.tilted_planes import by_axes, euler, spatial
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal
+from postproc.verification.verify import read_motions
 
 KLARTEXT = find_dialect("heidenhain", "", "")
 angles = st.floats(-80, 80)

@@ -13,9 +13,9 @@ from support.programs import load, model_of, random_model, shifted
 from kinematics.effects import Backlash
 from kinematics.user_error import UserError
 from postproc.compensation.correction import missed
-from postproc.correct.verify import verify
 from postproc.motion.moves import Kind
 from postproc.motion.segments import arc_turned
+from postproc.verification.verify import verify
 
 GANTRY = load("gantry")
 MODEL = random_model(GANTRY, 11)

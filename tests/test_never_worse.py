@@ -14,9 +14,9 @@ from kinematics.effects import Cyclic, LocationError, QuantisedCompensation
 from kinematics.error_model.model import write_model
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import verify
 from postproc.dialects import find_dialect
 from postproc.text.source import ENCODING
+from postproc.verification.verify import verify
 from postproc.write.writer import Writer
 
 GANTRY = load("gantry")

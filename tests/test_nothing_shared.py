@@ -17,15 +17,15 @@ from support.program_runs import BEGINS, DIALECTS, REFUSED, Program, corrected, 
 import machines
 from postproc.correct.check import check
 from postproc.correct.pipeline import Pipeline
-from postproc.correct.verify import read_motions
 from postproc.motion.motions import COLUMNS
+from postproc.verification.verify import read_motions
 
 seeds = st.integers(0, 2**32 - 1)
 
 
 def in_chunks(patch, size):
     """Work on so many blocks at a time."""
-    for module in ("execution", "correct.check", "correct.verify"):
+    for module in ("execution", "correct.check", "verification.verify"):
         patch.setattr(f"postproc.{module}.CHUNK", size)
 
 

@@ -29,9 +29,9 @@ from postproc.compensation.correction import missed
 from postproc.control.setup import make_setup
 from postproc.control.state import ControlState
 from postproc.correct.mark import mark_in
-from postproc.correct.verify import verify
 from postproc.text.source import ENCODING, chunks
 from postproc.tool_tables import ToolTable
+from postproc.verification.verify import verify
 
 ROUNDING_UM = 0.1
 """Three axes off by half of 0.0001 mm each: 0.087."""

@@ -16,13 +16,13 @@ from support.programs import read as read_iso
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind, Known
 from postproc.siemens.blocks import _read_plain, parse_block, read_block
 from postproc.text.block import Refusal
 from postproc.text.source import ENCODING
+from postproc.verification.verify import read_motions, verify
 
 SIEMENS = find_dialect("siemens", "", "")
 OFFSET = {"X": 3.0, "Y": -4.2, "Z": 5.5}

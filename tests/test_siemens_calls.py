@@ -131,9 +131,9 @@ def test_archives_of_tools_and_offsets(tmp_path):
     text = 'G54 T="MILL 12" M6 D2\nG0 X0 Y0 Z0\nD1 Z0\n'
     from support.programs import source_of
 
-    from postproc.correct.verify import read_motions
     from postproc.dialects import find_dialect
     from postproc.motion.motions import merged
+    from postproc.verification.verify import read_motions
 
     machine = load("gantry")
     motions = merged(

@@ -9,7 +9,7 @@ from support.siemens_programs import correct, read
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
-from postproc.correct.verify import verify
+from postproc.verification.verify import verify
 
 HEAD = "G17 G90 G71 G94\nG0 X50 Y20 Z150\nG1 X60 F500\n"
 HALF = math.sqrt(0.5)

@@ -28,11 +28,11 @@ from kinematics.error_model.classes import parse_classes
 from postproc.compensation.correction import missed
 from postproc.correct.mark import mark_in
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
 from postproc.text.source import ENCODING
+from postproc.verification.verify import read_motions, verify
 
 TOLERANCE_UM = 1.0
 SAMPLES = 73

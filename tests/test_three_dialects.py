@@ -26,11 +26,11 @@ from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.error_model.model import no_errors
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
 from postproc.text.source import ENCODING
+from postproc.verification.verify import read_motions
 
 ROUNDING = 1.6e-4
 """mm: of X, Y and Z, in coordinates that may be turned."""

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from support.backlash_paths import LETTERS, played
 from support.programs import correct, load, model_of, random_model, read, shifted
 
-from postproc.correct.verify import verify
 from postproc.motion.segments import like
+from postproc.verification.verify import verify
 
 GANTRY = load("gantry")
 HEAD = "G21 G90 {plane} G94\nG0 X1000 Y1000 Z500\nX1010 Y1010 Z490\n"

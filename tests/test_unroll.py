@@ -12,11 +12,11 @@ from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind
 from postproc.text.source import ENCODING
+from postproc.verification.verify import read_motions, verify
 
 GANTRY = load("gantry")
 BENT = model_of(GANTRY, ErrorMotion("Y", "X", Polynomial((0.0, 5000.0), 2), (0.0, -400.0, 400.0)))

@@ -13,7 +13,7 @@ from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.machine import Control
 from kinematics.user_error import UserError
-from postproc.correct.verify import verify
+from postproc.verification.verify import verify
 
 GANTRY = load("gantry")
 SHIFTED = shifted(GANTRY, X=-10.0, Y=20.0, Z=-30.0)

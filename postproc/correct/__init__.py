@@ -1,1 +1,1 @@
-"""Correction, check and verification of whole programs."""
+"""Correction and check of whole programs."""

@@ -27,12 +27,12 @@ from kinematics.error_model.model import ErrorModel, no_errors
 from kinematics.user_error import UserError
 from postproc.control.setup import Setup
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions
 from postproc.dialects import Dialect, find_dialect
 from postproc.motion.motions import merged
 from postproc.motion.segments import like
 from postproc.text import flow
 from postproc.text.source import ENCODING, HEAD_SIZE, Source, _check
+from postproc.verification.verify import read_motions
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.mutate import mutated
 

@@ -23,10 +23,10 @@ from kinematics.error_model.model import ErrorModel, decode_model, no_errors
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.correct.report import Report
-from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING, HEAD_SIZE, Source
+from postproc.verification.verify import read_motions, verify
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.ncomp import reason_of
 from tests.fuzz.reckoner import Reckoner, about

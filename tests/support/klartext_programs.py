@@ -5,10 +5,10 @@ import re
 
 from kinematics.error_model.model import no_errors
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING, Source
+from postproc.verification.verify import read_motions
 from support.programs import WHOLE, load, setup_of, source_of
 
 KLARTEXT = find_dialect("heidenhain", "", "")

@@ -15,10 +15,10 @@ from postproc.control.setup import make_setup
 from postproc.correct.check import check
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.correct.plausibility import REASONS
-from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING
+from postproc.verification.verify import read_motions, verify
 from support.programs import load, model_of, random_model, source_of
 from support.three_dialects import WRITERS, parts, tilted_parts
 

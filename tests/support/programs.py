@@ -20,12 +20,12 @@ from postproc.control.setup import Setup, make_setup
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.correct.report import Report
 from postproc.correct.unroll import UnrolledProgram, unrolled
-from postproc.correct.verify import read_motions
 from postproc.dialects import Dialect, find_dialect
 from postproc.execution import StoredProgram, execution
 from postproc.motion.motions import Motions, merged
 from postproc.text.notes import Notes
 from postproc.text.source import ENCODING, HEAD_SIZE, Source
+from postproc.verification.verify import read_motions
 
 THREE_AXES = ("gantry", "cframe", "bzt_pfu")
 FIVE_AXES = ("dmu50", "trunnion_ac", "trunnion_bc", "head_head", "head_table")

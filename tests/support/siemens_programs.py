@@ -7,10 +7,10 @@ import numpy as np
 
 from kinematics.error_model.model import no_errors
 from postproc.correct.pipeline import Job, Pipeline
-from postproc.correct.verify import read_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.source import ENCODING
+from postproc.verification.verify import read_motions, verify
 from support.programs import load, setup_of, source_of
 
 SIEMENS = find_dialect("siemens", "", "")

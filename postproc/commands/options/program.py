@@ -136,11 +136,11 @@ class ConditionsOptions:
 def moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:
     """All moves of a program; prints the part of the set-up that is assumed."""
     from postproc.commands.show.terminal import say_assumed
-    from postproc.correct.verify import run_motions
     from postproc.dialects import find_dialect
     from postproc.motion.motions import merged
     from postproc.text.notes import Notes
     from postproc.text.source import open_source
+    from postproc.verification.verify import run_motions
 
     source = open_source(program)
     language = find_dialect(dialect, source.name, source.text_head)

@@ -13,8 +13,8 @@ from kinematics.machine import Machine
 from postproc.correct.check import Findings
 from postproc.correct.classes import Left
 from postproc.correct.report import Report, Statistic
-from postproc.correct.verify import Verdict
 from postproc.text.line_numbers import ranges
+from postproc.verification.verify import Verdict
 
 console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 """For what goes along with a program or JSON, which own the standard output."""

@@ -22,7 +22,6 @@ from postproc.compensation.correction import COLD, missed
 from postproc.compensation.datum import datum_shifts, poses, touched
 from postproc.compensation.predicted_error import Judge, in_a_program, where
 from postproc.control.setup import Setup
-from postproc.correct.best_fit import BestFit
 from postproc.correct.report import Statistic
 from postproc.dialects import Dialect, Interpreter
 from postproc.execution import execution
@@ -32,6 +31,7 @@ from postproc.motion.reversals import INNER
 from postproc.motion.segments import like
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source
+from postproc.verification.best_fit import BestFit
 from postproc.write.added_blocks import Tag, begin_of, tag_of
 
 CONTRIBUTION_ROWS = 2000

@@ -14,11 +14,11 @@ from postproc.control.setup import Setup
 from postproc.correct.classes import Left, class_table
 from postproc.correct.mark import PARTS, Mark, check_mark, mark_in_program, mark_of
 from postproc.correct.plausibility import parse_accepted
-from postproc.correct.verify import Verdict, run_motions, verify
 from postproc.dialects import find_dialect
 from postproc.motion.motions import merged
 from postproc.text.notes import Notes
 from postproc.text.source import Source
+from postproc.verification.verify import Verdict, run_motions, verify
 
 
 class Models(NamedTuple):
