@@ -53,9 +53,9 @@ class Polynomial(_Scaled, frozen=True, tag_field="kind", tag="polynomial"):
         return np.vander(self._scaled(x), self.size, increasing=True)
 
     @property
-    def bend_length(self) -> float:
-        """How short a way its functions may bend there and back on, mm or degrees: least near the ends."""
-        return _bend_length(self._width, self.degree)
+    def feature_length(self) -> float:
+        """Shortest feature length of its functions, mm or degrees: it is least near the ends."""
+        return _feature_length(self._width, self.degree)
 
 
 class Legendre(_Scaled, frozen=True, tag_field="kind", tag="legendre"):
@@ -73,9 +73,9 @@ class Legendre(_Scaled, frozen=True, tag_field="kind", tag="legendre"):
         return np.asarray(legendre.legvander(2.0 * self._scaled(x) - 1.0, self.degree))
 
     @property
-    def bend_length(self) -> float:
-        """How short a way its functions may bend there and back on, mm or degrees: least near the ends."""
-        return _bend_length(self._width, self.degree)
+    def feature_length(self) -> float:
+        """Shortest feature length of its functions, mm or degrees: it is least near the ends."""
+        return _feature_length(self._width, self.degree)
 
 
 class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
@@ -95,8 +95,8 @@ class Fourier(_Scaled, frozen=True, tag_field="kind", tag="fourier"):
         return np.stack([np.ones_like(u), u, *waves], axis=1)
 
     @property
-    def bend_length(self) -> float:
-        """How short a way its functions may bend there and back on, mm or degrees: half the shortest wave."""
+    def feature_length(self) -> float:
+        """Shortest feature length of its functions, mm or degrees: half the shortest wave."""
         highest = max(map(abs, self.harmonics), default=0.0)
         return self._width / highest if highest else math.inf
 
@@ -121,7 +121,7 @@ class Harmonics(_Scaled, frozen=True, tag_field="kind", tag="harmonics"):
         return np.stack([np.ones_like(q), *waves], axis=1)
 
     @property
-    def bend_length(self) -> float:
+    def feature_length(self) -> float:
         """Shortest feature length of its functions, degrees: half the shortest wave."""
         return 180.0 / self.order if self.order else math.inf
 
@@ -170,13 +170,13 @@ class BSpline(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
         return columns
 
     @property
-    def bend_length(self) -> float:
-        """How short a way its functions may bend there and back on, mm or degrees: that between two nodes."""
+    def feature_length(self) -> float:
+        """Shortest feature length of its functions, mm or degrees: the distance between two nodes."""
         return float(np.diff(self.nodes).min())
 
 
-def _bend_length(width: float, degree: int) -> float:
-    """Of polynomials; a straight line does not bend."""
+def _feature_length(width: float, degree: int) -> float:
+    """Shortest feature length of polynomials; infinite for a straight line."""
     return 2.0 * width / (degree * (degree + 1)) if degree > 1 else math.inf
 
 

@@ -63,7 +63,8 @@ def correct_position(
 def _beside_jumps(
     machine: Machine, errors: Errors, q: Array, wanted: tuple[Array, Array, NDArrayBool, Array], unsettled: NDArrayBool
 ) -> Array:
-    """The positions q `(n, axes)`, where they are unsettled `(n,)` those beside a jump that miss the target least.
+    """The positions q `(n, axes)`, in the rows `unsettled` `(n,)` those beside a jump with the smallest tool point
+    error.
 
     wanted: targets and tools `(n, 3)`, mm; axes that move `(n, axes)`; positions `(n, axes)` of all others. Each axis
     moves towards the target by steps that are halved whenever it reverses, down to its resolution: then it is beside

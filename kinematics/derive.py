@@ -2,7 +2,7 @@
 
 `python -m machines.derive --all` stores the source of the shipped machines in `kinematics/derived/`.
 
-The chain, the place and the centre of the error motions are those of `kinematics.forward`. To first order every error
+The chain, the frame and the centre of the error motions are those of `kinematics.forward`. To first order every error
 motion displaces the tool as if it were alone: axis i, whose frame is seen from the workpiece through the rotation P_i,
 adds
 
@@ -11,9 +11,9 @@ adds
 with F_i its error frame, e_i and w_i its translations and rotations, and arm_i from its error centre to the tool
 point. Numbers are exact: decimals of the machine's file are rationals, lengths of directions are square roots.
 
-The derivation is written once; what `let` does with its intermediate results decides what comes of it. `_Sheet.let`
-gives them names and lines of code, `_somewhere` puts numbers in, which tells the entries of J that are always zero, and
-multiplying out (the tests do) makes closed forms in the axis positions and the tool.
+The derivation is written once; `let` decides the use of its intermediate results. `_Sheet.let` gives them names and
+lines of code, `_somewhere` substitutes numbers, which shows the entries of J that are always zero, and multiplying out
+(in the tests) gives closed forms in the axis positions and the tool.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from kinematics.machine import ISO_DIRECTION, Axis, Machine
 Matrix = Any
 """A sympy matrix."""
 Let = Callable[[str, Matrix], Matrix]
-"""Takes the name and the value of an intermediate result; returns the value to go on with."""
+"""Takes the name and the value of an intermediate result; returns the value for the further calculation."""
 
 _WIDTH = 120
 
@@ -43,14 +43,14 @@ def _sympy() -> Any:
 
 
 class Links(NamedTuple):
-    """A chain in symbols: what all results are made of."""
+    """A chain in symbols, from which all results are derived."""
 
     rotations: list[Matrix]
     """Rotation of each axis, 3 x 3."""
     frames: list[Matrix]
     """Error frame of each axis, 3 x 3."""
     arms: list[Matrix]
-    """From each axis' error centre to the tool point, in the frame its error motions stand in, mm."""
+    """From each axis' error centre to the tool point, in the frame of its error motions, mm."""
     tip: Matrix
     """The tool point in the workpiece frame, mm."""
 
@@ -216,7 +216,7 @@ class _Sheet:
         self._names: dict[Any, Any] = {}
 
     def let(self, name: str, values: Matrix) -> Matrix:
-        """Name the entries of a matrix; zeros, numbers and plain or negated variables stand for themselves."""
+        """Name the entries of a matrix; zeros, numbers and plain or negated variables keep no name."""
         letters = {1: [""], 3: ["_x", "_y", "_z"], 9: [f"_{r}{c}" for r in "xyz" for c in "xyz"]}[len(values)]
         named = [self._let(name + letter, _fold(value)) for letter, value in zip(letters, values, strict=True)]
         return _sympy().Matrix(*values.shape, named)

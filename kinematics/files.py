@@ -98,8 +98,8 @@ def write_whole(path: Path, data: bytes) -> None:
 def whole_folder(path: Path, files: Mapping[str, bytes]) -> Iterator[None]:
     """Files, by name, that become a new folder when the block ends well; UserError when one that is not empty is there.
 
-    Files that are there already could be taken for a part of the new ones. Nothing of the folder stays where the block
-    or the writing fails.
+    Files that exist already could be mistaken for a part of the new ones. If the block or the writing fails, the folder
+    is removed.
     """
     if path.exists() and not path.is_dir():
         raise UserError(f"can't write {path}: it is no folder")
@@ -122,7 +122,7 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
 
 
 def read_input(path: Path, what: str) -> bytes:
-    """The bytes of a user's file; UserError, naming `what` it should have been, when it can't be read."""
+    """The bytes of a user's file; UserError, with `what` as the expected contents, if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as fault:

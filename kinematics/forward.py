@@ -1,12 +1,12 @@
 """Exact forward kinematics of any chain, nominal and with errors.
 
-Every axis contributes a transform M(q) taken at its place in the machine at zero pose (product of exponentials), so
+Every axis contributes a transform M(q) at its position in the machine at zero pose (product of exponentials), so
 
     T_w^t(q) = M_1(q_1) ... M_n(q_n)          axes in order from the workpiece to the tool.
 
 For the DMU 50 this is T_w^t = Rz(C) . T(d) Rx(45) Rz(-B) Rx(-45) T(-d) . T(X, Y, Z), thesis (3.19)-(3.24) and (3.37).
 
-An axis' error motions E(q) stand next to M(q) on the side of the *bed* for a rotary axis (its radial, axial and tilt
+An axis' error motions E(q) are next to M(q) on the side of the *bed* for a rotary axis (its radial, axial and tilt
 motions are those of the axis line, in axes that do not turn with it, so that their constants are its location errors)
 and on the side of the *moving* component for a linear axis (measured on the carriage): both are one rigid
 displacement about `axis.point`, which travels with a linear axis, written in `axis.error_frame`, tool relative to
@@ -55,7 +55,7 @@ def forward(machine: Machine, q: ArrayLike, errors: Array | None = None) -> Pose
     q: axis positions `(n, axes)` or `(axes,)` in chain order, mm and rad. errors: error motions `(n, axes, 6)`,
     mm and rad, or `(n, axes + 1, 6)` with a displacement of the tool in its own frame behind them; None is the nominal
     machine. One row of either serves for all. Returns rotations `(n, 3, 3)` and translations `(n, 3)`, mm, in the
-    workpiece frame, which coincides with the machine frame when all axes stand at zero.
+    workpiece frame, which coincides with the machine frame when all axes are at zero.
     """
     positions = np.atleast_2d(np.asarray(q, float))
     pose = IDENTITY

@@ -5,17 +5,17 @@ at zero pose, u = R1(q1) R2(q2) p is subproblem 2 of Paden and Kahan (Murray, Li
 to Robotic Manipulation, 1994, section 3.2). The directions w1, w2, R2 p span a spherical triangle whose half-angle
 formulas give q2 without loss of digits, also where an arc cosine would lose half of them; q1 is then one atan2. Given
 the rotary positions, the tool point is affine in the linear axes: a 3 x 3 solution. For the DMU 50 w1 = z and
-w2 = (0, 1, -1)/sqrt 2 stand 135 deg apart, the triangle's sin^2(B/2) = 2 sin^2(angle(z, u)/2) = 1 - k is thesis
+w2 = (0, 1, -1)/sqrt 2 are 135 deg apart, the triangle's sin^2(B/2) = 2 sin^2(angle(z, u)/2) = 1 - k is thesis
 (3.25), the atan2 is (3.26) with R2 p = (sqrt(2(k - k^2)), k - 1, k), and the 3 x 3 solution is (3.27)-(3.29).
 Every other chain (three rotary axes, parallel ones, one about the tool's own axis) is searched by damped Newton.
 
-At the pole, where the tool stands along the first rotary axis (B = 0 on the DMU 50, the table level), that axis can
-turn without tilting the tool: its position is free, and stays where it was in the block before. A hair beside the pole
-it is free no longer. The tool has to lean to one definite side, and C must turn to bring that side round, however
-small the lean: between two blocks at B = 0.001 deg it may turn by 180 deg, and X and Y run after it to hold the tool
-point. Each block's pose is exact there, as everywhere; slowing down or rounding the corner is the business of whoever
-spaces the blocks. At the other end (B = 180, the farthest tilt) the two solutions meet; there B follows from the tilt
-only to about 1e-7 rad, the pose itself to rounding.
+At the pole the tool is parallel to the first rotary axis (B = 0 on the DMU 50, the table level). This axis can turn
+without tilting the tool: its position is free, and stays that of the block before. Close to the pole it is not free.
+The tool must tilt in a definite direction, and C must turn to this direction, however small the tilt: between two
+blocks at B = 0.001 deg it may turn by 180 deg, and X and Y follow to hold the tool point. Each block's pose is exact
+there, as everywhere; the distance between the blocks decides the path between them. At the other end (B = 180, the
+farthest tilt) the two solutions meet; there B follows from the tilt only to about 1e-7 rad, the pose itself to
+rounding.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from kinematics.transforms import Array, read_only, rotation_about, turn
 TOLERANCE = 1e-9  # rad and mm: less than this outside travel, or beyond the farthest tilt, is put on the end
 POLE = 5e-13  # rad: a tool axis this close to the line of the first rotary axis leaves that axis free
 FOLD = 2e-15  # rad: a tool axis within rounding of the farthest tilt is taken to be on it
-FLAT = 1e-9  # volume spanned by the directions of the linear axes under which they can't place the tool
+FLAT = 1e-9  # volume spanned by the directions of the linear axes below which they cannot position the tool
 CONVERGED = 5e-11  # mm: residual at which a damped Newton search ends, orientation counted at an arm of ARM
 ARM = 100.0  # mm per rad: weighs orientation against position in the damped Newton search
 RESTARTS = 8  # damped Newton searches from other rotary positions before a pose is given up
@@ -46,7 +46,7 @@ UNLIMITED = read_only(np.array([[-math.inf], [math.inf]]))
 
 @dataclass(frozen=True)
 class Inverse:
-    """Axis positions of n poses, and what is to be known about them before they are used."""
+    """Axis positions of n poses, with the conditions of their use."""
 
     q: Array
     """`(n, axes)`, mm and rad, chain order. Finite in a row that is not reachable: the pose is exact but outside
@@ -54,11 +54,11 @@ class Inverse:
     reachable: NDArrayBool
     """`(n,)`: the pose is taken inside travel."""
     singular: NDArrayBool
-    """`(n,)`: the tool stands along the first rotary axis, whose position was kept (never told by damped Newton)."""
+    """`(n,)`: the tool is parallel to the first rotary axis, whose position was kept (never set by damped Newton)."""
 
 
 class _Goal(NamedTuple):
-    """What is to be reached: tool point, unit tool axis, tool vector, each `(n, 3)`, or `(3,)` for a single pose."""
+    """The target: tool point, unit tool axis, tool vector, each `(n, 3)`, or `(3,)` for a single pose."""
 
     position: Array
     axis: Array
@@ -83,9 +83,9 @@ def inverse(
 
     Of the solutions (two branches, whole turns of rotary axes) each row takes the one inside travel that is nearest
     to the row before, by the sum of squares of rotary movements; one outside travel only when there is no other. A
-    first rotary axis that is free stays where it was, even if turning it would bring a linear axis into travel. A
-    pose that can't be taken is told by `Inverse.reachable`, not by an exception. Raises UserError when the linear
-    axes of a chain solved in closed form do not span space.
+    first rotary axis that is free stays where it was, even if turning it would bring a linear axis into travel.
+    `Inverse.reachable` marks a pose that is not attainable; no exception does. Raises UserError when the linear axes of
+    a chain solved in closed form do not span space.
 
     Source: thesis (3.25)-(3.29) for the DMU 50, Paden-Kahan subproblems in general; see the head of this module.
     """
@@ -104,11 +104,11 @@ def inverse(
 
 
 def linear_positions(machine: Machine, q: ArrayLike, position: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
-    """Copy of q with the linear axes that place the tool (`machine.translators`) moved to reach `position`.
+    """Copy of q with the linear axes that position the tool (`machine.translators`) moved to reach `position`.
 
     q `(n, axes)` or `(axes,)`, mm and rad, chain order: rotary and remaining linear positions are kept. position
     `(n, 3)` or `(3,)`, mm, workpiece frame. tool `(3,)` or `(n, 3)`, mm, tool frame. Returns `(n, axes)`; travel is
-    not looked at. The translators are NaN in rows where they don't span space (a linear axis behind a rotary one can
+    not checked. The translators are NaN in rows where they don't span space (a linear axis behind a rotary one can
     be turned parallel to another). Raises UserError when they never do.
 
     Source: the tool point is affine in the linear axes, thesis (3.22)-(3.24).
@@ -193,9 +193,9 @@ def _angle_about(line: Array, v: Array, u: Array) -> Array:
 
 
 def _branches(machine: Machine, u: Array) -> tuple[Array, NDArrayBool, NDArrayBool]:
-    """Every way, up to whole turns, to bring the tool axis to u `(n, 3)` with at most two rotary axes.
+    """All solutions, up to whole turns, that bring the tool axis to u `(n, 3)` with at most two rotary axes.
 
-    Rotary positions `(ways, n, rotary axes)`; masks `(n,)`: u is attainable, the first rotary axis is free.
+    Rotary positions `(branches, n, rotary axes)`; masks `(n,)`: u is attainable, the first rotary axis is free.
     """
     lines = _rotary_directions(machine)
     if not lines:
@@ -215,7 +215,7 @@ def _branches(machine: Machine, u: Array) -> tuple[Array, NDArrayBool, NDArrayBo
 def _opening(tilt: Array, side1: Array, side2: Array) -> tuple[Array, Array]:
     """Angle `(n,)` between two sides of a spherical triangle opposite its third side `tilt` `(n,)`, all rad.
 
-    The second result is the margin `(n,)`, rad, by which the triangle closes; with none left it lies flat.
+    The second result is the margin `(n,)`, rad, by which the triangle closes; at zero it is flat.
     """
     least, most = np.abs(side1 - side2), np.minimum(side1 + side2, TURN - side1 - side2)
     sine2 = np.sin((tilt + side1 - side2) / 2) * np.sin((tilt - side1 + side2) / 2)
@@ -226,7 +226,7 @@ def _opening(tilt: Array, side1: Array, side2: Array) -> tuple[Array, Array]:
 
 
 def _completed(machine: Machine, angles: Array, start: Array, goal: _Goal) -> Array:
-    """Positions `(n, axes)` with rotary axes at `angles`, translators where they must be, the rest as at the start."""
+    """Positions `(n, axes)` with rotary axes at `angles`, translators where they must be, others as at the start."""
     q = np.tile(start, (len(angles), 1))
     q[:, machine.rotary] = angles
     return linear_positions(machine, q, goal.position, goal.tool)
@@ -245,9 +245,9 @@ def _settled(q: Array, travel: Array) -> Array:
 def _choose(
     ways: Array, fits: NDArrayBool, attainable: NDArrayBool, free: NDArrayBool, start: Array, travel: Array
 ) -> Array:
-    """Rotary positions `(n, rotary axes)`: in each attainable row the way and whole turns nearest to the one before.
+    """Rotary positions `(n, rotary axes)`: in each attainable row the branch and whole turns nearest to the row before.
 
-    fits `(ways, n)`: the linear axes are inside travel. start `(rotary axes,)`, travel `(2, rotary axes)`.
+    fits `(branches, n)`: the linear axes are inside travel. start `(rotary axes,)`, travel `(2, rotary axes)`.
     """
     low, high = (travel[0] - TOLERANCE).tolist(), (travel[1] + TOLERANCE).tolist()
     rows = np.flatnonzero(attainable)
@@ -327,7 +327,9 @@ def _search(machine: Machine, goal: _Goal, q: Array, travel: Array) -> Array | N
 
 
 def _linearised(machine: Machine, goal: _Goal, q: Array) -> tuple[Array, Array]:
-    """What is missing of tool point and tool axis at q `(axes,)`, `(6,)` mm, and its decrease per axis, `(6, axes)`."""
+    """Deviation of tool point and tool axis from the target at q `(axes,)`, `(6,)` mm, and its decrease per axis, `(6,
+    axes)`.
+    """
     pose = forward(machine, q[None])
     point, tool_axis = pose.apply(goal.tool)[0], turn(pose.rotation, TOOL_AXIS)[0]
     slopes = pose_slopes(machine, q, goal.tool)[0]

@@ -1,7 +1,7 @@
 """A machine tool: a serial chain of axes from the workpiece `w` over the bed `b` to the tool `t`.
 
 The chain is written as in ISO 10791-6, `w C B b X Y Z t`. Positive means, as in ISO 841, the *tool relative to the
-workpiece*, also for axes that carry the workpiece: a table turns or travels the other way.
+workpiece*, also for axes that carry the workpiece: a table turns or travels in the opposite direction.
 """
 
 from __future__ import annotations
@@ -44,13 +44,15 @@ class Axis:
     kind: Literal["linear", "rotary"]
     side: Literal["workpiece", "tool"]
     direction: Vector
-    """Of the tool relative to the workpiece for a positive command; for a rotary axis, its turn. Any length."""
+    """Direction, of any length, of the tool relative to the workpiece for a positive command; of a rotary axis its
+    line.
+    """
     point: Vector
     """Machine frame: a point on a rotary axis; the carriage point, at position 0, that angular errors turn about."""
     travel: tuple[float, float]
     resolution: float
     home: float
-    """Reference position; where the axis is taken to stand until a program says where it is."""
+    """Reference position; the assumed position of the axis until a program sets it."""
 
     @property
     def unit_direction(self) -> Array:
@@ -93,7 +95,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Control:
-    """How the machine's control reads what an NC program leaves open."""
+    """Choices of the machine's control that an NC program does not contain."""
 
     integer_words: Literal["units", "increments"] = "units"
     """Meaning of a coordinate without decimal point: 10 is 10 mm, or 10 least increments of the control."""
@@ -102,13 +104,13 @@ class Control:
     arc_centres: Literal["incremental", "absolute"] = "incremental"
     """Meaning of I J K before any G90.1 or G91.1."""
     tool_change_moves: tuple[str, ...] = ("X", "Y", "Z")
-    """Axes that a tool change leaves somewhere else."""
+    """Axes that a tool change moves."""
     tcp_at_start: bool = False
-    """True for a control whose kinematics place the tool point in the workpiece frame from the start (LinuxCNC)."""
+    """True for a control whose kinematics position the tool point in the workpiece frame from the start (LinuxCNC)."""
     passive_axes: tuple[str, ...] = ()
     """Names of axes outside the chain, as of an extruder: their words pass as they are (Siemens programs)."""
     calls_leave_state: bool = False
-    """Programs in other files that a program calls leave tool, frames and modes as they find them (Klartext)."""
+    """Programs in other files that a program calls do not change tool, frames and modes (Klartext)."""
     family: Literal["any", "fanuc", "linuxcnc"] = "any"
     """Whose reading of ISO code counts where controls differ; for any, such code is refused."""
     klartext_arcs: Literal["helix", "plane", "axes"] = "helix"
@@ -181,7 +183,7 @@ class Machine:
 
     @cached_property
     def translators(self) -> tuple[int, ...]:
-        """Columns of the linear axes that place the tool: the first independent ones, X Y Z before U V W.
+        """Columns of the linear axes that position the tool: the first independent ones, X Y Z before U V W.
 
         Raises UserError when the linear axes do not span space.
         """
@@ -193,7 +195,9 @@ class Machine:
             if np.linalg.matrix_rank(span) > len(chosen):
                 chosen.append(i)
         if len(chosen) < 3:
-            raise UserError(f"machine {self.name}: its linear axes do not span space, so it can't place a tool point")
+            raise UserError(
+                f"machine {self.name}: its linear axes do not span space, so it cannot position a tool point"
+            )
         return tuple(sorted(chosen))
 
     def index(self, name: str) -> int:
@@ -204,7 +208,7 @@ class Machine:
 
     @cached_property
     def chain_hash(self) -> str:
-        """Identifies the geometry (not travels or defaults): what a calibration and a derived transform belong to."""
+        """Identifies the geometry (not travels or defaults), to which a calibration and a derived transform belong."""
         geometry = [
             (a.name, a.side, *(np.round(a.unit_direction, 12) + 0.0).tolist(), *map(float, a.point)) for a in self.axes
         ]
@@ -239,7 +243,7 @@ def make_axis(
     resolution: float = 1e-4,
     home: float | None = None,
 ) -> Axis:
-    """An axis from its file entries, checked; UserError says what is wrong with which entry."""
+    """An axis from its file entries, checked; UserError with the entry and the reason."""
     where = f"axis {name}"
     d = tuple(float(v) for v in (direction if direction is not None else ISO_DIRECTION[name[0]]))
     p = tuple(float(v) for v in point)

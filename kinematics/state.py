@@ -17,7 +17,7 @@ from kinematics.user_error import UserError
 REFERENCE = 20.0
 """degC that temperatures count from."""
 TIME, TEMPERATURE = "time", "temperature "
-"""The variable of time, and what those of sensors begin with; all others are axes."""
+"""The variable of time, and the prefix of those of sensors; all others are axes."""
 
 
 def variable_unit(machine: Machine, name: str) -> str:
@@ -29,7 +29,7 @@ def variable_unit(machine: Machine, name: str) -> str:
 
 @dataclass(frozen=True)
 class State:
-    """Columns over `n` instants, in the order of time; None where nothing is known of one."""
+    """Columns over `n` instants, in the order of time; None if a column is not known."""
 
     positions: Array
     """Axis positions `(n, axes)` in chain order, mm and rad."""
@@ -38,9 +38,9 @@ class State:
     last_move: Array | None = None
     """Last move of each axis `(n, axes)`, mm and rad, signed."""
     velocity: Array | None = None
-    """Of each axis `(n, axes)`, mm/s and rad/s."""
+    """Velocity of each axis `(n, axes)`, mm/s and rad/s."""
     acceleration: Array | None = None
-    """Of each axis `(n, axes)`, mm/s2 and rad/s2."""
+    """Acceleration of each axis `(n, axes)`, mm/s2 and rad/s2."""
     time: Array | None = None
     """`(n,)`, s."""
     temperatures: Mapping[str, Array] = field(default_factory=dict)
@@ -97,7 +97,7 @@ class State:
         return self._known[key]
 
     def left_behind(self, key: Hashable, work: Callable[[State], Any]) -> Any:
-        """What `work` makes of the past, worked out once per key; None without a past."""
+        """The result of `work` on the past, calculated once per key; None without a past."""
         if self.past is None:
             return None
         known = self.past._left_behind

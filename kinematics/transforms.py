@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 AnyArray = TypeVar("AnyArray", bound=np.ndarray[Any, Any])
 
 BLOCK = 4096
-"""Rows that long columns are worked through at a time, so that what belongs together stays in the cache."""
+"""Rows of a block of a long column, so that the arrays of a block stay in the cache."""
 
 
 def blocks(n: int) -> Iterator[slice]:

@@ -26,7 +26,7 @@ SEAM = 1.0
 SPACING = 1.5
 """A gap between positions counts as measured too when it is no wider than so many times the next smaller one."""
 BENDING = 2.0
-"""Harmonic by which errors are taken to bend where nothing was measured."""
+"""Highest harmonic that is assumed for errors in an unmeasured range."""
 
 
 def measured_arc(positions: Array) -> Interval:

@@ -43,7 +43,7 @@ def names() -> list[str]:
 
 
 def load(name_or_path: str) -> Machine:
-    """The machine of a shipped name or of a TOML file; UserError says what is wrong and where."""
+    """The machine of a shipped name or of a TOML file; UserError with the entry and the reason."""
     path = Path(name_or_path)
     if name_or_path in names():
         path = FOLDER / f"{name_or_path}.toml"

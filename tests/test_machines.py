@@ -326,7 +326,7 @@ def test_the_first_independent_axes_place_the_tool(machine, chosen):
 def test_linear_axes_that_do_not_span_space_are_refused(machine):
     with pytest.raises(UserError) as refusal:
         _ = machine.translators
-    assert str(refusal.value) == "machine test: its linear axes do not span space, so it can't place a tool point"
+    assert str(refusal.value) == "machine test: its linear axes do not span space, so it cannot position a tool point"
 
 
 def test_an_arm_of_revolute_axes_is_refused_in_one_sentence(command, tmp_path):

@@ -379,7 +379,7 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     ),
     "another unit": (
         lambda data: data["effects"][3].update(units={"value": "arcsec"}),
-        "E_C0Y has units {'value': 'arcsec'}, ncomp reads {'value': 'urad'}",
+        "E_C0Y has units {'value': 'arcsec'}, expected {'value': 'urad'}",
     ),
     "effects no list": (
         lambda data: data.update(effects={"kind": "location"}),

@@ -1,7 +1,7 @@
 """The table of effects: physical causes of error, one class each.
 
-An effect turns its parameters into error motions at the axes, a displacement of the tool, or a displacement of what
-the instrument sees. Everything that fits, predicts, corrects or reports errors goes through this table.
+An effect turns its parameters into error motions at the axes, a displacement of the tool, or a displacement of
+the observations. Everything that fits, predicts, corrects or reports errors goes through this table.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from kinematics.effects.base import (
     TOOL,
     UM,
     URAD,
-    Cause,
     Columns,
     Component,
+    EffectBase,
     Parameter,
     Remedy,
     unit_of,
@@ -71,7 +71,7 @@ Effect = (
     | LateReadBack
     | Outliers
 )
-EFFECTS: tuple[type[Cause], ...] = Effect.__args__
+EFFECTS: tuple[type[EffectBase], ...] = Effect.__args__
 """The table; a class added to `Effect` is known to all of ncomp."""
 
 __all__ = [
@@ -84,7 +84,6 @@ __all__ = [
     "AirScale",
     "AngleHarmonic",
     "Backlash",
-    "Cause",
     "Columns",
     "Component",
     "ControlTable",
@@ -92,6 +91,7 @@ __all__ = [
     "Cyclic",
     "DriftWithSensor",
     "Effect",
+    "EffectBase",
     "ErrorMotion",
     "FirstCycle",
     "FollowingError",

@@ -1,4 +1,4 @@
-"""What every effect offers: parameters with units and typical sizes, and columns over a State."""
+"""The base of all effects: parameters with units and typical sizes, and columns over a State."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ UM, URAD = 1e-3, 1e-6
 HOUR = 3600.0
 
 TOOL = -2
-"""Place of what displaces the tool in its own frame, behind the last axis."""
+"""Index of a displacement of the tool in its own frame, behind the last axis."""
 INSTRUMENT = -1
-"""Place of what displaces an observation in the instrument's frame, behind the tool."""
+"""Index of a displacement of an observation in the instrument's frame, behind the tool."""
 
 BY_DIRECTION = "um or urad"
 """Unit of a parameter that counts the error itself: of a translation, or of a rotation."""
@@ -35,7 +35,7 @@ BY_AXIS = "mm or deg"
 
 
 class Columns(NamedTuple):
-    """Change of one error component at one place, per unit of each parameter."""
+    """Change of one error component at an axis, the tool or the instrument, per unit of each parameter."""
 
     place: int
     """Column of an axis, TOOL or INSTRUMENT."""
@@ -52,9 +52,10 @@ class Parameter(NamedTuple):
     unit: str
     """In the table of a class `a or b` where the direction or the axis decides, as in BY_DIRECTION and BY_AXIS."""
     typical: float
-    """Its typical size, the standard deviation of its prior; infinite where nothing limits it."""
+    """Typical size, the standard deviation of its prior; infinite where nothing limits it."""
     linear: bool = True
-    """False of what shapes the columns (a period, a time constant) and has no effect without an amplitude."""
+    """False for a parameter that shapes the columns (a period, a time constant) and has no effect without an amplitude.
+    """
     share_of: str = ""
     """In the table of a class: the field that `typical` is a share of."""
     lower: float = -math.inf
@@ -99,27 +100,27 @@ def own_motion(machine: Machine, axis: str) -> tuple[int, int, float]:
     return i, k, float(np.sign(machine.axes[i].error_frame[:, k % 3] @ machine.axes[i].unit_direction))
 
 
-class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
+class EffectBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"):
     """Base of all effects: one physical cause of error.
 
-    A class of effects says once what it is; an object holds its parameters. Parameters stand in fields of their own,
-    a number or a row of numbers each, in um and urad where the name says no other unit; a field that is None is no
-    parameter of the object. `u` holds their standard uncertainties (k = 1), flat in the order of `parameter_table`.
+    The class describes the effect; an object holds its parameters. Each parameter is a field, a number or a row of
+    numbers, in um and urad unless the name contains another unit; a field that is None is no parameter of the object.
+    `u` holds their standard uncertainties (k = 1), flat in the order of `parameter_table`.
     """
 
     TITLE: ClassVar[str]
     ACTS_ON: ClassVar[Literal["axis", "tool", "instrument"]] = "axis"
-    """An effect of the instrument is in the data only; it never enters what is corrected."""
+    """An effect of the instrument is in the data only; it never enters a correction."""
     NEEDS: ClassVar[tuple[str, ...]] = ()
     """Columns of State, besides positions."""
     REMEDY: ClassVar[Remedy] = "program"
-    """The least that puts it right: a controller's table, one with both directions, the corrected program."""
+    """The simplest remedy: a controller's table, one with both directions, the corrected program."""
     HAS_MEMORY: ClassVar[bool] = False
     """True when a row depends on other rows, or on its number."""
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = ()
     """The fields that hold parameters; a row of numbers gives as many parameters `name[i]`."""
     LABEL: ClassVar[tuple[str, ...]] = ()
-    """Fields that tell two effects of the class apart, besides component and axis."""
+    """Fields that distinguish two effects of the class, besides component and axis."""
 
     u: tuple[float, ...] = ()
     note: str = ""
@@ -147,7 +148,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes it speaks of."""
+        """Names of the axes of the effect."""
         return tuple(getattr(self, field) for field in ("axis", "other", "cross") if hasattr(self, field))
 
     @property
@@ -157,7 +158,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The columns of State, besides positions, that this effect can't do without."""
+        """The columns of State, besides positions, that this effect requires."""
         return self.NEEDS
 
     @property
@@ -167,15 +168,15 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     @property
     def intervals(self) -> Mapping[str, Interval]:
-        """By axis or other variable what it is known for; outside it keeps the value at the nearer end.
+        """Known interval of each axis or other variable; outside it the effect keeps the value at the nearer end.
 
         Units are those of `State.variable`.
         """
         return {}
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """By axis, mm or degrees: how short a way its errors may bend there and back on; missing where never."""
+    def feature_lengths(self) -> Mapping[str, float]:
+        """Shortest feature length of its errors by axis, mm or degrees; without axes on which they are straight."""
         return {}
 
     def quantities(self) -> tuple[Parameter, ...]:
@@ -241,7 +242,7 @@ class Cause(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         """Derivatives of the error components it touches with respect to its parameters, at their values."""
 
     def contributions(self, machine: Machine, state: State) -> Iterator[tuple[int, int, Array]]:
-        """Place, component and values `(n,)`, mm or rad: what the effect adds.
+        """Index, component and values `(n,)`, mm or rad, of the errors of the effect.
 
         Its columns times its linear parameters; an effect that is not of that form overrides this.
         """

@@ -8,21 +8,21 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from kinematics.basis import BSpline
-from kinematics.effects.base import BY_DIRECTION, Cause, Columns, Parameter, Remedy, own_motion, unit_of
+from kinematics.effects.base import BY_DIRECTION, Columns, EffectBase, Parameter, Remedy, own_motion, unit_of
 from kinematics.machine import Machine
 from kinematics.state import State
 from kinematics.transforms import Array
 
 
-class ControlTable(Cause, frozen=True, tag="control-table"):
-    """A compensation table in the control, as the error of an axis that it takes away: minus what it adds to commands.
+class ControlTable(EffectBase, frozen=True, tag="control-table"):
+    """A compensation table in the control, as the error of an axis that it removes: the negative of its correction.
 
     A function of the position of one axis, or of two (`values` row by row, those of the second axis running first):
-    linear between the nodes, with the values at the edge outside. Way 1 or -1: only while the first of them moves that
-    way; one that has not moved yet counts half of each. The error is counted forward, as commands are.
+    linear between the nodes, with the values at the edge outside. `way` 1 or -1: only while the first of them moves in
+    this direction; an axis that has not moved yet counts half of each. The error is counted forward, as commands are.
     """
 
-    TITLE: ClassVar[str] = "compensation table in the control, as the error that it takes away"
+    TITLE: ClassVar[str] = "compensation table in the control, as the error that it removes"
     NEEDS: ClassVar[tuple[str, ...]] = ("approach",)
     REMEDY: ClassVar[Remedy] = "table"
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (Parameter("values", BY_DIRECTION, 30.0),)
@@ -50,22 +50,22 @@ class ControlTable(Cause, frozen=True, tag="control-table"):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """See `Cause.axes`."""
+        """See `EffectBase.axes`."""
         return tuple(dict.fromkeys((self.axis, *self.of)))
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The direction only where it matters."""
+        """The direction only with `way`."""
         return ("approach",) if self.way else ()
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`: between two nodes."""
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`: between two nodes."""
         spaced = zip(self.of, self.nodes, strict=True)
         return {axis: float(np.diff(nodes).min()) for axis, nodes in spaced if len(nodes) > 1}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         shares = self._shares(machine, state)
         products = shares[0] if len(shares) == 1 else (shares[0][:, :, None] * shares[1][:, None, :])
         i, component, forward = own_motion(machine, self.axis)
@@ -73,7 +73,7 @@ class ControlTable(Cause, frozen=True, tag="control-table"):
         yield Columns(i, component, products.reshape(len(state), -1) * weights)
 
     def contributions(self, machine: Machine, state: State) -> Iterator[tuple[int, int, Array]]:
-        """See `Cause.contributions`; without building the columns of a surface."""
+        """See `EffectBase.contributions`; without building the columns of a surface."""
         values = np.reshape(self.values, self._shape) * unit_of(self.axis)[1]
         first, *second = self._shares(machine, state)
         total = first @ values
@@ -86,7 +86,7 @@ class ControlTable(Cause, frozen=True, tag="control-table"):
         return tuple(map(len, self.nodes))
 
     def _shares(self, machine: Machine, state: State) -> list[Array]:
-        """Of each node, by axis `(n, k)`, in the value at a position."""
+        """Weights `(n, k)` of the nodes in the value at a position, by axis."""
         found = []
         for axis, nodes in zip(self.of, self.nodes, strict=True):
             one = np.ones((len(state), 1))

@@ -1,4 +1,4 @@
-"""The table of effects in print: what each class says of itself."""
+"""The table of effects in print, from the attributes and docstrings of its classes."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ from typing import NamedTuple
 import msgspec
 
 from kinematics.effects import EFFECTS
-from kinematics.effects.base import Cause, Parameter
+from kinematics.effects.base import EffectBase, Parameter
 
 HEAD = """# Effects: the physical causes of error
 
 Written by `python -m kinematics.effects > docs/effects.md` from the classes in `kinematics/effects/`; do not edit.
 
-An effect of the *machine* (it acts on an axis or on the tool) is corrected; one of the *instrument* is taken out of
+An effect of the *machine* (it acts on an axis or on the tool) is corrected; one of the *instrument* is removed from
 the data and never enters the machine. An error is actual minus nominal, tool relative to workpiece (signs and frames:
-[conventions](conventions.md)); of the instrument, observed minus true. Parameters are in um and urad where no other
+[conventions](conventions.md)); of the instrument, observed minus true. Parameters are in um and urad unless another
 unit is given, positions in mm and degrees. The typical size is the standard deviation of the prior in a fit. *Needs*
-names what must be known of an instant besides the axis positions. The remedy is the least that puts it right; the
-corrected program can whatever a table can. In a diagnosis a parameter's name carries its unit: `width_um`.
+lists the variables that must be known besides the axis positions. The remedy is the simplest one that corrects the
+effect; a corrected program can do everything that a table can. In a diagnosis a parameter's name carries its unit:
+`width_um`.
 """
 NEEDS = {
     "approach": "direction of approach",
     "last_move": "last move",
     "observed": "observed point",
 }
-"""Columns of State whose name does not say enough."""
+"""Descriptions of the columns of State whose name is not self-explanatory."""
 
 
 class Description(NamedTuple):
@@ -37,14 +38,14 @@ class Description(NamedTuple):
     title: str
     acts_on: str
     needs: tuple[str, ...]
-    told_by: tuple[str, ...]
-    """Fields that say what it is and where."""
+    identified_by: tuple[str, ...]
+    """Names of the fields that are no parameters: component, axis and the like."""
     quantities: tuple[Parameter, ...]
     optional: frozenset[str]
     """Names of the quantities that may be absent."""
     remedy: str
     text: str
-    """What it means, with its signs."""
+    """Meaning of the effect, with its signs."""
 
 
 def describe() -> list[Description]:
@@ -52,7 +53,7 @@ def describe() -> list[Description]:
     return [_described(effect) for effect in EFFECTS]
 
 
-def _described(effect: type[Cause]) -> Description:
+def _described(effect: type[EffectBase]) -> Description:
     fields = msgspec.structs.fields(effect)
     quantities = {quantity.name for quantity in effect.QUANTITIES}
     return Description(
@@ -69,7 +70,7 @@ def _described(effect: type[Cause]) -> Description:
 
 
 def typical(quantity: Parameter) -> str:
-    """Its typical size, as people read it."""
+    """The typical size of a parameter as text."""
     if math.isinf(quantity.typical):
         return "any"
     if quantity.share_of:
@@ -87,8 +88,8 @@ def markdown() -> str:
         lines.append(f"| `{row.kind}` | {row.title} | {row.acts_on} | {needs} | {parameters} | {row.remedy} |")
     for row in rows:
         lines += ["", f"## {row.kind}", "", row.text, ""]
-        if row.told_by:
-            lines += [f"Told by: {', '.join(f'`{name}`' for name in row.told_by)}.", ""]
+        if row.identified_by:
+            lines += [f"Identified by: {', '.join(f'`{name}`' for name in row.identified_by)}.", ""]
         lines += ["| parameter | unit | typical size | |", "|---|---|---|---|"]
         for quantity in row.quantities:
             optional, curved = quantity.name in row.optional, not quantity.linear

@@ -1,6 +1,6 @@
 """Drives and controls: reversal, pitch, table steps, lag.
 
-What acts along an axis is counted forward, the way a positive command goes, whichever way the axis' letter points.
+Errors along an axis are counted in the direction of a positive command, also if the axis runs against its letter.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from kinematics.effects.base import (
     BY_AXIS,
     BY_DIRECTION,
     COMPONENTS,
-    Cause,
     Columns,
     Component,
+    EffectBase,
     Parameter,
     Remedy,
     own_motion,
@@ -27,12 +27,12 @@ from kinematics.machine import Machine
 from kinematics.state import State
 
 
-class Backlash(Cause, frozen=True, tag="backlash"):
-    """Lost motion at reversal: the axis is half the width behind its command, whichever way it came.
+class Backlash(EffectBase, frozen=True, tag="backlash"):
+    """Lost motion at reversal: the axis is half the width behind its command in both directions.
 
     Forward deviation minus backward deviation, the reversal value B_i of ISO 230-2 at a position, is minus the width;
     the reversal value B of the axis is the largest of its sizes. `width` is that at position 0, `windup` (of a screw)
-    adds to it in proportion to the position. An axis that has not moved yet stands in the middle.
+    adds to it in proportion to the position. The error of an axis that has not moved yet is zero.
     """
 
     TITLE: ClassVar[str] = "backlash, constant and growing with position (wind-up)"
@@ -48,7 +48,7 @@ class Backlash(Cause, frozen=True, tag="backlash"):
     windup: float | None = None
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         i, component, forward = own_motion(machine, self.axis)
         behind = -0.5 * forward * unit_of(self.axis)[1] * state.need("approach", self.name)[:, [i]]
         if self.windup is not None:
@@ -57,11 +57,11 @@ class Backlash(Cause, frozen=True, tag="backlash"):
         yield Columns(i, component, behind)
 
 
-class Reversal(Cause, frozen=True, tag="reversal"):
+class Reversal(EffectBase, frozen=True, tag="reversal"):
     """An error motion that is another one forward than backward: play in guides, a carriage that tips at reversal.
 
     `differences` are those of the error motion going forward minus going backward, as a function of the axis' own
-    position; each way has half of it. An axis that has not moved yet stands in the middle.
+    position; each direction has half of them. The error of an axis that has not moved yet is zero.
     """
 
     TITLE: ClassVar[str] = "difference of an error motion between forward and backward"
@@ -81,17 +81,17 @@ class Reversal(Cause, frozen=True, tag="reversal"):
 
     @property
     def intervals(self) -> Mapping[str, Interval]:
-        """See `Cause.intervals`."""
+        """See `EffectBase.intervals`."""
         return {self.axis: self.basis.interval}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         i = machine.index(self.axis)
         half = 0.5 * unit_of(self.component)[1] * state.need("approach", self.name)[:, [i]]
         yield Columns(i, COMPONENTS.index(self.component), half * state.basis_columns(machine, self.axis, self.basis))
 
 
-class Cyclic(Cause, frozen=True, tag="cyclic"):
+class Cyclic(EffectBase, frozen=True, tag="cyclic"):
     """An error that repeats with a period: screw lead, encoder pitch, gear; axial motion of a rotary axis (360 deg).
 
     sum of sine[k] sin(2 pi (k + 1) q / period) + cosine[k] cos(2 pi (k + 1) q / period), counted as the error motion of
@@ -118,12 +118,12 @@ class Cyclic(Cause, frozen=True, tag="cyclic"):
         super().__post_init__()
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`: half the shortest wave."""
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`: half the shortest wave."""
         return {self.axis: self.period / (2 * len(self.sine))}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         harmonics = 2 * np.pi / self.period * np.arange(1, len(self.sine) + 1)
         phase = state.position(machine, self.axis)[:, None] * harmonics
         sin, cos = np.sin(phase), np.cos(phase)
@@ -132,8 +132,8 @@ class Cyclic(Cause, frozen=True, tag="cyclic"):
         yield Columns(machine.index(self.axis), COMPONENTS.index(self.component), values * unit_of(self.component)[1])
 
 
-class QuantisedCompensation(Cause, frozen=True, tag="quantised-compensation"):
-    """The steps that a controller's table leaves: a saw tooth.
+class QuantisedCompensation(EffectBase, frozen=True, tag="quantised-compensation"):
+    """The remaining steps of a controller's compensation table: a sawtooth.
 
     At `offset`, and a pitch apart, the control adds its next increment: going forward the axis jumps ahead by `step`,
     from half a step behind to half a step ahead, and loses it again until the next jump.
@@ -153,12 +153,12 @@ class QuantisedCompensation(Cause, frozen=True, tag="quantised-compensation"):
     offset: float = 0.0
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`: half a tooth."""
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`: half a tooth."""
         return {self.axis: self.pitch / 2}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`; the jumps themselves have no derivative."""
+        """See `EffectBase.columns`; the jumps themselves have no derivative."""
         i, component, forward = own_motion(machine, self.axis)
         teeth = (state.position(machine, self.axis) - self.offset) / self.pitch
         slope = np.full(len(teeth), self.step / self.pitch)
@@ -166,7 +166,7 @@ class QuantisedCompensation(Cause, frozen=True, tag="quantised-compensation"):
         yield Columns(i, component, forward * unit_of(self.axis)[1] * values)
 
 
-class FollowingError(Cause, frozen=True, tag="following-error"):
+class FollowingError(EffectBase, frozen=True, tag="following-error"):
     """An axis in motion is behind its command by lag x velocity, and yields by compliance x acceleration.
 
     The compliance of a load on a spring is 1 / (natural angular frequency)^2.
@@ -190,7 +190,7 @@ class FollowingError(Cause, frozen=True, tag="following-error"):
         return self.NEEDS[:1] if self.compliance_ms2 is None else self.NEEDS
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         i, component, forward = own_motion(machine, self.axis)
         values = -1e-3 * forward * state.need("velocity", self.name)[:, [i]]
         if self.compliance_ms2 is not None:
@@ -199,8 +199,10 @@ class FollowingError(Cause, frozen=True, tag="following-error"):
         yield Columns(i, component, values)
 
 
-class Settling(Cause, frozen=True, tag="settling"):
-    """An axis at rest that has not quite arrived: short by a share of its last move (friction, slow position loop)."""
+class Settling(EffectBase, frozen=True, tag="settling"):
+    """An axis at rest has not quite reached its command: it is short by a share of its last move (friction, slow
+    position loop).
+    """
 
     TITLE: ClassVar[str] = "settling: short by a share of the last move"
     NEEDS: ClassVar[tuple[str, ...]] = ("last_move",)
@@ -211,12 +213,12 @@ class Settling(Cause, frozen=True, tag="settling"):
     share_ppm: float
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         i, component, forward = own_motion(machine, self.axis)
         yield Columns(i, component, -1e-6 * forward * state.need("last_move", self.name)[:, [i]])
 
 
-class FirstCycle(Cause, frozen=True, tag="first-cycle"):
+class FirstCycle(EffectBase, frozen=True, tag="first-cycle"):
     """The first measuring cycle differs from all later ones: play that is taken up, a machine not yet run in."""
 
     TITLE: ClassVar[str] = "first-cycle transient"
@@ -229,6 +231,6 @@ class FirstCycle(Cause, frozen=True, tag="first-cycle"):
     offset: float
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         first = (state.need("cycle", self.name) == 0)[:, None] * unit_of(self.component)[1]
         yield Columns(machine.index(self.axis), COMPONENTS.index(self.component), first)

@@ -13,9 +13,9 @@ from kinematics.effects.base import (
     BY_DIRECTION,
     COMPONENTS,
     UM,
-    Cause,
     Columns,
     Component,
+    EffectBase,
     Parameter,
     Remedy,
     unit_of,
@@ -27,7 +27,7 @@ TYPICAL = 30.0
 """um or urad: error motions of machines in good order."""
 
 
-class ErrorMotion(Cause, frozen=True, tag="error-motion"):
+class ErrorMotion(EffectBase, frozen=True, tag="error-motion"):
     """One of the six error motions of ISO 230-1 of an axis, E_XX ... E_CC, as a function of its own position."""
 
     TITLE: ClassVar[str] = "error motion of an axis (positioning, straightness, angular, radial, axial, tilt)"
@@ -54,21 +54,21 @@ class ErrorMotion(Cause, frozen=True, tag="error-motion"):
 
     @property
     def intervals(self) -> Mapping[str, Interval]:
-        """See `Cause.intervals`."""
+        """See `EffectBase.intervals`."""
         return {self.axis: self.basis.interval}
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`."""
-        return {self.axis: self.basis.bend_length}
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`."""
+        return {self.axis: self.basis.feature_length}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         values = state.basis_columns(machine, self.axis, self.basis) * unit_of(self.component)[1]
         yield Columns(machine.index(self.axis), COMPONENTS.index(self.component), values)
 
 
-class LocationError(Cause, frozen=True, tag="location"):
+class LocationError(EffectBase, frozen=True, tag="location"):
     """Position or orientation of an axis line (ISO 230-1), E_C0Y, E_B0Z, E_X0C, E_A0B, ..., tool relative to workpiece.
 
     An orientation error of a linear axis tilts its line, so its carriage leaves the nominal direction d by
@@ -89,7 +89,7 @@ class LocationError(Cause, frozen=True, tag="location"):
         return f"E_{self.component}0{self.axis}"
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         i, j, size = machine.index(self.axis), COMPONENTS.index(self.component), unit_of(self.component)[1]
         axis = machine.axes[i]
         if axis.rotary or j < 3:
@@ -101,11 +101,11 @@ class LocationError(Cause, frozen=True, tag="location"):
             yield Columns(i, int(k), sideways[k] * state.positions[:, [i]])
 
 
-class CrossAxis(Cause, frozen=True, tag="cross-axis"):
+class CrossAxis(EffectBase, frozen=True, tag="cross-axis"):
     """An error motion of one axis that also depends on the position of another: sag, twist, mass shift.
 
     Products P_i(own) P_j(other) of Legendre polynomials over both intervals, i = 0 ... own_degree, j = 1 ...
-    other_degree, i running first; what does not depend on the other axis (j = 0) is the error motion itself.
+    other_degree, i running first; the part that does not depend on the other axis (j = 0) is the error motion itself.
     """
 
     TITLE: ClassVar[str] = "error motion that also depends on another axis (sag, twist, mass shift)"
@@ -136,17 +136,17 @@ class CrossAxis(Cause, frozen=True, tag="cross-axis"):
 
     @property
     def intervals(self) -> Mapping[str, Interval]:
-        """See `Cause.intervals`."""
+        """See `EffectBase.intervals`."""
         return {self.axis: self.own_interval, self.other: self.other_interval}
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`."""
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`."""
         own, other = self._bases()
-        return {self.axis: own.bend_length, self.other: other.bend_length}
+        return {self.axis: own.feature_length, self.other: other.feature_length}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         bases = zip((self.axis, self.other), self._bases(), strict=True)
         own, other = (state.basis_columns(machine, axis, basis) for axis, basis in bases)
         products = (other[:, 1:, None] * own[:, None, :]).reshape(len(state), len(self.coefficients))
@@ -156,12 +156,13 @@ class CrossAxis(Cause, frozen=True, tag="cross-axis"):
         return Legendre(self.own_interval, self.own_degree), Legendre(self.other_interval, self.other_degree)
 
 
-class Racking(Cause, frozen=True, tag="racking"):
+class Racking(EffectBase, frozen=True, tag="racking"):
     """A gantry driven on both sides (X1, X2) whose second side leads the first, so that its bridge turns.
 
-    The drives stand at the positions `first_mm` and `first_mm + width_mm` of the cross axis. The lead of the second
-    over the first, which the control takes for the axis' position, is a function of that position; the tool at cross
-    position y goes forward by lead (y - first) / width, and turns by lead / width from forward to the first side.
+    The drives are at the positions `first_mm` and `first_mm + width_mm` of the cross axis. The control uses the first
+    drive as the position of the axis; the lead of the second over the first is a function of this position. The tool at
+    cross position y is displaced forward by lead (y - first) / width, and turns by lead / width from forward to the
+    first side.
     """
 
     TITLE: ClassVar[str] = "racking of a gantry (X1 against X2)"
@@ -181,16 +182,16 @@ class Racking(Cause, frozen=True, tag="racking"):
 
     @property
     def intervals(self) -> Mapping[str, Interval]:
-        """See `Cause.intervals`."""
+        """See `EffectBase.intervals`."""
         return {self.axis: self.basis.interval}
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`."""
-        return {self.axis: self.basis.bend_length}
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`."""
+        return {self.axis: self.basis.feature_length}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         i = machine.index(self.axis)
         axis, across = machine.axes[i], machine.axes[machine.index(self.cross)].unit_direction
         lead = state.basis_columns(machine, self.axis, self.basis) * UM
@@ -203,14 +204,14 @@ class Racking(Cause, frozen=True, tag="racking"):
                 yield Columns(i, k, factor * lead)
 
 
-class Wobble(Cause, frozen=True, tag="wobble"):
+class Wobble(EffectBase, frozen=True, tag="wobble"):
     """One harmonic of the radial or tilt error motion of a rotary axis: the axis line runs round a circle.
 
     In the two directions across the axis (Y Z for A, Z X for B, X Y for C), at the position q:
     cosine cos(n q) + sine sin(n q) and sense (cosine sin(n q) - sine cos(n q)). Sense +1 runs from the first direction
-    to the second with rising q; both senses together are any ellipse. A first harmonic that turns with what the axis
-    carries (sense +1 in the head, -1 in the table, if the axis runs along its letter) can't be told from a shift of
-    that part.
+    to the second with rising q; both senses together are any ellipse. A first harmonic that turns with the part that
+    the axis carries (sense +1 in the head, -1 in the table, if the axis runs along its letter) cannot be separated from
+    a shift of that part.
     """
 
     TITLE: ClassVar[str] = "wobble of a rotary axis (radial or tilt, one harmonic)"
@@ -238,12 +239,12 @@ class Wobble(Cause, frozen=True, tag="wobble"):
         return self.motion == "tilt"
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`."""
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`."""
         return {self.axis: 180.0 / self.harmonic}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         i, own = machine.index(self.axis), "ABC".index(self.axis[0])
         first, size = (3, unit_of("A")[1]) if self.angular else (0, UM)
         angle = self.harmonic * state.positions[:, i]

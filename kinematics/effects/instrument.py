@@ -1,7 +1,7 @@
 """The instrument: errors of the measurement, which leave the data and never enter the machine.
 
 Observations are points in the instrument's frame, its beam starting in the origin; azimuth about z from x, elevation
-from the x y plane. Errors are observed minus true: what has to be taken off the observations.
+from the x y plane. Errors are observed minus true; they are subtracted from the observations.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from kinematics.effects.base import (
     TOOL,
     UM,
     URAD,
-    Cause,
     Columns,
+    EffectBase,
     Parameter,
     Remedy,
     own_motion,
@@ -33,17 +33,17 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-class _Instrument(Cause, frozen=True):
+class _Instrument(EffectBase, frozen=True):
     ACTS_ON = "instrument"
     REMEDY: ClassVar[Remedy] = "none"
     NEEDS: ClassVar[tuple[str, ...]] = ("observed",)
 
 
 class StationShift(_Instrument, frozen=True, tag="station-shift"):
-    """One set-up of the instrument stands elsewhere than its registration says: shifted, and turned about its origin.
+    """The pose of the instrument in one set-up differs from its registration: shifted, and turned about its origin.
 
-    From the time `since_s` on, where one is given: it was knocked. In its own frame; what it observes moves the other
-    way.
+    With `since_s` it holds from this time on: the instrument was knocked. In the instrument's own frame; its
+    observations move in the opposite direction.
     """
 
     TITLE: ClassVar[str] = "shift of an instrument station"
@@ -61,11 +61,11 @@ class StationShift(_Instrument, frozen=True, tag="station-shift"):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Time only where it was knocked at one."""
+        """Time only with `since_s`."""
         return self.NEEDS if self.since_s is None else (*self.NEEDS, "time")
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         here = (state.need("station", self.name) == self.station).astype(float)
         if self.since_s is not None:
             here *= state.need("time", self.name) >= self.since_s
@@ -73,12 +73,12 @@ class StationShift(_Instrument, frozen=True, tag="station-shift"):
 
 
 class TrackerDrift(_Instrument, frozen=True, tag="tracker-drift"):
-    """The instrument moves on its stand with time, from time 0: shifts, and turns about its origin, at constant rates.
+    """The instrument moves on its base with time, from time 0: shifts, and turns about its origin, at constant rates.
 
-    In its own frame; what it observes moves the other way.
+    In the instrument's own frame; its observations move in the opposite direction.
     """
 
-    TITLE: ClassVar[str] = "drift of the instrument on its stand"
+    TITLE: ClassVar[str] = "drift of the instrument on its base"
     NEEDS: ClassVar[tuple[str, ...]] = ("observed", "time")
     QUANTITIES: ClassVar[tuple[Parameter, ...]] = (
         Parameter("shift_um_per_h", "um/h", 10.0),
@@ -89,7 +89,7 @@ class TrackerDrift(_Instrument, frozen=True, tag="tracker-drift"):
     turn_urad_per_h: Vector = ZERO
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         yield from _moved(state.need("observed", self.name), state.need("time", self.name) / HOUR)
 
 
@@ -102,7 +102,7 @@ class RangeOffset(_Instrument, frozen=True, tag="tracker-range"):
     offset_um: float
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         beam, _, _, _ = _beam(state.need("observed", self.name))
         yield from _observed(beam[:, :, None] * UM)
 
@@ -116,7 +116,7 @@ class AirScale(_Instrument, frozen=True, tag="air-scale"):
     scale_um_per_m: float
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         yield from _observed(state.need("observed", self.name)[:, :, None] * 1e-3 * UM)
 
 
@@ -139,7 +139,7 @@ class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
     cosine_urad: float
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         _, sideways, upwards, angles = _beam(state.need("observed", self.name))
         arm, angle = (sideways, angles[:, 0]) if self.circle == "azimuth" else (upwards, angles[:, 1])
         waves = np.stack([np.sin(self.harmonic * angle), np.cos(self.harmonic * angle)], axis=1) * URAD
@@ -147,7 +147,7 @@ class AngleHarmonic(_Instrument, frozen=True, tag="tracker-angle"):
 
 
 class TargetOffset(_Instrument, frozen=True, tag="target-offset"):
-    """A target sits elsewhere in its nest than its vector says, in the tool's own directions."""
+    """The position of a target on the tool differs from its stated vector, in the tool's own directions."""
 
     TITLE: ClassVar[str] = "offset of a target in its nest"
     NEEDS: ClassVar[tuple[str, ...]] = ("target",)
@@ -158,17 +158,17 @@ class TargetOffset(_Instrument, frozen=True, tag="target-offset"):
     offset_um: Vector
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         here = (state.need("target", self.name) == self.target)[:, None] * UM
         for k in range(3):
             yield Columns(TOOL, k, here * np.eye(3)[k])
 
 
 class LateReadBack(_Instrument, frozen=True, tag="late-read-back"):
-    """The axis positions noted with an observation are late, or the two clocks differ: the machine was farther by then.
+    """The axis positions of an observation are late, or the two clocks differ: the machine had moved on.
 
-    lag x velocity ahead of the noted position, on every axis alike; following error with the other sign, but none of
-    the machine's.
+    Every axis is lag x velocity ahead of the recorded position: a following error with the opposite sign that is no
+    error of the machine.
     """
 
     TITLE: ClassVar[str] = "late read-back of the axis positions (clock offset)"
@@ -178,7 +178,7 @@ class LateReadBack(_Instrument, frozen=True, tag="late-read-back"):
     lag_ms: float
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         velocity = state.need("velocity", self.name)
         for axis in machine.names:
             i, component, forward = own_motion(machine, axis)
@@ -186,7 +186,7 @@ class LateReadBack(_Instrument, frozen=True, tag="late-read-back"):
 
 
 class Outliers(_Instrument, frozen=True, tag="outliers"):
-    """Rows of the data, counted from 0, that do not belong to the rest: x y z of each in the instrument's frame."""
+    """Rows of the data, counted from 0, that are wrong: the deviation x y z of each in the instrument's frame."""
 
     TITLE: ClassVar[str] = "outliers"
     NEEDS: ClassVar[tuple[str, ...]] = ()
@@ -202,7 +202,7 @@ class Outliers(_Instrument, frozen=True, tag="outliers"):
         super().__post_init__()
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         if max(self.rows, default=-1) >= len(state):
             raise UserError(f"{self.name}: there is no row {max(self.rows)} in {len(state)} rows")
         values = np.zeros((len(state), 3, len(self.shift_um)))

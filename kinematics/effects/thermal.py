@@ -1,7 +1,7 @@
 """Heat: drift of the tool point, growth of axes; by time, or by a temperature with its lag.
 
-Temperatures count from 20 degC, where nothing has grown. Time counts from the start of the data, where nothing has
-drifted.
+Temperatures count from 20 degC, at which the growth is zero. Time counts from the start of the data, at which the
+drift is zero.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from kinematics.effects.base import (
     HOUR,
     TOOL,
     UM,
-    Cause,
     Columns,
     Component,
+    EffectBase,
     Parameter,
     own_motion,
     unit_of,
@@ -41,10 +41,10 @@ class Filtered(NamedTuple):
     late: float
     """Its output, K."""
     slope: float
-    """The derivative of that with respect to the lag, K/s."""
+    """The derivative of the output with respect to the lag, K/s."""
 
 
-class _OverTime(Cause, frozen=True, kw_only=True):
+class _OverTime(EffectBase, frozen=True, kw_only=True):
     """rate t + sum of amplitude (1 - exp(-t / time constant))."""
 
     NEEDS: ClassVar[tuple[str, ...]] = ("time",)
@@ -69,7 +69,7 @@ class _OverTime(Cause, frozen=True, kw_only=True):
         return np.concatenate([*linear, -np.expm1(-share), slopes], axis=1)
 
 
-class _WithSensor(Cause, frozen=True, kw_only=True):
+class _WithSensor(EffectBase, frozen=True, kw_only=True):
     """coefficient x temperature; with a lag, the temperature behind a first-order filter, so that warming and cooling
     differ (hysteresis). The filter has settled at the first row, of the state or of its past, and is exact for a
     temperature that runs straight from one row to the next; a jump is two rows of the same time.
@@ -123,7 +123,7 @@ class ThermalDrift(_OverTime, frozen=True, tag="thermal-drift"):
     component: Component
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002  the same on any machine
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
 
 
@@ -144,12 +144,12 @@ class DriftWithSensor(_WithSensor, frozen=True, tag="thermal-drift-sensor"):
     component: Component
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:  # noqa: ARG002  the same on any machine
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         yield Columns(TOOL, COMPONENTS.index(self.component), self._course(state) * unit_of(self.component)[1])
 
 
 class GrowthWithTime(_OverTime, frozen=True, tag="thermal-scale"):
-    """The scale of a linear axis grows with time: forward of its fixed point the tool goes too far.
+    """The scale of a linear axis grows with time: forward of its fixed point the tool is too far forward.
 
     Per m from the fixed point: rate t + sum of amplitude (1 - exp(-t / time constant)).
     """
@@ -169,14 +169,14 @@ class GrowthWithTime(_OverTime, frozen=True, tag="thermal-scale"):
         super().__post_init__()
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         yield _growth(machine, state, self.axis, self.fixed_point, self._course(state))
 
 
 class GrowthWithSensor(_WithSensor, frozen=True, tag="thermal-scale-sensor"):
     """The scale of a linear axis follows a temperature, with or without lag, from a fixed point.
 
-    The coefficient is that of the axis less that of the instrument or the workpiece, whichever it is compared with.
+    The coefficient is that of the axis minus that of the instrument or of the workpiece with which it is compared.
     """
 
     TITLE: ClassVar[str] = "thermal growth of an axis with a temperature, with lag"
@@ -193,7 +193,7 @@ class GrowthWithSensor(_WithSensor, frozen=True, tag="thermal-scale-sensor"):
         super().__post_init__()
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         yield _growth(machine, state, self.axis, self.fixed_point, self._course(state))
 
 
@@ -211,10 +211,10 @@ def _growth(machine: Machine, state: State, axis: str, fixed_point: float, cours
 def lagged(temperature: Array, time: Array, lag: float, start: Filtered | None = None) -> tuple[Array, Array]:
     """Output `(n,)` of a first-order filter of time constant `lag`, s, and its derivative with respect to the lag.
 
-    It goes on from `start`; without one it has settled at the first row.
+    It continues from `start`; without `start` it has settled at the first row.
 
     lag dy/dt = T - y with T straight from one row to the next, so that over a step h with r = h / lag
-    y1 = T1 - (T1 - T0) (1 - exp(-r)) / r + (y0 - T0) exp(-r). Rows whose time runs back count as of the same time.
+    y1 = T1 - (T1 - T0) (1 - exp(-r)) / r + (y0 - T0) exp(-r). Rows with decreasing time count as of the same time.
     """
     if start is not None:
         temperature, time = np.append(start.temperature, temperature), np.append(start.time, time)

@@ -1,4 +1,4 @@
-"""What is measured and has no name: a smooth function of known variables, as a displacement of the tool."""
+"""A measured error without a known cause: a smooth function of known variables, as a displacement of the tool."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from kinematics.basis import Interval, Legendre
-from kinematics.effects.base import COMPONENTS, TOOL, UM, Cause, Columns, Parameter
+from kinematics.effects.base import COMPONENTS, TOOL, UM, Columns, EffectBase, Parameter
 from kinematics.machine import Machine
 from kinematics.state import TEMPERATURE, TIME, State
 
@@ -16,13 +16,13 @@ DEGREE = 24
 """The highest of a polynomial."""
 
 
-class Unnamed(Cause, frozen=True, tag="unnamed"):
-    """The tool point is displaced by a smooth function of some variables: no cause, only what measured data show.
+class Unnamed(EffectBase, frozen=True, tag="unnamed"):
+    """The tool point is displaced by a smooth function of some variables: a measured dependence without a cause.
 
     Variables are axes by their names (mm or degrees), `time` (s) and `temperature NAME` (K from 20 degC). The function
     is a sum of products of Legendre polynomials, one for each variable, over its interval in `ranges`; `terms` has
     their degrees, one row for each coefficient. Outside its interval a variable counts as at the nearer end. In the
-    tool's own directions. It holds for what was measured, and says nothing of other days or places.
+    tool's own directions. It holds for the measured ranges and the day of the measurement only.
     """
 
     TITLE: ClassVar[str] = "smooth function that no named cause explains"
@@ -74,17 +74,17 @@ class Unnamed(Cause, frozen=True, tag="unnamed"):
 
     @property
     def intervals(self) -> Mapping[str, Interval]:
-        """By variable; see `Cause.intervals`."""
+        """By variable; see `EffectBase.intervals`."""
         return dict(zip(self.variables, self.ranges, strict=True))
 
     @property
-    def bend_lengths(self) -> Mapping[str, float]:
-        """See `Cause.bend_lengths`."""
+    def feature_lengths(self) -> Mapping[str, float]:
+        """See `EffectBase.feature_lengths`."""
         of = zip(self.variables, self._bases(), strict=True)
-        return {variable: basis.bend_length for variable, basis in of if variable in self.axes}
+        return {variable: basis.feature_length for variable, basis in of if variable in self.axes}
 
     def columns(self, machine: Machine, state: State) -> Iterator[Columns]:
-        """See `Cause.columns`."""
+        """See `EffectBase.columns`."""
         degrees = np.array(self.terms)
         values = np.full((len(state), len(self.terms)), UM)
         for i, (name, basis) in enumerate(zip(self.variables, self._bases(), strict=True)):

@@ -1,19 +1,19 @@
 """Compensation classes of ISO/TR 16907: which part of an error model is corrected.
 
-Every effect belongs to one elementary class, by the axis it speaks of and the direction it errs in:
+Every effect belongs to one elementary class, by its axis and the direction of its error:
 
-| class | what it holds | axes |
+| class | contents | axes |
 |---|---|---|
 | L-POS, R-POS | positioning along or about the axis itself (also backlash, pitch, growth) | linear, rotary |
 | L-STR, R-RAX | straightness; radial and axial error motions | linear, rotary |
 | L-SQU, R-POR | squareness; position and orientation of the axis line | linear, rotary |
 | L-ANG, R-ANG | angular error motions; tilt error motions | linear, rotary |
-| SPEC | what the report leaves to the maker: displacement of the tool itself | - |
+| SPEC | errors outside the report's classes: displacement of the tool itself | - |
 
 L-VOL and R-VOL hold all four, L-VOL+ and R-VOL+ the functional orientation (FOR) as well, which the rotary axes must
 correct. Lines "along which" L-POS, L-STR and L-SQU hold are those through the reference points of the axes. The slope
 of a straightness that is not written as a location error counts as straightness. A compensation table in the control
-holds something of all classes at once: it can only be chosen with all of them. Source: thesis, section 2.9.1.
+contains errors of all classes at once: it can only be selected with all of them. Source: thesis, section 2.9.1.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CLASSES: dict[str, frozenset[str]] = {
     "R-VOL+": _ROTARY | {ORIENTATION},
     "THESIS": frozenset(("L-POS", "L-STR", "L-SQU", "R-ANG")),
 }
-"""Elementary classes, and FOR, in each name that a user may say; THESIS is the set of Ellingsdalen 2021."""
+"""Elementary classes, and FOR, of each name that a user may give; THESIS is the set of Ellingsdalen 2021."""
 
 
 def class_of(effect: Effect) -> str:
@@ -54,7 +54,7 @@ def class_of(effect: Effect) -> str:
 
 
 def _part(effect: Effect, axis: str) -> str:
-    """What of its axis an effect is an error of."""
+    """The property of its axis of which an effect is an error."""
     if isinstance(effect, LocationError):
         return "line"
     if isinstance(effect, Wobble):

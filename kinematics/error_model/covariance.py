@@ -10,8 +10,8 @@ from kinematics.transforms import Array
 def propagated(matrix: Array, covariance: Array) -> Array:
     """Covariance `(q, q)` of `matrix` `(q, p)` times parameters with this covariance `(p, p)`.
 
-    Exactly symmetric and, to rounding of each standard uncertainty, positive semidefinite, also where differences of
-    large terms leave little.
+    Exactly symmetric and, to rounding of each standard uncertainty, positive semidefinite, also for small differences
+    of large terms.
     """
     half = matrix @ root_of(covariance)
     return np.asarray(half @ half.T)

@@ -1,4 +1,4 @@
-"""JSON for people: what fits on a line stands on one, everything else one member a line."""
+"""Readable JSON: a value that fits on a line is written on one, any other with one member on each line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ WIDTH = 120
 
 
 def to_json(value: Any) -> str:
-    """A value made of dicts, lists, strings, numbers, True, False and None; ValueError for what is not finite."""
+    """A value of dicts, lists, strings, numbers, True, False and None; ValueError for a number that is not finite."""
     return _layout(value, "", 0)
 
 

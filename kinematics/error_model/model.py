@@ -1,4 +1,4 @@
-"""ErrorModel: a machine, its effects, fitted parameters and their covariance; what a calibration file holds."""
+"""ErrorModel: a machine, its effects, fitted parameters and their covariance: the contents of a calibration file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from kinematics.user_error import UserError
 
 ROUNDING = 1e-9
 """Positions, mm or degrees, come back from rad with an error far below this."""
-LONGEST_BEND = np.deg2rad(40.0)
+LONGEST_FEATURE = np.deg2rad(40.0)
 """rad."""
 VALID_DAYS = 365.0
 """Validity of a calibration without `valid_days`, days."""
@@ -55,7 +55,7 @@ class Provenance(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Observation(NamedTuple):
-    """What the effects add to an observation."""
+    """Changes of an observation by the effects."""
 
     errors: Array
     """Error motions `(n, axes + 1, 6)`, mm and rad, of the axes and the tool, as the data show them."""
@@ -66,8 +66,8 @@ class Observation(NamedTuple):
 class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Contract 4.4, version 1.
 
-    Effects of the instrument belong to the data: `observation` and `observation_design` have them, whatever says how
-    the machine errs has not.
+    Effects of the instrument belong to the data: only `observation` and `observation_design` contain them, no method
+    for the errors of the machine does.
     """
 
     ncomp_calibration: Literal[1] = 1
@@ -77,7 +77,8 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """True for a calibration that describes no real machine; announced on every run."""
     effects: tuple[Effect, ...]
     covariance: tuple[tuple[float, ...], ...] | None = None
-    """Of all parameters in the order of the effects, in their units; None when they are independent with their u."""
+    """Covariance of all parameters in the order of the effects, in their units; None if they are independent with
+    their u."""
 
     @property
     def id(self) -> str:
@@ -91,7 +92,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     @property
     def slices(self) -> tuple[slice, ...]:
-        """Where the parameters of each effect stand among all."""
+        """The slice of each effect in all parameters."""
         ends = np.cumsum([0, *(len(effect.parameters) for effect in self.effects)]).tolist()
         return tuple(slice(low, high) for low, high in pairwise(ends))
 
@@ -154,7 +155,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return _sum(own, machine, state)[:, :INSTRUMENT]
 
     def observation(self, machine: Machine, state: State) -> Observation:
-        """What all effects, those of the instrument too, add to observations."""
+        """Changes of observations by all effects, those of the instrument too."""
         places = _sum(self.effects, machine, state)
         return Observation(places[:, :INSTRUMENT], places[:, INSTRUMENT, :3])
 
@@ -174,7 +175,7 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return Design(self, machine, state, with_instrument=True).of(slice(None), transform)
 
     def standard_uncertainty(self, machine: Machine, state: State, transform: Array) -> Array:
-        """Standard uncertainties (GUM, k = 1) `(n, rows)` of what `transform` makes of the error motions."""
+        """Standard uncertainties (GUM, k = 1) `(n, rows)` of the error motions transformed by `transform`."""
         design = self.design(machine, state, transform)
         return self.propagated(design, self.unmeasured_variance(machine, state, transform))
 
@@ -206,14 +207,14 @@ class ErrorModel(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                     variance += (arm * spread[:, None]) ** 2
         return variance
 
-    def bend_lengths(self, machine: Machine) -> Array:
-        """How short a way of each axis `(axes,)`, mm and rad, the errors of the machine may bend there and back on.
+    def feature_lengths(self, machine: Machine) -> Array:
+        """Shortest feature length of the errors of the machine on each axis `(axes,)`, mm and rad.
 
-        Kinematics bends the way of what a rotary axis carries, errors or not: none is longer than LONGEST_BEND there.
+        The path of a part on a rotary axis is curved also without errors: its length is LONGEST_FEATURE at most.
         """
-        lengths = np.where(machine.rotary, LONGEST_BEND, np.inf)
+        lengths = np.where(machine.rotary, LONGEST_FEATURE, np.inf)
         for effect in self.effects:
-            for axis, length in effect.bend_lengths.items():
+            for axis, length in effect.feature_lengths.items():
                 i = machine.index(axis)
                 lengths[i] = min(lengths[i], length * machine.scale[i])
         return lengths
@@ -278,7 +279,7 @@ class Design:
 
 
 def _fill(columns: Iterable[Columns], transform: Array, places: int, design: Array) -> None:
-    """Write what `transform` makes of the columns of one effect into its part of a design `(n, k, parameters)`."""
+    """Write the transformed columns of one effect into its part of a design `(n, k, parameters)`."""
     for i, (place, component, values) in enumerate(columns):
         arm = transform[:, :, 6 * (place % places) + component, None]
         if i:
@@ -295,7 +296,7 @@ def no_errors(machine: Machine) -> ErrorModel:
 
 
 def reference(machine: Machine) -> MachineReference:
-    """What a calibration of this machine says about it."""
+    """The machine entry of a calibration."""
     return MachineReference(machine.name, machine.chain, machine.chain_hash)
 
 
@@ -345,14 +346,14 @@ def write_model(model: ErrorModel, path: Path) -> None:
 
 
 def encode_model(model: ErrorModel) -> bytes:
-    """The calibration as JSON for people: effects in the order what and where, parameters with units, u, note."""
+    """The calibration as readable JSON: of each effect kind and axis, parameters with units, u, note."""
     content = msgspec.to_builtins(model)
     content["effects"] = [_written(effect) for effect in model.effects]
     return (to_json(content) + "\n").encode()
 
 
 def _written(effect: Effect) -> dict[str, Any]:
-    """An effect as it stands in files: without what it does not have, with the units of its parameters."""
+    """An effect as in files: without absent fields, with the units of its parameters."""
     fields = {name: value for name, value in msgspec.to_builtins(effect).items() if value is not None}
     u, note = fields.pop("u"), fields.pop("note")
     units = _units(effect)
@@ -365,7 +366,7 @@ def _units(effect: Effect) -> dict[str, str]:
 
 
 def _take_units(content: dict[str, Any]) -> list[Any]:
-    """Take out of a file's effects, and return, what they say of the units of their parameters."""
+    """Remove the units of the parameters from a file's effects, and return them."""
     effects = content.get("effects")
     if not isinstance(effects, list):
         return []
@@ -373,7 +374,7 @@ def _take_units(content: dict[str, Any]) -> list[Any]:
 
 
 def _sum(effects: Sequence[Effect], machine: Machine, state: State) -> Array:
-    """What effects add at each place `(n, axes + 2, 6)`, mm and rad: the axes, the tool, the observed point."""
+    """Errors `(n, axes + 2, 6)`, mm and rad, of effects at the axes, the tool, and the observed point."""
     total = np.moveaxis(np.zeros((len(machine.axes) + 2, 6, len(state))), 2, 0)
     for rows in blocks(len(state)):
         part = state.rows(rows)
@@ -393,13 +394,13 @@ def _add(total: Array, effect: Effect, machine: Machine, state: State) -> None:
 
 def _check(model: ErrorModel, units: list[Any], source: str) -> None:
     axes = set(model.machine.chain.split()) - {"w", "b", "t"}
-    for effect, said in zip(model.effects, units, strict=True):
+    for effect, given in zip(model.effects, units, strict=True):
         if not axes.issuperset(effect.axes):
             raise UserError(f"calibration {source}: {effect.name} is of an axis that {model.machine.chain} lacks")
         if min(effect.uncertainties, default=0.0) < 0:
             raise UserError(f"calibration {source}: {effect.name} has a negative standard uncertainty u")
-        if said is not None and said != _units(effect):
-            raise UserError(f"calibration {source}: {effect.name} has units {said}, ncomp reads {_units(effect)}")
+        if given is not None and given != _units(effect):
+            raise UserError(f"calibration {source}: {effect.name} has units {given}, expected {_units(effect)}")
     ranges = model.provenance.temperatures_degC
     for sensor, (low, high) in {} if ranges is msgspec.UNSET else ranges.items():
         if low > high:

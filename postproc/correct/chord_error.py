@@ -123,7 +123,7 @@ class CorrectedWays:
     @cached_property
     def steps(self) -> Array:
         """In how many steps `(n,)`, not whole, a move has to be looked at so that no bend is missed."""
-        steps = 4.0 * (self.extents / self.models[0].bend_lengths(self.motions.machine)).max(axis=1, initial=0.0)
+        steps = 4.0 * (self.extents / self.models[0].feature_lengths(self.motions.machine)).max(axis=1, initial=0.0)
         for row in self.motions.arcs:
             if self.motions.arcs[row].turns:
                 steps[row] = max(steps[row], STEPS * abs(arc_turned(self.motions, row)) / math.pi)

@@ -27,7 +27,7 @@ def along(effect, machine, axis, points):
 def test_second_differences_bound_what_lies_between(example):
     effect, machine = example.effect, example.machine
     for axis in machine.axes:
-        length = effect.bend_lengths.get(axis.name)
+        length = effect.feature_lengths.get(axis.name)
         if effect.HAS_MEMORY or isinstance(effect, QuantisedCompensation):
             continue  # depends on rows before; jumps, which nothing bounds
         low, high = np.clip(axis.travel, -360.0, 360.0)
