@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from diagnosed import data_with
+from support.diagnosis_cases import data_with
 
 from calibration.diagnosis.diagnose import diagnose
 from calibration.fit.calibrate import calibrate
