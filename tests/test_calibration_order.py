@@ -67,7 +67,7 @@ def results(data):
     return calibrated(data, "legendre:3"), calibrated(data, "auto"), diagnosed(data)
 
 
-@pytest.mark.slow
+@pytest.mark.statistical
 def test_a_calibration_is_the_same_after_another():
     first, second = DATA
     alone = results(first)
