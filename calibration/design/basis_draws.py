@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.design.equations import BESIDES, Columns, Part, Sample
+from calibration.design.equations import BESIDES, Columns, Sample
 from calibration.design.held_out_lines import HeldOutLines
 from calibration.design.solver import Fits
 from calibration.fit import basis_search
 from calibration.fit.basis_search import Choice, Evidence, Search, Unexplained
+from calibration.fit.linear import Part
 from calibration.observation.full_model import BasisChoice
 from kinematics.transforms import Array
 

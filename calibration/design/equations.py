@@ -16,6 +16,7 @@ import numpy as np
 from calibration.design.layout import Setup
 from calibration.design.random_machines import TrueModels
 from calibration.design.volume import Volume
+from calibration.fit.linear import Part, column_space
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
 from calibration.observation.full_model import axis_effects, parse_basis, priors
@@ -29,8 +30,6 @@ ROUNDING = 1e-7
 """Share of a column below which what is left of it is nothing."""
 BESIDES = ""
 """Stands for an axis where the effects are meant that are fitted besides the error motions."""
-Part = tuple[str, str]
-"""Axis, and the basis that its error motions are written in."""
 
 
 class Made(NamedTuple):
@@ -55,9 +54,7 @@ class Columns:
         self._units = np.linalg.norm(flat, axis=0)
         self.registration = flat / self._units
         """Whitened derivatives `(N, r)` by the registration, of unit length."""
-        u, values, v = np.linalg.svd(self.registration, full_matrices=False)
-        seen = values > SEEN * values[0]
-        self._registration, self._back = u[:, seen], v[seen].T / values[seen]
+        self._registration = column_space(self.registration, SEEN)
 
     def of_true_models(self, true_models: TrueModels) -> tuple[Array, Array]:
         """Of a truth's coefficients: of the observations `(N, t)`, registration and all, and of the volume `(G, t)`."""
@@ -67,9 +64,8 @@ class Columns:
     def of_part(self, part: Part) -> Made:
         """Of one axis' error motions, or of what is fitted besides, per unit of parameters."""
         model = self.model([part])
-        observed = self.observed(model)
-        before = np.linalg.norm(observed, axis=0)
-        observed -= self._registration @ (self._registration.T @ observed)
+        whole = self.observed(model)
+        before, observed = np.linalg.norm(whole, axis=0), self._registration.removed(whole)
         # what the registration takes away altogether leaves rounding, which is nothing seen
         observed[:, np.linalg.norm(observed, axis=0) < ROUNDING * before] = 0.0
         return Made(observed, self.evaluated(model), priors(model))
@@ -81,7 +77,7 @@ class Columns:
     def registered(self, parts: Sequence[Part], left: Array, step: Array) -> Array:
         """The step of the registration for residuals `(N,)`, when the parameters take theirs."""
         rest = left - self.observed(self.model(parts)) @ step
-        return np.asarray(self._back @ (self._registration.T @ rest) / self._units)
+        return np.asarray(self._registration.back @ (self._registration.basis.T @ rest) / self._units)
 
     def evaluated(self, model: ErrorModel) -> Array:
         """Derivatives `(G, p)`, um, of the aligned deviations in all volumes."""

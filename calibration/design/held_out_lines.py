@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
 
-from calibration.design.equations import SEEN, Part
+from calibration.design.equations import SEEN
 from calibration.design.solver import Fits
 from calibration.fit.cross_validation import blocks_of, lines, placed
+from calibration.fit.linear import Part, Posterior, column_space
 from calibration.observation.outliers import refuse_lines
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
@@ -72,10 +72,9 @@ class HeldOutLines:
         columns *= self.fits.scale(parts, prior_scale)
         total = np.zeros(observed.shape[1])
         for line in self.held:
-            (design, predicting), (seen, held_out_lines) = line.split(columns), line.split(observed)
-            factor = linalg.cho_factor(design.T @ design + np.eye(columns.shape[1]), lower=True, check_finite=False)
-            parameters = linalg.cho_solve(factor, design.T @ seen, check_finite=False)
-            total += np.sum((held_out_lines - predicting @ parameters) ** 2, axis=0)
+            (design, predicting), (fitted, left_out) = line.split(columns), line.split(observed)
+            parameters = Posterior(design.T @ design, 1.0).solve(design.T @ fitted)
+            total += np.sum((left_out - predicting @ parameters) ** 2, axis=0)
         return total
 
     def _columns(self, part: Part) -> Array:
@@ -86,6 +85,5 @@ class HeldOutLines:
 
 
 def _line(registration: Array, told: np.ndarray, others: np.ndarray) -> Line:
-    u, values, v = np.linalg.svd(registration[others], full_matrices=False)
-    seen = values > SEEN * values[0]
-    return Line(told, others, u[:, seen], registration[told] @ (v[seen].T / values[seen]))
+    space = column_space(registration[others], SEEN)
+    return Line(told, others, space.basis, registration[told] @ space.back)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from scipy import linalg
 
-from calibration.design.equations import Columns, Made, Part, Sample
+from calibration.design.equations import Columns, Made, Sample
 from calibration.design.random_machines import TrueModels
-from kinematics.transforms import Array, read_only
+from calibration.fit.linear import NormalBlocks, Part, Posterior, pseudo_inverse
+from kinematics.transforms import Array
 
 UNSEEN = 1e-10
 """Singular values squared below this share of the largest count as zero where no prior holds."""
@@ -34,10 +34,10 @@ class Fits:
     columns: Columns
     true_models: TrueModels
     _made: dict[Part, Made] = field(default_factory=dict)
-    _gram: dict[tuple[Part, Part], Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.true_observed, self.true_volume = self.columns.of_true_models(self.true_models)
+        self._blocks = NormalBlocks(lambda part: self._of(part).observed)
         self.factorised = lru_cache(maxsize=KEPT)(self._factorised)
 
     def right(self, part: Part, drawn: Sample) -> Array:
@@ -73,31 +73,17 @@ class Fits:
         return np.stack([rms(part) for part in np.split(deviations, ends)])
 
     def _factorised(self, parts: tuple[Part, ...], prior_scale: float) -> Factorised:
-        matrix = np.block([[self._between(a, b) for b in parts] for a in parts])
+        matrix = self._blocks.matrix(parts)
         if np.isinf(prior_scale):
             return _least_squares(matrix)
         scale = self.scale(parts, prior_scale)
-        matrix = matrix * np.outer(scale, scale) + np.eye(len(scale))
-        factor = linalg.cho_factor(matrix, lower=True, check_finite=False)
-
-        def solve(right: Array) -> Array:
-            inner = linalg.cho_solve(factor, right * scale[:, None], check_finite=False)
-            return np.asarray(inner * scale[:, None])
-
-        return Factorised(solve, float(2 * np.sum(np.log(np.diag(factor[0])))))
+        posterior, units = Posterior(matrix * np.outer(scale, scale), 1.0), scale[:, None]
+        return Factorised(lambda right: posterior.solve(right * units) * units, posterior.log_determinant)
 
     def _of(self, part: Part) -> Made:
         if part not in self._made:
             self._made[part] = self.columns.of_part(part)
         return self._made[part]
-
-    def _between(self, a: Part, b: Part) -> Array:
-        """The normal matrix of two parts, made in one order of the two: its bits are the same for every chunk."""
-        first, second = min(a, b), max(a, b)
-        if (first, second) not in self._gram:
-            self._gram[first, second] = read_only(self._of(first).observed.T @ self._of(second).observed)
-        matrix = self._gram[first, second]
-        return matrix if first == a else matrix.T
 
 
 def rms(deviations: Array) -> Array:
@@ -108,11 +94,5 @@ def rms(deviations: Array) -> Array:
 def _least_squares(matrix: Array) -> Factorised:
     """Without priors: the pseudo-inverse, which leaves at zero what the data do not determine."""
     size = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    seen = values > UNSEEN * values[-1]
-    root = vectors[:, seen] / size[:, None]
-
-    def solve(right: Array) -> Array:
-        return np.asarray(root @ ((root.T @ right) / values[seen][:, None]))
-
-    return Factorised(solve, float("nan"))
+    root = pseudo_inverse(matrix / np.outer(size, size), UNSEEN).root / size[:, None]
+    return Factorised(lambda right: root @ (root.T @ right), float("nan"))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.evaluation.volumetric import rigid_columns
+from calibration.fit.linear import column_space
 from calibration.measurement.measurement import with_moves
 from calibration.planning.strategies import evaluation_grid
 from kinematics.error_model.model import Design, ErrorModel
@@ -59,8 +60,8 @@ class Volume:
     @classmethod
     def at(cls, machine: Machine, state: State, tool: Array) -> Volume:
         """Any positions, with a tool `(3,)` or `(n, 3)`, mm."""
-        u, values, _ = np.linalg.svd(rigid_columns(tool_point(machine, state.positions, tool)), full_matrices=False)
-        rigid = u[:, values > RIGID * values[0]]  # points on one line leave a turn free
+        # points on one line leave a turn free
+        rigid = column_space(rigid_columns(tool_point(machine, state.positions, tool)), RIGID).basis
         return cls(machine, state, tool, place_transform(machine, state.positions, tool)[:, :3], rigid)
 
     def columns(self, model: ErrorModel) -> Array:

@@ -10,6 +10,7 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from calibration.diagnosis.search.selection import Stage
 from calibration.evaluation.volumetric import volumetric_error_um
 from calibration.fit.fit import Fit
+from calibration.fit.linear import pseudo_inverse
 from calibration.measurement.instruments import LaserTracker
 from calibration.observation.full_model import distinct_positions, moving_axes
 from kinematics.basis import BSpline
@@ -92,8 +93,6 @@ def closure(linearised: LinearisedFit) -> float | None:
     if finest.shape[1] * SHARE > linearised.scalars:
         return None
     projected = linearised.projected(finest)
-    values, vectors = np.linalg.eigh((projected.left + projected.left.T) / 2)
-    seen = values > 1e-6 * values.max(initial=1e-300)
-    along = vectors[:, seen].T @ (finest.T @ linearised.residual)
-    explained = float(np.sum(along**2 / values[seen])) - int(np.count_nonzero(seen))
+    inverse = pseudo_inverse((projected.left + projected.left.T) / 2, 1e-6)
+    explained = inverse.explained(finest.T @ linearised.residual) - inverse.rank
     return float(np.clip(1.0 - explained / beyond, 0.0, 1.0))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
-from itertools import pairwise
 
 import msgspec
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from calibration.cores import each
 from calibration.fit.basis_search import FINEST, SIZES, Choice, Search, Unexplained, chosen
 from calibration.fit.fit import DOUBT, Fit, Progress, fit
+from calibration.fit.linear import NormalBlocks, Part
 from calibration.fit.problem import solution
 from calibration.measurement.measurement import Measurement
 from calibration.observation import equations
@@ -39,8 +39,6 @@ ROWS = 5000
 """At most so many rows, evenly spread, decide."""
 KEPT = 250_000_000
 """Bytes of columns that are kept, beside the blocks."""
-Part = tuple[str, str]
-"""Axis and basis, or one of the two others."""
 REGISTRATION: Part = ("", "registration")
 BESIDES: Part = ("", "besides")
 
@@ -111,7 +109,7 @@ class LinearEvidence:
         own = self._priors(BESIDES)
         start = np.array([value for effect in effects for value in effect.parameters])
         self._moved = np.where(np.isfinite(own), (self._besides - start) / own, 0.0)
-        self._blocks: dict[tuple[Part, Part], Array] = {}
+        self._blocks = NormalBlocks(self._columns)
         self._known: dict[str, float] = {}
 
     def of_all(self, choices: Sequence[Choice]) -> Array:
@@ -127,25 +125,12 @@ class LinearEvidence:
     def _evidence(self, choice: Choice) -> float:
         axes: list[Part] = [(axis, str(basis)) for axis, basis in choice.bases.items()]
         parts = [REGISTRATION, *axes, BESIDES]
-        right = np.concatenate([self._right(part) for part in parts])
-        matrix, ends = np.empty((len(right),) * 2), np.cumsum([0, *(len(self._right(part)) for part in parts)])
-        places = [slice(start, end) for start, end in pairwise(ends.tolist())]
-        for a, rows in zip(parts, places, strict=True):
-            for b, columns in zip(parts, places, strict=True):
-                matrix[rows, columns] = self._block(a, b)
+        normal = NormalEquations(self._blocks.matrix(parts), np.concatenate([self._right(part) for part in parts]))
         prior = np.concatenate([*(choice.prior_scale * self._priors(part) for part in axes), self._priors(BESIDES)])
         away = np.zeros(len(prior))
         away[len(prior) - len(self._moved) :] = self._moved
-        solved = solution(NormalEquations(matrix, right), self._registration, prior, away)
+        solved = solution(normal, self._registration, prior, away)
         return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
-
-    def _block(self, a: Part, b: Part) -> Array:
-        """The block of two parts, made in one order of the two: whichever thread asks first, its bits are the same."""
-        first, second = min(a, b), max(a, b)
-        if (first, second) not in self._blocks:
-            self._blocks[first, second] = read_only(self._columns(first).T @ self._columns(second))
-        block = self._blocks[first, second]
-        return block if first == a else block.T
 
     def _along(self, part: Part) -> Array:
         """The residual `(parameters,)` along the columns of a part."""

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from calibration.fit.linear import pseudo_inverse
 from calibration.fit.problem import Problem, Solved
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.measurement import Measurement, Target
@@ -77,8 +78,7 @@ def error_motions(model: ErrorModel) -> Iterator[tuple[ErrorMotion, slice]]:
 
 def null_space(information: Array) -> Array:
     """Directions `(p, k)`, orthonormal, that an information matrix says nothing of."""
-    values, vectors = np.linalg.eigh(information)
-    return np.asarray(vectors[:, values < NULL * max(float(values[-1]), 1.0)])
+    return pseudo_inverse(information, NULL, 1.0).null
 
 
 def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:

@@ -7,8 +7,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg import LinAlgError
 
+from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation.normal_equations import NormalEquations, assemble, residuals, whitened, whiteners
@@ -68,11 +69,7 @@ class Solved(NamedTuple):
     @property
     def effective_parameters(self) -> float:
         """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
-        size = len(self.information)
-        if not size:
-            return float(self.registered)
-        inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(self.information + np.eye(size)), lower=1)
-        return size - float(np.sum(inverse**2)) + self.registered
+        return Posterior(self.information, 1.0).effective_parameters + self.registered
 
     @property
     def rank(self) -> int:
@@ -185,27 +182,25 @@ def solution(normal: NormalEquations, registration: Registration, prior: Array, 
     mixed = _times(normal.matrix[:size, size:], root) * scales[:, None]
     machine = _between(normal.matrix[size:, size:], root)
     right = np.concatenate([normal.right[:size] * scales, _times(normal.right[size:], root)])
-    half, rank, spread = _inverse_root(own)
+    half, _, spread = registered = pseudo_inverse(own, UNSEEN, 1.0)
     eliminated = mixed.T @ half
     information = machine - eliminated @ eliminated.T
     inner = right[size:] - eliminated @ (half.T @ right[:size]) - away
-    # what neither the data nor a prior hold does not move
-    with_prior = information.copy()
-    np.fill_diagonal(with_prior, np.diag(information) + limited + UNSEEN * (1.0 + np.diag(information)))
     try:
-        factor = linalg.cho_factor(with_prior, lower=True, overwrite_a=True)
-    except linalg.LinAlgError:
+        # parameters that neither the data nor a prior determines do not move
+        posterior = Posterior(information, limited + UNSEEN * (1.0 + np.diag(information)))
+    except LinAlgError:
         raise UserError(
             "the equations of the fit have no solution: positions or readings of the data differ by so many orders of "
             "magnitude that one of them must have a wrong unit or number"
         ) from None
-    parameters = linalg.cho_solve(factor, inner)
+    parameters = posterior.solve(inner)
     step_of_own = half @ (half.T @ (right[:size] - mixed @ parameters))
     length = float(np.sqrt(max(parameters @ inner, 0.0) / max(len(parameters), 1)))
-    log_determinant = float(2 * np.sum(np.log(np.diag(factor[0]))) + spread - 2 * np.sum(np.log(scales)))
+    log_determinant = posterior.log_determinant + spread - 2.0 * float(np.sum(np.log(scales)))
     reduction = float(right @ np.concatenate([step_of_own, parameters]))
     step = np.concatenate([step_of_own * scales, _times(parameters, root.T)])
-    return Solved(step, length, information, machine, rank, reduction, log_determinant)
+    return Solved(step, length, information, machine, registered.rank, reduction, log_determinant)
 
 
 def _root(prior: Array) -> tuple[Array, Array]:
@@ -242,11 +237,3 @@ def _between(block: Array, root: Array) -> Array:
         return np.asarray(block * np.outer(root, root))
     between = root.T @ block @ root
     return np.asarray((between + between.T) / 2)
-
-
-def _inverse_root(matrix: Array) -> tuple[Array, int, float]:
-    """R of the pseudo-inverse R R' of the registration's part, its rank and the logarithm of its determinant."""
-    values, vectors = np.linalg.eigh(matrix)
-    seen = values > UNSEEN * max(values.max(initial=0.0), 1.0)
-    root = vectors[:, seen] / np.sqrt(values[seen])
-    return root, int(np.count_nonzero(seen)), float(np.sum(np.log(values[seen])))

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibration.design.equations import Part
 from calibration.design.volume import Volume
 from calibration.evaluation.volumetric import volumetric_error_um
+from calibration.fit.linear import Part
 from calibration.observation.normal_equations import residuals, whitened
 from calibration.simulation.simulate import observe
 from calibration.study.chunks import Chunk, Prepared

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg
 
 from calibration.diagnosis.next.follow_up import FollowUpDesign
 from calibration.diagnosis.search.linearised_fit import GENEROUS, RIDGE, LinearisedFit, derivatives, signals
+from calibration.fit.linear import Posterior
 from calibration.observation import equations
 from calibration.observation.normal_equations import whiteners
 from kinematics.effects import Effect
@@ -46,9 +46,8 @@ class Information:
                 fitted[without] = False
             if beside is not None:
                 fitted[self.causes[beside]] = True
-            factor = linalg.cho_factor(self.matrix[np.ix_(fitted, fitted)] + np.diag(self.limited[fitted]), lower=True)
-            through = linalg.solve_triangular(factor[0], self.matrix[fitted, first:last], lower=True)
-            self._left[key] = self.matrix[first:last, first:last] - through.T @ through
+            posterior, asked = Posterior(self.matrix[np.ix_(fitted, fitted)], self.limited[fitted]), slice(first, last)
+            self._left[key] = posterior.complement(self.matrix[asked, asked], self.matrix[fitted, asked])
         own = slice(self.causes[cause].start - first, self.causes[cause].stop - first)
         return np.asarray(self._left[key][own, own])
 

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from calibration.fit.linear import column_space, pseudo_inverse
 from kinematics.transforms import Array
 
 CELL = 3
@@ -208,14 +209,11 @@ def pearson_beyond(z: float, skew: float) -> float:
 
 def _regression(noise: _Noise, columns: Array, what: str, hint: str) -> Test:
     """Do means depend on the columns `(n, q)`? All components together, each with coefficients of its own."""
-    sides, sizes, _ = np.linalg.svd(columns - columns.mean(axis=0), full_matrices=False)
-    sides = sides[:, sizes > 1e-9 * sizes[0]]
+    sides = column_space(columns - columns.mean(axis=0), 1e-9).basis
     moments = (sides.T @ noise.residual).ravel()
     taken = np.einsum("nq,ndp->qdp", sides, noise.absorbed).reshape(len(moments), -1)
-    sizes, ways = np.linalg.eigh(np.eye(len(moments)) - taken @ taken.T)
-    seen = sizes > ABSORBED
-    explained = float(np.sum((ways.T @ moments)[seen] ** 2 / sizes[seen]))
-    used = int(seen.sum())
+    inverse = pseudo_inverse(np.eye(len(moments)) - taken @ taken.T, ABSORBED, 1.0)
+    explained, used = inverse.explained(moments), inverse.rank
     rest, degrees_of_freedom = (
         float(np.sum(noise.residual**2)) - explained,
         noise.degrees_of_freedom - noise.scale * used,

@@ -15,11 +15,12 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from scipy import linalg, special
+from scipy import special
 
 from calibration.cores import each
 from calibration.fit.cross_validation import cells, placed
 from calibration.fit.fit import Fit
+from calibration.fit.linear import Posterior
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation import equations
@@ -162,7 +163,7 @@ class LinearisedFit:
 
     def _at_rest(self) -> LinearisedFit:
         """The frame where its own design and weights put the fit."""
-        step = linalg.cho_solve(self.factor, self.design.T @ self.residual - self.limited * self.away)
+        step = self.posterior.solve(self.design.T @ self.residual - self.limited * self.away)
         return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
 
     def thinned(self, most: int) -> LinearisedFit:
@@ -215,21 +216,24 @@ class LinearisedFit:
         return float(self.bounded @ self.bounded)
 
     @cached_property
-    def factor(self) -> tuple[Array, bool]:
-        """Cholesky factor of H."""
-        return linalg.cho_factor(self.design.T @ self.design + np.diag(self.limited), lower=True)
+    def information(self) -> Array:
+        """J'J `(q, q)`."""
+        return np.asarray(self.design.T @ self.design)
+
+    @cached_property
+    def posterior(self) -> Posterior:
+        """H, factorised."""
+        return Posterior(self.information, self.limited)
 
     @cached_property
     def spanned(self) -> Array:
         """J L'^-1 `(N, q)`, with L L' = H: what the model and the registration take is along these columns."""
-        inverse, _ = linalg.lapack.dtrtri(self.factor[0], lower=1)
-        return np.asarray(self.design @ np.tril(inverse).T)
+        return np.asarray(self.design @ self.posterior.root)
 
     @cached_property
     def degrees_of_freedom(self) -> float:
         """N less the degrees of freedom that the model and the registration spend."""
-        inverse = linalg.cho_solve(self.factor, np.diag(self.limited))
-        return max(self.scalars - (len(self.limited) - float(np.trace(inverse))), 1.0)
+        return max(self.scalars - self.posterior.effective_parameters, 1.0)
 
     @cached_property
     def state(self) -> State:
@@ -327,16 +331,15 @@ class LinearisedFit:
         """Cells of space (of an interferometer sets of positions), each seen from a fit of all the others."""
         some = self.measurement.rows(self.rows)
         labels, _ = cells(some)
-        total = self.design.T @ self.design + np.diag(self.limited)
         found = []
         for label in np.unique(labels):
             inside = labels == label
             mine = np.repeat(inside, some.components)
             design, residual = self.design[mine], self.residual[mine]
-            factor = linalg.cho_factor(total - design.T @ design + RIDGE * np.eye(len(total)), lower=True)
-            moved = linalg.cho_solve(factor, design.T @ residual)
+            posterior = Posterior(self.information - design.T @ design, self.limited + RIDGE)
+            moved = posterior.solve(design.T @ residual)
             counted = np.repeat(placed(some, ~inside)[inside], some.components)
-            found.append(HeldBlock(mine, factor, moved, residual + design @ moved, counted))
+            found.append(HeldBlock(mine, posterior, moved, residual + design @ moved, counted))
         return found
 
     def held_out_gains(self, candidate: Projected) -> Array:
@@ -352,7 +355,7 @@ class LinearisedFit:
         for block in self.blocks:
             own, design = columns[block.rows], self.design[block.rows]
             others = mixed - design.T @ own
-            step = linalg.cho_solve(block.factor, others)
+            step = block.posterior.solve(others)
             left = squares - own.T @ own - others.T @ step
             slope = right - own.T @ self.residual[block.rows] + others.T @ block.moved
             after = block.missed - (own - design @ step) @ np.linalg.solve(left + softened, slope)
@@ -429,8 +432,8 @@ class HeldBlock(NamedTuple):
 
     rows: np.ndarray
     """Mask `(N,)`."""
-    factor: tuple[Array, bool]
-    """Cholesky factor of H without them."""
+    posterior: Posterior
+    """H without them."""
     moved: Array
     """By which the fit of all the others is away from that of all `(q,)`."""
     missed: Array

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from scipy import linalg
 
+from calibration.fit.linear import Posterior, pseudo_inverse
 from calibration.measurement.measurement import Target
 from calibration.observation.full_model import BasisChoice
 from kinematics.effects import COMPONENTS, ErrorMotion
@@ -90,10 +90,9 @@ class Volume:
     def gain(self, information: Array) -> Gain:
         """What moves tell that have this information together `(6 + p, 6 + p)`."""
         inner = _without_registration(information)
-        values, vectors = np.linalg.eigh(inner)
-        seen = values > UNSEEN * values[-1]
-        felt = np.linalg.eigvalsh(vectors[:, ~seen].T @ self._squares @ vectors[:, ~seen])
-        covariance = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T
+        root, null, _ = pseudo_inverse(inner, UNSEEN)
+        felt = np.linalg.eigvalsh(null.T @ self._squares @ null)
+        covariance = root @ root.T
         # aligned rows of a place, um, and their variances
         variances = np.einsum("nip,pq,niq->n", self._grid, covariance, self._grid, optimize=True) / 3.0
         hidden = int(np.count_nonzero(np.sqrt(np.maximum(felt, 0.0)) > FELT))
@@ -101,9 +100,7 @@ class Volume:
 
     def score(self, information: Array) -> float:
         """`Gain.score` alone, which is quick."""
-        posterior = _without_registration(information) + np.eye(self.size)
-        half = linalg.solve_triangular(np.linalg.cholesky(posterior), self._root, lower=True, check_finite=False)
-        return float(np.linalg.norm(half))
+        return float(np.linalg.norm(Posterior(_without_registration(information), 1.0).whitened(self._root)))
 
     def length(self, start: Array, end: Array) -> float:
         """mm that the feed counts; degrees where rotary axes move alone."""
@@ -145,9 +142,8 @@ class Volume:
 
 def _without_registration(information: Array) -> Array:
     """The information `(p, p)` on the parameters of an instrument whose pose is unknown."""
-    own, mixed = information[:6, :6], information[:6, 6:]
-    inner = information[6:, 6:] - mixed.T @ np.linalg.pinv(own, rcond=1e-12, hermitian=True) @ mixed
-    return np.asarray((inner + inner.T) / 2)
+    eliminated = information[6:, :6] @ pseudo_inverse(information[:6, :6], 1e-12).root
+    return np.asarray(information[6:, 6:] - eliminated @ eliminated.T)
 
 
 def _motions(machine: Machine, ends: Array) -> list[ErrorMotion]:
