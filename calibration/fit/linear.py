@@ -51,8 +51,7 @@ class Posterior:
     @cached_property
     def root(self) -> Array:
         """R = L'^-1 `(p, p)`, upper triangular: R R' is the covariance H^-1."""
-        size = len(self.prior)
-        return np.tril(linalg.lapack.dtrtri(self.factor[0], lower=1)[0]).T if size else np.zeros((0, 0))
+        return np.asarray(np.tril(linalg.lapack.dtrtri(self.factor[0], lower=1)[0]).T)
 
     @property
     def effective_parameters(self) -> float:
@@ -63,6 +62,18 @@ class Posterior:
     def log_determinant(self) -> float:
         """log det H."""
         return float(2.0 * np.sum(np.log(np.diag(self.factor[0]))))
+
+
+def effective_parameters(information: Array) -> float:
+    """Degrees of freedom that data determine: J'J `(p, p)` of parameters in units of their priors, which all have one.
+
+    `Posterior` has the same for any P; this is the trace alone, p - tr (J'J + 1)^-1.
+    """
+    size = len(information)
+    if not size:
+        return 0.0
+    inverse, _ = linalg.lapack.dtrtri(np.linalg.cholesky(information + np.eye(size)), lower=1)
+    return size - float(np.sum(inverse**2))
 
 
 class PseudoInverse(NamedTuple):

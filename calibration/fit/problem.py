@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from calibration.fit.linear import Posterior, pseudo_inverse
+from calibration.fit.linear import Posterior, effective_parameters, pseudo_inverse
 from calibration.measurement.measurement import Measurement
 from calibration.measurement.registration import Registration
 from calibration.observation.normal_equations import NormalEquations, assemble, residuals, whitened, whiteners
@@ -69,7 +69,7 @@ class Solved(NamedTuple):
     @property
     def effective_parameters(self) -> float:
         """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
-        return Posterior(self.information, 1.0).effective_parameters + self.registered
+        return effective_parameters(self.information) + self.registered
 
     @property
     def rank(self) -> int:
@@ -188,7 +188,7 @@ def solution(normal: NormalEquations, registration: Registration, prior: Array, 
     inner = right[size:] - eliminated @ (half.T @ right[:size]) - away
     try:
         # parameters that neither the data nor a prior determines do not move
-        posterior = Posterior(information, limited + UNSEEN * (1.0 + np.diag(information)))
+        posterior = Posterior(information + np.diag(limited), UNSEEN * (1.0 + np.diag(information)))
     except LinAlgError:
         raise UserError(
             "the equations of the fit have no solution: positions or readings of the data differ by so many orders of "
