@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.shared import (
-    JsonFile,
+    ResultOptions,
     check_apart,
-    check_either,
     check_places,
+    either,
     machine_names,
     whole_results,
     write_json,
@@ -35,6 +35,7 @@ EPILOG = (
 
 
 def compare(
+    *,
     a: Annotated[Path, typer.Argument(metavar="A.json", help="A calibration.")],
     b: Annotated[Path, typer.Argument(metavar="B.json", help="Another one of the same machine.")],
     machine: Annotated[
@@ -54,10 +55,7 @@ def compare(
         typer.Option(metavar="X=mm", help="Where the errors of an axis are zero; default: its home. Repeatable."),
     ] = None,
     tool_mm: Annotated[float, typer.Option("--tool-mm", min=0.0, help="Length of the tool in the volume, mm.")] = 100.0,
-    json: JsonFile = None,
-    report: Annotated[
-        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
-    ] = None,
+    others: ResultOptions,
 ) -> None:
     """Compare two calibrations in the conventions of ISO 230-1: by error motion, squareness, and over the volume.
 
@@ -70,23 +68,23 @@ def compare(
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    check_apart({"--json": json, "--report": report})
-    check_places((a, b), (json, report))
-    check_either("--straightness", straightness, ("end-point", "least-squares"))
+    check_apart({"--json": others.json, "--report": others.report})
+    check_places((a, b), others.files)
+    line: Straightness = either("--straightness", straightness, ("end-point", "least-squares"))
     found, models = _read(a, b, machine)
     names = (str(a), str(b))
-    result = compared(found, models, cast("Straightness", straightness), _references(found, reference or []), tool_mm)
-    with whole_results(json, report) as (results, shown):
+    result = compared(found, models, line, _references(found, reference or []), tool_mm)
+    with whole_results(*others.files) as (results, shown):
         sources = {
             letter: {"file": name, "id": model.id, "made_at": model.provenance.made_at.isoformat()}
             for letter, name, model in zip("ab", names, models, strict=True)
         }
         write_json({**sources, **result.json()}, results)
-        if report is not None:
+        if others.report is not None:
             from calibration.pages.comparison import comparison_page
 
             shown.write(comparison_page(result, names, f"ncomp compare {a} {b}"))
-    show(result, names, console if "-" in (json, report) else screen)
+    show(result, names, console if "-" in others.files else screen)
 
 
 def _read(a: Path, b: Path, name: str | None) -> tuple[Machine, tuple[ErrorModel, ErrorModel]]:

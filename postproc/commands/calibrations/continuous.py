@@ -14,7 +14,7 @@ import ncomp
 from kinematics.user_error import UserError
 from postproc.commands.options.measurement import HeaderLines, header_of
 from postproc.commands.options.shared import (
-    JsonFile,
+    ResultOptions,
     check_apart,
     check_places,
     machine_names,
@@ -43,6 +43,7 @@ CALIBRATION = "The calibration"
 
 
 def continuous(
+    *,
     data: Annotated[
         list[Path],
         typer.Argument(
@@ -97,10 +98,7 @@ def continuous(
             help="A calibration of the machine, whose errors along this axis are replaced; all else of it stays.",
         ),
     ] = None,
-    json: JsonFile = None,
-    report: Annotated[
-        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
-    ] = None,
+    others: ResultOptions,
 ) -> None:
     """Join laser runs at constant velocity with a coarse quasi-static measurement of the same axis: one fine table.
 
@@ -115,7 +113,8 @@ def continuous(
     from postproc.commands.show.terminal import console, say
     from postproc.commands.show.terminal import output as screen
 
-    places = {"--output": output, "--write-calibration": write_calibration, "--json": json, "--report": report}
+    places = {"--output": output, "--write-calibration": write_calibration}
+    places |= {"--json": others.json, "--report": others.report}
     check_apart(places)
     check_places((*data, add_to), places.values())
     _check_calibration(write_calibration, machine, add_to)
@@ -129,12 +128,12 @@ def continuous(
         status.update("joining")
         found = estimate(read.records, quasi, spacing_mm, direction)
         made = _calibration(found, read, quasi, machine, add_to, header) if write_calibration and machine else None
-    with whole_results(json, report, write_calibration, output) as (results, shown, calibration, file):
+    with whole_results(*others.files, write_calibration, output) as (results, shown, calibration, file):
         _write_table(found.table(), file)
         if made is not None and machine is not None:
             calibration.write(calibration_file(made.model, ncomp.load_machine(machine)))
         write_json(summary(found, read), results)
-        if report is not None:
+        if others.report is not None:
             from calibration.pages.continuous import continuous_page
 
             shown.write(continuous_page(found, read, f"ncomp continuous {' '.join(map(str, data))}"))

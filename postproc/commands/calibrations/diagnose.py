@@ -9,12 +9,12 @@ import typer
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
+from postproc.commands.options.measurement import DataOptions
 from postproc.commands.options.shared import (
-    JsonFile,
     MachineName,
-    check_either,
+    ResultOptions,
     check_places,
+    either,
     refuse_one_place,
     show_insignificant,
     whole_results,
@@ -22,9 +22,8 @@ from postproc.commands.options.shared import (
 )
 
 if TYPE_CHECKING:
-    from calibration.diagnosis.diagnose import Diagnosis
-    from calibration.measurement.measurement import Measurement
-    from kinematics.machine import Machine
+    from calibration.diagnosis.diagnose import Diagnosis, LeftOver
+    from calibration.observation.outliers import Variance
 
 EPILOG = (
     "Examples:\n\n"
@@ -36,6 +35,7 @@ EPILOG = (
 
 
 def diagnose(
+    *,
     data: Annotated[list[Path], typer.Argument(metavar="DATA.csv...", help="Measurement files, as of ncomp fit.")],
     machine: MachineName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="NEW.json", help="The new calibration.")],
@@ -61,45 +61,31 @@ def diagnose(
             help="What no cause explains: only told, or also added to the calibration as a smooth function, unnamed.",
         ),
     ] = "report",
-    file_format: FormatName = "auto",
-    header: HeaderLines = None,
-    columns: ColumnMapName = None,
-    plan: PlanFile = None,
-    json: JsonFile = None,
-    report: Annotated[
-        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
-    ] = None,
+    form: DataOptions,
+    others: ResultOptions,
 ) -> None:
     """Find what a model of the machine lacks, name the cause, add it, and show the error before and after.
 
     Causes that the data can't show are listed, never named; causes that they can't tell apart are printed as a tie,
     with the next measurement that does. Effects of the instrument are taken out of the data and not written.
     """
-    from calibration.diagnosis.diagnose import diagnose as run
-    from kinematics.error_model.model import read_model
     from postproc.commands.show.diagnosis import show
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(json, str(output), "the new calibration")
-    check_places((*data, plan, calibration), (output, json, report))
-    check_either("--noise", noise, ("sheet", "estimate"))
-    check_either("--unexplained", unexplained, ("report", "add"))
+    refuse_one_place(others.json, str(output), "the new calibration")
+    check_places((*data, form.plan, calibration), (output, *others.files))
+    sheet: Variance = either("--noise", noise, ("sheet", "estimate"))
+    left_over: LeftOver = either("--unexplained", unexplained, ("report", "add"))
     found_machine = ncomp.load_machine(machine)
-    present = None if calibration is None else read_model(calibration, found_machine)
-    measurement = _read(data, found_machine, file_format, header, columns, plan)
+    present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
+    measurement = form.read(data, found_machine)
     with console.status("reading") as status:
-        found = run(
-            measurement,
-            present,
-            variance="sheet" if noise == "sheet" else "estimate",
-            left_over="add" if unexplained == "add" else "report",
-            progress=status.update,
-        )
+        found = ncomp.diagnose(measurement, present, noise=sheet, unexplained=left_over, progress=status.update)
     against = "" if calibration is None else f" --calibration {calibration}"
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
-    _write(found, str(output), json, report, command)
-    to = console if "-" in (json, report, str(output)) else screen
+    _write(found, str(output), others, command)
+    to = console if "-" in (*others.files, str(output)) else screen
     if not found.accepted:
         to.print(f"NOT WRITTEN  {found.reason}")
     show_insignificant(found.significant_share, to)
@@ -108,34 +94,17 @@ def diagnose(
         raise UserError(f"{measurement.source}: {found.reason}")
 
 
-def _read(
-    paths: list[Path],
-    machine: Machine,
-    file_format: str,
-    header: list[str] | None,
-    columns: str | None,
-    plan: Path | None,
-) -> Measurement:
-    """The measurements in the files, as one."""
-    each = [read_data(path, machine, file_format, header, columns, plan) for path in paths]
-    if len(each) == 1:
-        return each[0]
-    from calibration.measurement.joining import joined
-
-    return joined(each)
-
-
-def _write(found: Diagnosis, output: str, json: str | None, report: str | None, command: str) -> None:
+def _write(found: Diagnosis, output: str, others: ResultOptions, command: str) -> None:
     """The new calibration where it is accepted, the results for programs and the report, all or none."""
     from calibration.fit.beyond_measured import calibration_file
     from postproc.commands.show.diagnosis import summary
 
-    with whole_results(json, report, output if found.accepted else None) as (results, shown, file):
+    with whole_results(*others.files, output if found.accepted else None) as (results, shown, file):
         if found.accepted:
             file.write(calibration_file(found.model, found.measurement.machine))
-        if json is not None:
+        if others.json is not None:
             write_json(summary(found), results)
-        if report is not None:
+        if others.report is not None:
             from calibration.pages.diagnosis import diagnosis_page
 
             shown.write(diagnosis_page(found, command))

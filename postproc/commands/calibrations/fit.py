@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
 import ncomp
-from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
-from postproc.commands.options.path import (
-    CellLength,
-    CornerLength,
-    PathProgram,
-    ReversalMode,
-    moving_summary,
-    read_on_the_fly,
-    read_path,
-    refuse_plan,
-    refuse_without_path,
-    show_moving,
-)
+from postproc.commands.options.measurement import DataOptions
+from postproc.commands.options.path import OnTheFlyOptions, moving_summary, read_path, show_moving
 from postproc.commands.options.program import DialectName, SetUpOptions
 from postproc.commands.options.shared import (
-    JsonFile,
     MachineName,
-    check_either,
+    ResultOptions,
     check_places,
+    either,
     refuse_one_place,
     residual_table,
     show_insignificant,
@@ -42,34 +32,44 @@ if TYPE_CHECKING:
     from calibration.fit.calibrate import Calibration
     from calibration.fit.fit import Fit
     from calibration.fit.identifiability import Identifiability
+    from calibration.measurement.measurement import Measurement
+    from calibration.observation.outliers import Variance
     from calibration.on_the_fly.along_path import OnTheFly
     from kinematics.effects import Effect
 
-BasisText = Annotated[
-    str,
-    typer.Option(
-        "--basis",
-        metavar="auto|KIND:SIZE|X=KIND:SIZE,...",
-        help="How error motions are written: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, "
-        "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
-    ),
-]
-FittedEffects = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--effect",
-        metavar="KIND:FIELD=VALUE,...",
-        help="Another effect of docs/effects.md to fit, from these values: backlash:axis=X,width=0. Repeatable.",
-    ),
-]
-NoiseSource = Annotated[
-    str,
-    typer.Option("--noise", metavar="sheet|estimate", help="Instrument's uncertainty: as stated, or from the data."),
-]
-PriorScale = Annotated[
-    float | None,
-    typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
-]
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """The fitted model and its prior."""
+
+    basis: Annotated[
+        str,
+        typer.Option(
+            "--basis",
+            metavar="auto|KIND:SIZE|X=KIND:SIZE,...",
+            help="How error motions are written: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, "
+            "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
+        ),
+    ] = "auto"
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            metavar="KIND:FIELD=VALUE,...",
+            help="Another effect of docs/effects.md to fit, from these values: backlash:axis=X,width=0. Repeatable.",
+        ),
+    ] = None
+    noise: Annotated[
+        str,
+        typer.Option(
+            "--noise", metavar="sheet|estimate", help="Instrument's uncertainty: as stated, or from the data."
+        ),
+    ] = "sheet"
+    prior_scale: Annotated[
+        float | None,
+        typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
+    ] = None
+
 
 MANY = 0.05
 """Share of outliers beyond which they are none."""
@@ -85,102 +85,78 @@ EPILOG = (
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
 )
 
-ValidDays = Annotated[
-    float | None,
-    typer.Option("--valid-days", metavar="N", min=1.0, max=36500.0, help="Validity of the calibration; default: 365."),
-]
-HoldOut = Annotated[bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")]
-
 
 def fit(
     *,
     data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file.")],
     machine: MachineName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
-    basis: BasisText = "auto",
-    effect: FittedEffects = None,
-    noise: NoiseSource = "sheet",
-    prior_scale: PriorScale = None,
-    file_format: FormatName = "auto",
-    header: HeaderLines = None,
-    columns: ColumnMapName = None,
-    plan: PlanFile = None,
-    hold_out: HoldOut = True,
-    valid_days: ValidDays = None,
-    path: PathProgram = None,
-    cell_mm: CellLength = None,
-    corner_mm: CornerLength = 5.0,
-    reversal: ReversalMode = "none",
+    model: FitOptions,
+    form: DataOptions,
+    hold_out: Annotated[
+        bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
+    ] = True,
+    valid_days: Annotated[
+        float | None,
+        typer.Option(
+            "--valid-days", metavar="N", min=1.0, max=36500.0, help="Validity of the calibration; default: 365."
+        ),
+    ] = None,
+    moving: OnTheFlyOptions,
     set_up: SetUpOptions,
     dialect: DialectName = "auto",
-    json: JsonFile = None,
-    report: Annotated[
-        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
-    ] = None,
+    others: ResultOptions,
 ) -> None:
     """Fit the machine's errors to measured points, with uncertainties, and say what the points can't show.
 
     Error motions of all axes that move, the instrument's position and outliers are found jointly. What the data do not
     determine is listed by name and keeps the uncertainty of what was expected beforehand.
     """
-    from calibration.fit.calibrate import calibrate
-    from calibration.on_the_fly.along_path import MARGIN
-    from calibration.on_the_fly.reversals import reversals
     from calibration.simulation.effect_text import read_effects
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(json, str(output), "the calibration")
-    check_places((data, plan, path), (output, json, report))
-    check_either("--noise", noise, ("sheet", "estimate"))
+    refuse_one_place(others.json, str(output), "the calibration")
+    check_places((data, form.plan, moving.path), (output, *others.files))
+    moving.check(form, set_up)
+    noise: Variance = either("--noise", model.noise, ("sheet", "estimate"))
     found_machine = ncomp.load_machine(machine)
-    effects = read_effects(effect or [], found_machine)
-    taken = None
-    if path is None:
-        given = {
-            "work_offset": set_up.work_offset,
-            "tool_length": set_up.tool_length,
-            "set_up_zero": set_up.set_up_zero or None,
-        }
-        refuse_without_path(cell_mm=cell_mm, reversal=reversal, **given)
-        measurement = read_data(data, found_machine, file_format, header, columns, plan)
+    effects = read_effects(model.effect or [], found_machine)
+    measured: Measurement | OnTheFly
+    if moving.path is None:
+        measured = form.read([data], found_machine)
     else:
-        refuse_plan(plan)
-        setup = set_up.setup(found_machine)
-        nominal = read_path(path, found_machine, dialect, setup)
-        taken = read_on_the_fly(data, nominal, file_format, header, columns, cell_mm, corner_mm)
-        measurement = taken.measurement
-        effects += reversals(measurement, reversal)
+        nominal = read_path(moving.path, found_machine, dialect, set_up.setup(found_machine))
+        measured = moving.read(data, nominal, form)
     with console.status("reading") as status:
-        found = calibrate(
-            measurement,
-            basis=basis,
-            margin=0 if taken is None else MARGIN,
+        found = ncomp.fit(
+            measured,
+            basis=model.basis,
             effects=effects,
-            variance="sheet" if noise == "sheet" else "estimate",
-            prior_scale=prior_scale,
+            noise=noise,
+            prior_scale=model.prior_scale,
+            reversal=moving.reversal,
             hold_out=hold_out,
             valid_days=valid_days,
             progress=status.update,
         )
-    command = f"ncomp fit {data} --machine {machine} --basis {basis} --noise {noise}"
-    _write(found, taken, str(output), json, report, command)
-    to = console if "-" in (json, report) else screen
+    taken = None if moving.path is None else cast("OnTheFly", measured)
+    command = f"ncomp fit {data} --machine {machine} --basis {model.basis} --noise {model.noise}"
+    _write(found, taken, str(output), others, command)
+    to = console if "-" in others.files else screen
     if taken is not None:
         show_moving(found, taken, to)
     show(found, to)
 
 
-def _write(
-    found: Calibration, taken: OnTheFly | None, output: str, json: str | None, report: str | None, command: str
-) -> None:
+def _write(found: Calibration, taken: OnTheFly | None, output: str, others: ResultOptions, command: str) -> None:
     """The calibration, the results for programs and the report, all or none."""
     from calibration.fit.beyond_measured import calibration_file
 
-    with whole_results(json, report, output) as (results, shown, file):
+    with whole_results(*others.files, output) as (results, shown, file):
         file.write(calibration_file(found.model, found.fit.measurement.machine))
         write_json(summary(found) | moving_summary(found, taken), results)
-        if report is not None:
+        if others.report is not None:
             from calibration.pages.fit import fit_page
 
             shown.write(fit_page(found, command))

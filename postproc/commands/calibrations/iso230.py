@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, BinaryIO
 import typer
 
 import ncomp
-from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
+from postproc.commands.options.measurement import DataOptions
 from postproc.commands.options.shared import (
     JsonFile,
     MachineName,
@@ -36,16 +36,14 @@ EPILOG = (
 
 
 def iso230(
+    *,
     data: Annotated[Path, typer.Argument(metavar="DATA", help="Interferometer data, in any known format.")],
     machine: MachineName,
     output: Annotated[
         str | None,
         typer.Option("--output", "-o", metavar="TABLE.csv", help="Error tables of both directions; - standard output."),
     ] = None,
-    format: FormatName = "auto",
-    header: HeaderLines = None,
-    columns: ColumnMapName = None,
-    plan: PlanFile = None,
+    form: DataOptions,
     json: JsonFile = None,
 ) -> None:
     """Evaluate interferometer runs by ISO 230-2: reversal, repeatability, systematic deviation and accuracy of axes.
@@ -58,8 +56,8 @@ def iso230(
     from postproc.commands.show.terminal import output as screen
 
     refuse_one_place(json, output, "the table")
-    check_places((data, plan), (output, json))
-    tests = evaluate(read_data(data, ncomp.load_machine(machine), format, header, columns, plan))
+    check_places((data, form.plan), (output, json))
+    tests = evaluate(form.read([data], ncomp.load_machine(machine)))
     with whole_results(json, output) as (results, file):
         write_json({"axes": [test.json() for test in tests]}, results)
         _write_tables(tests, file)

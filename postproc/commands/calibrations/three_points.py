@@ -9,7 +9,7 @@ import typer
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.measurement import ColumnMapName, FormatName, HeaderLines, PlanFile, read_data
+from postproc.commands.options.measurement import DataOptions
 from postproc.commands.options.shared import (
     JsonFile,
     MachineName,
@@ -35,6 +35,7 @@ EPILOG = (
 
 
 def three_points(
+    *,
     data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file of a tracker on the bed.")],
     machine: MachineName,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
@@ -45,10 +46,7 @@ def three_points(
         list[str] | None,
         typer.Option("--degree", metavar="XX=4", help="Degree of a polynomial (E_XX); others by AIC. Repeatable."),
     ] = None,
-    file_format: FormatName = "auto",
-    header: HeaderLines = None,
-    columns: ColumnMapName = None,
-    plan: PlanFile = None,
+    form: DataOptions,
     tables: Annotated[bool, typer.Option("--tables", help="Print every position of every axis as well.")] = False,
     json: JsonFile = None,
 ) -> None:
@@ -61,8 +59,8 @@ def three_points(
     from postproc.commands.show.terminal import output as screen
 
     refuse_one_place(json, str(output), "the calibration")
-    check_places((data, plan), (output, json))
-    measurement = read_data(data, ncomp.load_machine(machine), file_format, header, columns, plan)
+    check_places((data, form.plan), (output, json))
+    measurement = form.read([data], ncomp.load_machine(machine))
     choice = Choice(_kind(basis), _degrees(degree or []))
     found = identify(measurement, choice)
     for note in found.notes:

@@ -16,7 +16,7 @@ from postproc.commands.options.program import (
     SetUpOptions,
     moves_of,
 )
-from postproc.commands.options.shared import JsonFile, check_places, refuse_one_place, whole_results, write_json
+from postproc.commands.options.shared import ResultOptions, check_places, refuse_one_place, whole_results, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -59,10 +59,7 @@ def study(
     ] = None,
     dialect: DialectName = "auto",
     set_up: SetUpOptions,
-    json: JsonFile = None,
-    report: Annotated[
-        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
-    ] = None,
+    others: ResultOptions,
 ) -> None:
     """Calibrate many virtual machines in each of several ways, and compare what error is left in their volume.
 
@@ -78,8 +75,8 @@ def study(
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(json, output, "the results")
-    check_places((definition, program, *set_up.files), (output, json, report))
+    refuse_one_place(others.json, output, "the results")
+    check_places((definition, program, *set_up.files), (output, *others.files))
     if dask is not None and workers is not None:
         raise UserError("--workers are processes of this machine, --dask is a cluster: one or the other")
     wanted = read_study(definition)
@@ -95,15 +92,15 @@ def study(
     store = Store.beside(output)
     with team_of(workers or os.cpu_count() or 1, dask) as team, _progress(draws, len(cases)) as progress:
         found = run(cases, draws, team, store, wanted.check_draws, progress)
-    with whole_results(json, report, output) as (results, shown, file):
+    with whole_results(*others.files, output) as (results, shown, file):
         write_results(found, file)
         write_json(summary(found), results)
-        if report is not None:
+        if others.report is not None:
             from calibration.pages.study import study_page
 
             shown.write(study_page(found, wanted, f"ncomp study {definition}"))
     store.clear(case.key for case in cases)
-    _show(found, draws, console if "-" in (output, json, report) else screen)
+    _show(found, draws, console if "-" in (output, *others.files) else screen)
 
 
 def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:

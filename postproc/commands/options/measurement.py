@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
@@ -26,14 +29,6 @@ def _maps() -> list[str]:
     return map_names()
 
 
-FormatName = Annotated[
-    str,
-    typer.Option(
-        "--format",
-        help="Format of the data: auto, ncomp, rtl, iso230-table, cmm, epics or delimited.",
-        autocompletion=_formats,
-    ),
-]
 HeaderLines = Annotated[
     list[str] | None,
     typer.Option(
@@ -43,41 +38,55 @@ HeaderLines = Annotated[
         "Repeatable.",
     ),
 ]
-ColumnMapName = Annotated[
-    str | None,
-    typer.Option(
-        "--columns",
-        metavar="MAP.toml",
-        help="Column map of a delimited export: a file, or spatialanalyzer, polyworks, leica.",
-        autocompletion=_maps,
-    ),
-]
-PlanFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--plan",
-        metavar="PLAN.csv",
-        help="Axis positions: by the names of points, or at the stands of a tracker's log.",
-    ),
-]
 
 
-def read_data(
-    path: Path,
-    machine: Machine,
-    format: str = "auto",
-    header: list[str] | None = None,
-    columns: str | None = None,
-    plan: Path | None = None,
-) -> Measurement:
-    """The measurement in a file, whose notes are shown."""
-    from calibration.measurement.readers import read_any
-    from postproc.commands.show.terminal import say
+@dataclass(frozen=True, kw_only=True)
+class DataOptions:
+    """The form of files with measured data."""
 
-    measurement = read_any(path, machine, format, header=header_of(header or []), columns=columns, plan=plan)
-    for note in measurement.notes:
-        say("note", note)
-    return measurement
+    format: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="Format of the data: auto, ncomp, rtl, iso230-table, cmm, epics or delimited.",
+            autocompletion=_formats,
+        ),
+    ] = "auto"
+    header: HeaderLines = None
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            "--columns",
+            metavar="MAP.toml",
+            help="Column map of a delimited export: a file, or spatialanalyzer, polyworks, leica.",
+            autocompletion=_maps,
+        ),
+    ] = None
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            "--plan",
+            metavar="PLAN.csv",
+            help="Axis positions: by the names of points, or at the stands of a tracker's log.",
+        ),
+    ] = None
+
+    def read(self, paths: Sequence[Path], machine: Machine) -> Measurement:
+        """The measurement in a file, or in several as one; shows the notes of each."""
+        from calibration.measurement.joining import joined
+        from postproc.commands.show.terminal import say
+
+        each = []
+        for path in paths:
+            header = header_of(self.header or [])
+            each.append(
+                ncomp.read_measurement(
+                    path, machine, format=self.format, header=header, columns=self.columns, plan=self.plan
+                )
+            )
+            for note in each[-1].notes:
+                say("note", note)
+        return joined(each)
 
 
 def header_of(lines: list[str]) -> dict[str, str]:

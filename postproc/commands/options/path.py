@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from kinematics.user_error import UserError
-from postproc.commands.options.measurement import header_of
+from postproc.commands.options.measurement import DataOptions, header_of
+from postproc.commands.options.program import SetUpOptions
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,33 +22,80 @@ if TYPE_CHECKING:
     from postproc.control.setup import Setup
 
 PANEL = "On the fly"
-PathProgram = Annotated[
-    str | None,
-    typer.Option(
-        "--path",
-        metavar="PATH.nc",
-        rich_help_panel=PANEL,
-        help="NC program that ran while the tracker followed: DATA has time_s,x,y,z[,target][,station][,run].",
-    ),
-]
-CellLength = Annotated[
-    float | None,
-    typer.Option(
-        "--cell-mm", min=0.1, rich_help_panel=PANEL, help="Readings are taken together in cells of the path; default 4."
-    ),
-]
-CornerLength = Annotated[
-    float, typer.Option("--corner-mm", min=0.0, rich_help_panel=PANEL, help="Left out on both sides of corners.")
-]
-ReversalMode = Annotated[
-    str,
-    typer.Option(
-        "--reversal",
-        metavar="none|constant|curves",
-        rich_help_panel=PANEL,
-        help="Also fit what differs forward and backward: backlash and a constant of each error motion, or curves.",
-    ),
-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnTheFlyOptions:
+    """Data that were taken while the machine moved."""
+
+    path: Annotated[
+        str | None,
+        typer.Option(
+            "--path",
+            metavar="PATH.nc",
+            rich_help_panel=PANEL,
+            help="NC program that ran while the tracker followed: DATA has time_s,x,y,z[,target][,station][,run].",
+        ),
+    ] = None
+    cell_mm: Annotated[
+        float | None,
+        typer.Option(
+            "--cell-mm",
+            min=0.1,
+            rich_help_panel=PANEL,
+            help="Readings are taken together in cells of the path; default 4.",
+        ),
+    ] = None
+    corner_mm: Annotated[
+        float,
+        typer.Option("--corner-mm", min=0.0, rich_help_panel=PANEL, help="Left out on both sides of corners."),
+    ] = 5.0
+    reversal: Annotated[
+        str,
+        typer.Option(
+            "--reversal",
+            metavar="none|constant|curves",
+            rich_help_panel=PANEL,
+            help="Also fit what differs forward and backward: backlash and a constant of each error motion, or curves.",
+        ),
+    ] = "none"
+
+    def check(self, data: DataOptions, set_up: SetUpOptions) -> None:
+        """UserError for options of data taken on the fly without a path, and for a plan beside a path."""
+        if self.path is not None:
+            if data.plan is not None:
+                raise UserError(
+                    "--plan is for measurements at standstill, --path for data taken on the fly: give one of them"
+                )
+            return
+        given = {
+            "cell-mm": self.cell_mm,
+            "reversal": self.reversal,
+            "work-offset": set_up.work_offset,
+            "tool-length": set_up.tool_length,
+            "set-up-zero": set_up.set_up_zero or None,
+        }
+        for name, value in given.items():
+            if value not in (None, [], "none"):
+                raise UserError(f"--{name} is for data taken on the fly: give --path PATH.nc too")
+
+    def read(self, readings: Path, path: NominalPath, data: DataOptions) -> OnTheFly:
+        """Readings along a path as a measurement; shows their notes."""
+        from calibration.measurement.readers import table_in
+        from calibration.on_the_fly.along_path import on_path
+        from calibration.on_the_fly.footing import with_footing
+        from calibration.on_the_fly.readings import read_readings
+        from postproc.commands.show.terminal import console, say
+
+        header = header_of(data.header or [])
+        table, notes = table_in(readings, path.machine, data.format, header=header, columns=data.columns)
+        read = read_readings(table, path.machine)
+        for note in (*notes, *read.notes):
+            say("note", note)
+        with console.status("reading") as status:
+            taken = on_path(read, path, cell_mm=self.cell_mm, corner_mm=self.corner_mm, progress=status.update)
+            status.update("positions of the readings on the path")
+            return replace(taken, measurement=with_footing(taken))
 
 
 def read_path(program: str, machine: Machine, dialect: str, setup: Setup) -> NominalPath:
@@ -63,45 +111,6 @@ def read_path(program: str, machine: Machine, dialect: str, setup: Setup) -> Nom
     for note in found.notes:
         say("note", note)
     return NominalPath(machine, found.positions, found.way, found.counts, source.name, source.hash)
-
-
-def read_on_the_fly(
-    data: Path,
-    path: NominalPath,
-    format: str,
-    header: list[str] | None,
-    columns: str | None,
-    cell_mm: float | None,
-    corner_mm: float,
-) -> OnTheFly:
-    """Readings along a path as a measurement, whose notes are shown."""
-    from calibration.measurement.readers import table_in
-    from calibration.on_the_fly.along_path import on_path
-    from calibration.on_the_fly.footing import with_footing
-    from calibration.on_the_fly.readings import read_readings
-    from postproc.commands.show.terminal import console, say
-
-    table, notes = table_in(data, path.machine, format, header=header_of(header or []), columns=columns)
-    readings = read_readings(table, path.machine)
-    for note in (*notes, *readings.notes):
-        say("note", note)
-    with console.status("reading") as status:
-        taken = on_path(readings, path, cell_mm=cell_mm, corner_mm=corner_mm, progress=status.update)
-        status.update("where on the path each reading was taken")
-        return replace(taken, measurement=with_footing(taken))
-
-
-def refuse_without_path(**options: object) -> None:
-    """UserError for options of data taken on the fly where there is no path."""
-    for name, value in options.items():
-        if value not in (None, [], "none"):
-            raise UserError(f"--{name.replace('_', '-')} is for data taken on the fly: give --path PATH.nc too")
-
-
-def refuse_plan(plan: Path | None) -> None:
-    """UserError for a plan beside a path."""
-    if plan is not None:
-        raise UserError("--plan is for measurements at standstill, --path for data taken on the fly: give one of them")
 
 
 def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:

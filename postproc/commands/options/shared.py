@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeVar
 
 import typer
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
     from calibration.fit.cross_validation import CrossValidation
     from calibration.fit.fit import Fit
+
+
+T = TypeVar("T", bound=str)
 
 
 def machine_names() -> list[str]:
@@ -38,6 +42,21 @@ CalibrationName = Annotated[
 JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
 
 
+@dataclass(frozen=True, kw_only=True)
+class ResultOptions:
+    """Results beside the main output."""
+
+    json: JsonFile = None
+    report: Annotated[
+        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
+    ] = None
+
+    @property
+    def files(self) -> tuple[str | None, str | None]:
+        """Their names; `-` is standard output, None a result that is not asked for."""
+        return self.json, self.report
+
+
 def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
     """UserError when results as JSON and the main output, named `what`, are to go to the same place."""
     if json == "-" and output == "-":
@@ -46,10 +65,11 @@ def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
         raise UserError(f"--json and --output both name {json}")
 
 
-def check_either(option: str, value: str, names: tuple[str, str]) -> None:
-    """UserError for a value of an option that is neither of two names."""
+def either(option: str, value: str, names: tuple[T, T]) -> T:
+    """The value of an option, one of two names; UserError for any other."""
     if value not in names:
         raise UserError(f"{option} {value}: {' or '.join(names)}")
+    return names[names.index(value)]
 
 
 def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Path | None]) -> None:

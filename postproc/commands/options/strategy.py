@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import ncomp
 from kinematics.user_error import UserError
 
 if TYPE_CHECKING:
@@ -161,13 +162,12 @@ def choices_of(
 
 def plan_of(machine: Machine, strategy: str, points: str | None, spacing: float | None, choices: Choices) -> Plan:
     """The plan of a strategy, with its notes said."""
-    from calibration.planning.strategies import plan
     from postproc.commands.show.terminal import say
 
     if strategy.lower().endswith(".csv"):
         there = "a plan already, for ncomp simulate" if Path(strategy).exists() else "there is no such file"
         raise UserError(f"--strategy {strategy}: {there}")
-    made = plan(machine, strategy, counts(points), spacing, choices)
+    made = ncomp.plan(machine, strategy, counts(points), spacing, choices)
     for note in made.notes:
         say("note", note)
     return made

@@ -89,7 +89,6 @@ def export(
     """
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder
-    from postproc.tables.export import export as exported_tables
     from postproc.tables.export import sign_of
     from postproc.tables.format import parse_settings
     from postproc.tables.formats import find_format
@@ -106,9 +105,9 @@ def export(
             raise UserError("--probe writes a probe table alone: without --sign, --rest, --program and --json")
         _write_probe(output, probe_files(found, probe, form, chosen))
         return
-    meaning = sign_of(form, sign)
+    sign_of(form, sign)
     model = ncomp.load_calibration(found, calibration)
-    exported = exported_tables(found, model, form, chosen, meaning, (0.0, 0.0, -tool_mm))
+    exported = ncomp.export(found, format, model, sign=sign, settings=settings or (), tool_mm=tool_mm)
     setup = set_up.setup(found)
     places = _places(program, dialect, exported, setup)
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
