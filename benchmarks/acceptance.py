@@ -1,9 +1,10 @@
-"""Which programs ncomp accepts, and why it refuses the others: `python benchmarks/acceptance.py FOLDER [MACHINE ...]`.
+"""Programs that ncomp accepts, and reasons for the refusal of the others: `python benchmarks/acceptance.py FOLDER
+[MACHINE ...]`.
 
-Every file below the folder goes through the main job, on the first of the machines that takes it (default: dmu50,
+Every file below the folder goes through the main job, on the first of the machines that accepts it (default: dmu50,
 trunnion_ac; each also as for a control that reads arc centres as absolute, with an extruder's axes E and ELX that
-move no part of it, as one on which a tool change moves nothing, as a FANUC, as one whose programs leave the state as
-they find it when they are called, and as one that cuts off the fraction of a number of repeats): with `--calibration
+move no part of it, as one on which a tool change moves nothing, as a FANUC, as one whose called programs do not
+change the state, and as one that cuts off the fraction of a number of repeats): with `--calibration
 none`, where an accepted program must come out byte for byte, for a machine that is out of square by 20 urad, and for
 that with `--unroll` where it is refused without. One that asks for the radius of a tool is given a tool table, in
 which all tools are alike. Prints a table per folder, and one line per program that the first, or only the second,

@@ -1,9 +1,9 @@
-"""Continuous-motion calibration against its paper (Miller et al. 2017): how far tables are from the truth.
+"""Continuous-motion calibration against its paper (Miller et al. 2017): deviations of tables from the true errors.
 
     python benchmarks/continuous.py [--draws 300] [--only synthetic|spacing|feeds|steps|programs|slit|size]
 
 synthetic: the paper's end-effect case, its three methods and the joint estimate side by side. spacing: its Table 1,
-feeds: its Table 2, both on a virtual machine whose truth is known. steps: an error that coarse targets miss.
+feeds: its Table 2, both on a virtual machine with known errors. steps: an error that coarse targets do not show.
 programs: Table 1 once more, from the log to a corrected program by ncomp's commands alone. slit: the
 log of a real axis at constant velocity, whose commands are known. size: seconds for long records. Figures are RMS over
 the constant-velocity segment, in um, mean over draws; coverage is the share of rows whose error lies within 2 u.
@@ -161,7 +161,9 @@ def steps(draws: int) -> None:
 
 
 def programs(_: int) -> None:
-    """The machine of Table 1, calibrated, and a program corrected for it, by the commands; judged by the truth."""
+    """The machine of Table 1, calibrated, and a program corrected for it, by the commands; evaluated with the true
+    errors.
+    """
     print("Table 1 by commands: tool point error of a program at block ends by the truth, um RMS (max)")
     for step in (5, 25, 90):
         with tempfile.TemporaryDirectory() as folder:
@@ -194,7 +196,7 @@ def _by_commands(folder: Path, step: int) -> tuple[str, str, str]:
 
 
 def _ncomp(folder: Path, *words: str) -> bytes:
-    """What a command prints on standard output."""
+    """Standard output of a command."""
     call = "from postproc.cli import run; run()"
     done = subprocess.run(
         [sys.executable, "-c", call, *words, "--machine", MACHINE.name], cwd=folder, capture_output=True, check=False
@@ -205,7 +207,7 @@ def _ncomp(folder: Path, *words: str) -> bytes:
 
 
 def slit_case(every_mm: float) -> tuple[Record, QuasiStatic, Callable[[Array], Array]]:
-    """The slit axis as a run whose commands are forgotten, readings at some of its targets, and the truth."""
+    """The slit axis as a run without its commands, readings at some of its targets, and the true errors."""
     measured = read_any(
         SLIT, machines.load(str(Path(__file__).parents[1] / "examples/single_axis.toml")), header=SLIT_HEADER
     )
@@ -261,7 +263,7 @@ PARTS: dict[str, tuple[Callable[[int], None], int]] = {
     "slit": (slit, 1),
     "size": (size, 1),
 }
-"""What is run, and by how many fewer draws."""
+"""Part of the benchmark, and divisor of its draws."""
 
 
 def main() -> None:

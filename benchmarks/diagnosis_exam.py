@@ -5,8 +5,9 @@
     python benchmarks/diagnosis_exam.py --laser | --pairs | --ties | --range | --unknown | --table1  [--seeds 20]
 
 For every kind of cause and machine: in how many of the draws the cause was named with its axis, in how many of those
-another effect was blamed as well, how many of its parameters lay within k = 2 of the truth, and the held-out RMS after
-the diagnosis against that of the same data, noise and all, with nothing wrong. `--verbose` adds a line for each draw.
+another effect was named as well, how many of its parameters lay within k = 2 of the true values, and the held-out RMS
+after the diagnosis against that of the same data, noise and all, with nothing wrong. `--verbose` adds a line for each
+draw.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ Say = Callable[[str], None]
 
 
 def attempt(question: Callable[[int], Result], seed: int) -> Result | str:
-    """The result, or what went wrong."""
+    """The result, or the reason of a failure."""
     try:
         return question(seed)
     except RuntimeError as fault:
@@ -92,7 +93,7 @@ def single(args: argparse.Namespace, pool: ThreadPoolExecutor, say: Say) -> None
 
 
 def by_laser(args: argparse.Namespace, pool: ThreadPoolExecutor, say: Say) -> None:
-    """What an interferometer sees along one axis."""
+    """Measurement of one axis by an interferometer."""
     head()
     for kind in draws.BY_LASER:
         for machine in args.machine:
@@ -138,7 +139,7 @@ def yes_or_no(
 
 
 def ties(args: argparse.Namespace) -> None:
-    """Causes that the design can't tell apart; on machines with three axes."""
+    """Causes that the design does not separate; on machines with three axes."""
     for title, draw, kinds in (
         ("growth in Z ~ tracker translation: tied", draws.tied_growth, ("thermal-drift", "tracker-drift")),
         ("backlash ~ settling: tied", draws.tied_backlash, ("backlash", "settling")),
@@ -177,7 +178,7 @@ def table_1(args: argparse.Namespace, pool: ThreadPoolExecutor) -> None:
 
 
 def head() -> None:
-    """Of the table."""
+    """Kinds of the table."""
     print(f"{'cause':<36}{'named':>7}{'tied':>6}{'alone':>6}{'sizes':>10}  {'held out, ratio':<24}{'s':>6}")
 
 
@@ -199,7 +200,7 @@ def arguments() -> argparse.Namespace:
 
 
 def main() -> None:
-    """The part of the exam that is asked for."""
+    """The requested part of the exam."""
     args = arguments()
     say: Say = print if args.verbose else lambda _: None
     with ThreadPoolExecutor(AT_ONCE) as pool:

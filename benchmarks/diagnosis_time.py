@@ -2,8 +2,8 @@
 
     python benchmarks/diagnosis_time.py [--rows 500 5000] [--machine gantry dmu50] [--times 3]
 
-Data of the tests' own virtual machine (tests/virtual_machine): backlash of X, a cyclic error of Y, or what no table of
-effects holds, six times the noise of the mean. Times are of the whole command, its start included: the median of
+Data of the tests' own virtual machine (tests/virtual_machine): backlash of X, a cyclic error of Y, or an error outside
+the table of effects, six times the noise of the mean. Times are of the whole command, its start included: the median of
 several, and the longest.
 """
 
@@ -45,7 +45,7 @@ def sheet(name: str, rows: int, kind: str) -> str:
 
 
 def seconds(name: str, rows: int, kind: str, folder: Path) -> float:
-    """Of one diagnosis."""
+    """Times of one diagnosis."""
     data = folder / "data.csv"
     data.write_text(sheet(name, rows, kind))
     ncomp = [sys.executable, "-c", "from postproc.cli import run; run()"]

@@ -3,8 +3,8 @@
     python benchmarks/five_axis.py [--draws 50]
 
 A tracker on the table sees three reflectors at the spindle, 600 positions. Error motions of all axes are random (Table
-1 and harmonics, a third of their size), location errors normal with 30 um and urad. Truth and fit are told in the same
-frame; z is (fit - truth) / u, whose standard deviation is 1 for honest uncertainties.
+1 and harmonics, a third of their size), location errors normal with 30 um and urad. True errors and fit are in the same
+frame; z is (fit - true) / u, whose standard deviation is 1 for honest uncertainties.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def locations(model: ErrorModel) -> dict[str, tuple[float, float]]:
 
 
 def in_the_frame_of(found: Calibration, truth: ErrorModel) -> ErrorModel:
-    """The truth written in the bases of a fit, and told in its datum, with its location errors apart."""
+    """The true errors in the bases of a fit, and in its datum, with its location errors apart."""
     machine, model = found.fit.measurement.machine, found.fit.model
     effects = []
     for effect, _ in error_motions(model):

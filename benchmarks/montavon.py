@@ -1,4 +1,4 @@
-"""What Montavon's set-up can see: rank of the 276 parameters, and the null directions by name.
+"""Identifiability with Montavon's set-up: rank of the 276 parameters, and the null directions by name.
 
     python benchmarks/montavon.py
 

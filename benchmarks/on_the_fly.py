@@ -64,7 +64,7 @@ TARGETS = {"t": Target(TOOL)}
 AT = (-1500.0, -300.0, 200.0)
 GRID_UM, LENGTH_MM, FEED = 103.0, 21_000.0, 2500.0
 Curves = dict[str, tuple[Array, Array]]
-"""Values and standard uncertainties of error motions at places, by name."""
+"""Values and standard uncertainties of error motions at positions, by name."""
 NODES = {"X": BasisChoice("b-spline", 13), "Y": BasisChoice("b-spline", 13), "Z": BasisChoice("b-spline", 10)}
 
 
@@ -126,7 +126,7 @@ def _judged(path: NominalPath, machine: Machine, noise: float, draw: int) -> tup
 
 
 def _on_grid(machine: Machine, truth: ErrorModel, found: ErrorModel) -> tuple[float, float]:
-    """Mean length of the deviations on the grid, aligned, of the truth and of what the fit leaves, um."""
+    """Mean length of the deviations on the grid, aligned, of the true errors and of the errors after the fit, um."""
     grid = evaluation_grid(machine)
     wanted, points = deviation_on(machine, truth, grid, TOOL)
     got, _ = deviation_on(machine, found, grid, TOOL)
@@ -188,7 +188,7 @@ def _hidden(path: NominalPath, machine: Machine) -> str:
 
 
 def _diagonals(machine: Machine) -> NominalPath:
-    """Both diagonals of every face, then those of space; the ways between, edges and face diagonals, count as well."""
+    """Both diagonals of every face, then those of space; the connections, edges and face diagonals, count as well."""
     low, high = machine.travel[:, [machine.index(name) for name in "XYZ"]]
     places = []
     for moving in ((0, 1), (0, 2), (1, 2), (0, 1, 2)):
@@ -221,13 +221,15 @@ def standstill(draws: int) -> None:
     print(f"  at rest: {grid_rest:.2f} um left on the grid, chi2/dof {chi2_rest:.3f}")
     print(f"  on the fly: {grid_fly:.2f} um left on the grid, chi2/dof {chi2_fly:.3f}")
     agree, rest, fly = (100 * share for share in shares)
-    print(f"  error motions within U (k=2) of each other at {agree:.1f} % of places (by machine "
+    print(f"  error motions within U (k=2) of each other at {agree:.1f} % of positions (by machine "
           f"{', '.join(f'{100 * share:.0f}' for share in rows[:, 4])})")  # fmt: skip
     print(f"  within U of the truth: at rest {rest:.1f} %, on the fly {fly:.1f} %")
 
 
 def _two_ways(machine: Machine, path: NominalPath, draw: int) -> tuple[float, ...]:
-    """chi2 and um left on the grid, at rest and on the fly; shares of places within U: both, each of the truth."""
+    """chi2 and remaining um on the grid, at rest and on the fly; shares of positions within U: both, each of the true
+    errors.
+    """
     rng = np.random.default_rng([5, draw])
     truth = _truth(machine, rng)
     tracker = LaserTracker(u_range_um=0.5, u_angle_um=3.0, u_angle_um_per_m=1.0)
@@ -250,7 +252,7 @@ def _two_ways(machine: Machine, path: NominalPath, draw: int) -> tuple[float, ..
 
 
 def _agree(first: Curves, second: Curves) -> float:
-    """Share of the places along all axes where the error motions agree within U."""
+    """Share of the positions along all axes where the error motions agree within U."""
     values, u = (np.concatenate([first[name][i] for name in first]) for i in (0, 1))
     others, u_other = (np.concatenate([second[name][i] for name in first]) for i in (0, 1))
     return float(np.mean(np.abs(values - others) < 2.0 * np.hypot(u, u_other)))

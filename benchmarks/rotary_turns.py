@@ -109,7 +109,7 @@ class Bench:
 
 
 def program(tilt: str, low: float, high: float, turns: Sequence[int]) -> str:
-    """Moves to 300 random positions, the same whatever the turns of C."""
+    """Moves to 300 random positions, the same for all turns of C."""
     rng = np.random.default_rng(SEED)
     lines = ["G21 G90 G54 T1 M6", "G0 Z250"]
     for i in range(300):

@@ -52,7 +52,7 @@ def seconds(work: Callable[[], object]) -> float:
 
 
 def against_pinv(rows: int) -> None:
-    """Both ways at a size that the pseudo-inverse can do; each builds the design and solves it once."""
+    """Both methods at a size that the pseudo-inverse can solve; each builds the design and solves it once."""
     measurement = simulated(rows)
     model = rigid_model(measurement, BASES)
     registration, _ = first_registration(measurement)

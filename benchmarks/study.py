@@ -2,7 +2,7 @@
 
     python benchmarks/study.py findings          the three studies of examples/studies
     python benchmarks/study.py bars              620 points: the paper's fit and ours; plans by hand and optimised
-    python benchmarks/study.py diagonals         bases by the evidence alone, and by lines that fits have not seen
+    python benchmarks/study.py diagonals         bases by the evidence alone, and by held-out lines
     python benchmarks/study.py speed             draws per second against a loop of lstsq
     python benchmarks/study.py scaling           1 and 2 processes, a Dask LocalCluster of 2 workers
 
@@ -37,7 +37,7 @@ PLACE = [-1500, 1500, 300]
 STATIONS = [PLACE, [1500, -1500, 300], [4000, 1500, 300], [1500, 4500, 300]]
 TRACKER = {"u_range_um_per_m": 0.25, "u_angle_um": 10.0, "u_angle_um_per_m": 2.5}
 FRESH = 77
-"""Seed of the draws that judge; no plan was made with it."""
+"""Seed of the draws of the evaluation; no plan was made with it."""
 HAND_MADE = {
     "hexahedron+random": {"strategy": "hexahedron+random", "points": [316, 304]},
     "hexahedron": {"strategy": "hexahedron"},
@@ -91,7 +91,7 @@ def findings(draws: int) -> None:
 
 
 def bars(draws: int) -> None:
-    """620 points from the same place of the tracker."""
+    """620 points from the same tracker position."""
     common = {"tracker": PLACE, "points": 620}
     fits = {
         "paper's: Legendre 6": PAPER,

@@ -1,7 +1,8 @@
-"""What the tables of each format leave of the demonstration calibration of the DMU 50: the table of docs/tables.md.
+"""Errors that remain after the tables of each format, for the demonstration calibration of the DMU 50: the table of
+docs/tables.md.
 
 Run it with `python -m benchmarks.tables`; some minutes. Tool 100 mm, settings as by default, values as errors where no
-source says.
+source states the sign.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ def main() -> None:
     path = machines.default_calibration(machine)
     assert path is not None
     model = read_model(path, machine)
-    print("| format | tables | tool point RMS, um | max, um | with programs for the rest, max | s |")
+    print("| format | tables | tool point RMS, um | max, um | with corrected programs, max | s |")
     print("|---|---|---|---|---|---|")
     for form in FORMATS.values():
         start = time.perf_counter()

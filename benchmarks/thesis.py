@@ -5,7 +5,7 @@ Leica AT960, compensated the translations of the linear axes, and measured again
 E_YX 6.6 -> 1.3, E_ZZ slightly worse at its peak, E_XY and E_ZY worse.
 
 Every draw is another machine and other noise. The error motions are polynomials of the thesis' degrees, drawn at
-random, scaled to the peaks it quotes; what it does not quote is marked chosen in PEAKS. AT960: 15 um + 6 um/m across
+random, scaled to the peaks that it quotes; other peaks are marked chosen in PEAKS. AT960: 15 um + 6 um/m across
 the beam and 0.4 um + 0.3 um/m along it are maximum permissible errors; half of each is taken as standard uncertainty.
 The linear axes are measured and compensated PASSES times, four rounds each, then verified; the published procedure
 does it once. Errors are those of the spindle nose along the three lines through X0 Y0 Z0, zero at the first position,
@@ -104,7 +104,7 @@ ERRORS = [f"{component}{axis}" for axis in "XYZ" for component in "XYZ"]
 
 @dataclass(frozen=True)
 class Plan:
-    """Where the tracker stands in each round."""
+    """Position of the tracker in each round."""
 
     title: str
     eyes: Mapping[str, tuple[float, float, float]]
@@ -227,7 +227,7 @@ def _ncomp(
     found = identify(first)
     linear = _with_effects(found.model, _linear(found.model, 1.0))
     for passed in range(1, PASSES):
-        # what is left, found with the noise of one measurement and believed by its share of them: their mean
+        # the remaining error, found with the noise of one measurement and weighted by its share of them: their mean
         left_over = identify(_measure(machine, truth, poses, rng, linear), datums=found.datums).model
         linear = _with_effects(linear, [*linear.effects, *_linear(left_over, 1.0 / (1 + passed))])
     verified = identify(_measure(machine, truth, poses, rng, linear), datums=found.datums)

@@ -3,7 +3,7 @@
 Faithful with its faults, none of which ncomp shares: P, Q and K are taken from the first position of each round; six of
 the nine equations of (3.5) are chosen, to first order; the straight line and then a polynomial are fitted without
 weights; the polynomial's constant is dropped (Listing 3.1) and it is read at the position rounded to 1 mm; squareness
-is a sum of two angles whose signs are settled by Listing 3.1 and used by Listing 3.4 as they stand (so the slopes of
+is a sum of two angles whose signs are set by Listing 3.1 and used unchanged by Listing 3.4 (so the slopes of
 E_XY and E_XZ come back with the wrong sign; E_XY got worse in the thesis too); angular errors are neglected; the
 correction is one step, read at the nominal position.
 
@@ -20,13 +20,13 @@ import numpy as np
 from kinematics.transforms import Array
 
 DEGREES = {"XX": 4, "YX": 5, "ZX": 8, "XY": 8, "YY": 6, "ZY": 4, "XZ": 4, "YZ": 4, "ZZ": 8}
-"""Listing 3.4; those of E_XZ and E_YZ are lost in the text that was at hand, 4 is put in their place."""
+"""Listing 3.4; those of E_XZ and E_YZ are missing in the available text; 4 is used instead."""
 
 CHOSEN = {"X": "Px Py Qx Qz Ky Kz", "Y": "Py Pz Qy Kx Kz Px", "Z": "Pz Qx Qz Ky Px Py"}
 """Equations (32), (36), (37) of the specialisation project."""
 
 SIGNS = {"YX": 1, "ZX": -1, "XY": -1, "ZY": 1, "XZ": -1, "YZ": 1}
-"""Of the angle where the line rises along the travel, Listing 3.1."""
+"""Sign of the angle where the line rises along the travel, Listing 3.1."""
 
 
 @dataclass(frozen=True)

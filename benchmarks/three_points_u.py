@@ -51,7 +51,7 @@ class Session:
     seed: int
 
     def seen(self, number: int, noise: float = 1.0) -> Measurement:
-        """The measurement of that number; the tracker stands where it stood."""
+        """The measurement of this number, from the same tracker position."""
         placed = np.random.default_rng(self.seed)
         poses = {str(k): tracker_pose(np.array(point_of(at)), placed) for k, at in enumerate(STATIONS)}
         targets = {name: Target(point_of(at)) for name, at in TARGETS.items()}

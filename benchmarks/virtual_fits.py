@@ -1,10 +1,11 @@
-"""Calibrations of virtual machines, judged by their truth: chi2, coverage of the stated uncertainties, efficiency.
+"""Calibrations of virtual machines, evaluated with their true errors: chi2, coverage of the stated uncertainties,
+efficiency.
 
     python benchmarks/virtual_fits.py [--draws 200]
 
 For each machine and draw: random errors, a noisy measurement, the basis chosen by its evidence, a fit.
 Deviations are compared on a grid of positions that were not measured, after rigid alignment of the difference, since no
-measurement from an unknown place shows a rigid shift.
+measurement from an unknown position shows a rigid shift.
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Judged(NamedTuple):
     before: float
     """RMS of the aligned deviation, um."""
     error: Array
-    """Of the prediction on the grid `(n, 3)`, um."""
+    """Standard uncertainty of the prediction on the grid `(n, 3)`, um."""
     u: Array
     """Its stated standard uncertainty."""
     bound: Array
@@ -87,7 +88,7 @@ def measure(case: Case, machine: Machine, truth: ErrorModel, rng: np.random.Gene
 
 
 def judge(machine: Machine, truth: ErrorModel, found: Fit, grid: Array, tool: tuple[float, float, float]) -> Judged:
-    """The fit against the truth."""
+    """The fit against the true errors."""
     wanted, points = deviation_on(machine, truth, grid, tool)
     got, _ = deviation_on(machine, found.model, grid, tool)
     design = found.model.design(machine, State(grid), place_transform(machine, grid, tool)[:, :3])
@@ -129,7 +130,7 @@ def run(name: str, draws: int, pool: Executor) -> None:
     rows = {
         "points": f"{sum(CASES[name].points)} ({CASES[name].strategy})",
         "chi2/dof, mean (least, largest)": f"{chi2.mean():.3f} ({chi2.min():.3f}, {chi2.max():.3f})",
-        "95 % intervals cover the truth in": f"{100 * inside.mean():.1f} % of {inside.size} deviations",
+        "95 % intervals cover the true value in": f"{100 * inside.mean():.1f} % of {inside.size} deviations",
         "volumetric error before": f"{before:.2f} um (RMS, mean of {draws} draws)",
         "after (95 % of draws below)": f"{volumetric.mean():.2f} ({np.quantile(volumetric, 0.95):.2f}) um",
         "error per coordinate": f"{rms:.3f} um; as stated {stated:.3f}",

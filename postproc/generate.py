@@ -1,8 +1,8 @@
-"""The NC program of a measuring plan: go to each position, stand still, stop where the target changes.
+"""The NC program of a measuring plan: go to each position, dwell, stop where the target changes.
 
-Positions are those of the axes. In machine coordinates (G53, M91) ncomp, which never corrects such moves, leaves the
-program alone: it measures the machine as it is. In a work offset ncomp corrects it as any other program: it measures
-what the correction has left.
+Positions are those of the axes. ncomp never corrects moves in machine coordinates (G53, M91), so such a program
+measures the uncorrected machine. In a work offset ncomp corrects it as any other program: it measures the error after
+correction.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Visits:
     positions: Array
     """`(n, axes)`"""
     before: Array | None
-    """`(n, axes)` to pass on the way; not a number for none."""
+    """`(n, axes)` to pass before the position; not a number for none."""
     names: Sequence[str]
     targets: Sequence[str]
 
@@ -48,13 +48,13 @@ class Manner:
     dwell_s: float = 3.0
     rapid: bool = False
     target_change: TargetChange = "M0"
-    """M1 stops only when the operator wants it: for targets that are all mounted."""
+    """M1 stops only if the operator selects it: for targets that are all mounted."""
     offset: tuple[str, Mapping[str, float]] | None = None
     """Name of the work offset or preset, and its values by axis, mm and degrees; None for machine coordinates."""
 
 
 class Speech(Protocol):
-    """How a dialect says it."""
+    """The form of the program in a dialect."""
 
     def head(self, remarks: Sequence[str]) -> list[str]:
         """Everything in front of the first move."""
@@ -63,7 +63,7 @@ class Speech(Protocol):
         """A straight move of all axes."""
 
     def dwell(self) -> list[str]:
-        """Stand still."""
+        """Dwell."""
 
     def stop(self, code: str, remark: str) -> list[str]:
         """Wait for the operator."""
@@ -73,7 +73,7 @@ class Speech(Protocol):
 
 
 def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) -> Iterator[str]:
-    """The lines of the program; UserError for what the dialect can't say."""
+    """The lines of the program; UserError for moves that the dialect does not have."""
     speech = speech_of(visits.machine, manner, dialect)
     offset = np.array([(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in visits.machine.names])
     yield from speech.head([*_remarks(visits, manner, title), *assumptions(dialect, manner)])
@@ -93,7 +93,9 @@ def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) 
 
 
 def path_program(machine: Machine, corners: Array, manner: Manner, dialect: str, title: str) -> Iterator[str]:
-    """The lines of the program along corners `(m, axes)`, mm and degrees; UserError for what the dialect can't say."""
+    """The lines of the program along corners `(m, axes)`, mm and degrees; UserError for moves that the dialect does not
+    have.
+    """
     manner = replace(manner, dwell_s=PATH_DWELL_S)
     speech = speech_of(machine, manner, dialect)
     offset = [(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in machine.names]
@@ -116,7 +118,7 @@ def path_program(machine: Machine, corners: Array, manner: Manner, dialect: str,
 
 
 def assumptions(dialect: str, manner: Manner) -> list[str]:
-    """What the program takes for granted of the control."""
+    """Conditions that the program assumes of the control."""
     if manner.offset is None:
         code = "M91" if dialect == "heidenhain" else "G53 ON EVERY BLOCK"
         return [f"POSITIONS ARE MACHINE COORDINATES: {code}", "NCOMP DOES NOT CORRECT SUCH MOVES"]
@@ -145,13 +147,13 @@ def words_of(machine: Machine, positions: Array) -> dict[str, float]:
 
 
 def speech_of(machine: Machine, manner: Manner, dialect: str) -> Speech:
-    """How a dialect says it; UserError for what it can't."""
+    """The form in a dialect; UserError if it has none."""
     for name in machine.names:
         if len(name) > 1:
             raise UserError(f"--nc: axis {name} has no word of its own in NC programs that ncomp writes")
     if machine.control.tcp_at_start and machine.rotary.any():
         raise UserError(
-            f"--nc: the control of {machine.name} places the tool point from the start (tcp_at_start); "
+            f"--nc: the control of {machine.name} positions the tool point from the start (tcp_at_start); "
             "a plan gives positions of axes"
         )
     if dialect == "heidenhain":
@@ -160,7 +162,7 @@ def speech_of(machine: Machine, manner: Manner, dialect: str) -> Speech:
         raise UserError(f"--dialect {dialect}: expected one of {', '.join(DIALECTS)}")
     if dialect == "fanuc" and manner.offset is None:
         raise UserError(
-            "--dialect fanuc: there G53 moves in rapid whatever the program says; "
+            "--dialect fanuc: G53 of this control always moves in rapid; "
             "give the work offset that is active, --work-offset G54=x,y,z"
         )
     return _Iso(manner, dwell_word="X" if dialect == "fanuc" else "P")

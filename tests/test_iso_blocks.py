@@ -203,8 +203,8 @@ def test_calls(text, words, step):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("#1=5 X#1\n", "sets a variable and reads it in one block"),
-        ("#1=5 #2=#[#3]\n", "sets a variable and reads it in one block"),
+        ("#1=5 X#1\n", "variable assigned and used in the same block"),
+        ("#1=5 #2=#[#3]\n", "variable assigned and used in the same block"),
         ("#1=[#2 EQ 1 AND #3 EQ 2]\n", "brackets are missing"),
         ("#1=[1 LT #2 LT 3]\n", "brackets are missing"),
         ("#1=[[#1 EQ 1] AND [#2 EQ 2] OR [#3 EQ 3]]\n", "brackets are missing"),

@@ -160,7 +160,7 @@ def test_the_shift_of_the_zeros_is_told_first(command):
     assert done.status == 0, done.err
     assert done.err.startswith("zero shift: the tables hold no constant")
     sheet = Path("tables/sheet.md").read_text()
-    assert sheet.index("**Zero shift:") < sheet.index("## What the numbers mean")
+    assert sheet.index("**Zero shift:") < sheet.index("## Meaning of the numbers")
 
 
 @pytest.mark.statistical

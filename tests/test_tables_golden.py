@@ -291,7 +291,7 @@ REFUSED = {
         "reprap",
         {"h.csv": "RepRapFirmware height map file v2\naxis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1\n"
          "X,Y,0,1,0,1,-1,1,1,2,2\n 0.1, 0\n 0.1, 0.2\n"},
-        "a place that was not probed",
+        "a position that was not probed",
     ),
     "mitsubishi: out of range": (
         "mitsubishi",

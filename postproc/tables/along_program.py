@@ -1,4 +1,4 @@
-"""The places of a program: block ends, and points along feed moves, with the direction each axis comes from."""
+"""Positions of a program: block ends, and points along feed moves, with the direction of approach of each axis."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from postproc.tables.remaining_error import Places
 
 
 def places_of(motions: Motions, model: ErrorModel, tolerance_um: float = 1.0) -> Places:
-    """Of all moves whose ends and ways are known; half the tolerance is no reversal."""
+    """Positions of all moves with known ends and paths; half the tolerance is no reversal."""
     machine = motions.machine
     directions = Judge(model, machine, COLD, tolerance_um).along(motions)
     q, approach, tool = [], [], []

@@ -1,9 +1,9 @@
-"""From a machine's errors to the tables of a control: the least volumetric error that they can leave.
+"""From a machine's errors to the tables of a control: the least remaining volumetric error.
 
-The sum of tables nearest to the wanted correction, in least squares over the working volume, is made of its means: of
-one variable each; of two, of what those leave, as a surface or as the best product of two functions of one each, which
-is its first singular pair (Eckart and Young, 1936). These parts are orthogonal, so a control that holds few tables gets
-those that take away most. Each is then written with the best nodes the control allows.
+The sum of tables nearest to the required correction, in least squares over the working volume, consists of its means:
+of one variable each; of two variables, for the residual, as a surface or as the best product of two functions of one
+each, which is its first singular pair (Eckart and Young, 1936). These parts are orthogonal, so a control with few
+tables gets those with the largest effect. Each is then written with the best nodes the control allows.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from postproc.tables.target import Target, closes, evenly, spread_out
 from postproc.tables.terms import Curve, Surface, Term, added
 
 FINE, COARSE = {3: 401}, {3: 81}
-"""Places along an axis at which curves, and surfaces, are known, by the number of axes of the machine."""
+"""Positions along an axis at which curves, and surfaces, are known, by the number of axes of the machine."""
 FEW = (201, 25)
 """The same for machines of more axes."""
 WORTH = 1e-4
-"""mm RMS: a product or surface that takes away less is left out."""
+"""mm RMS: a product or surface with a smaller effect is left out."""
 BALANCE = 2048
-"""Places in the volume at which what is left in the end should be 0 on the mean."""
+"""Positions in the volume over which the mean of the remaining error is made 0."""
 FACTOR = 1e-6
 """Resolution of the dimensionless factor of a product, which is 1 at most."""
 
 
 @dataclass(frozen=True)
 class Carries:
-    """What the tables of a format can be functions of."""
+    """The variables of the tables of a format."""
 
     outputs: str = "XYZUVWABC"
     """Letters of the axes that something can be added to."""
@@ -62,7 +62,7 @@ class Carries:
 
 @dataclass(frozen=True)
 class Built:
-    """Tables, and what was left out of them as a constant."""
+    """Tables, and the constant that they do not contain."""
 
     terms: tuple[Term, ...]
     datum: dict[str, float] = field(default_factory=dict)
@@ -71,20 +71,20 @@ class Built:
 
 @dataclass(frozen=True)
 class _Part:
-    """A part of the wanted correction: of one output, as a function of one axis or of two."""
+    """A part of the required correction: of one output, as a function of one axis or of two."""
 
     output: int
     sources: tuple[int, ...]
     places: tuple[Array, ...]
     values: Array
-    """`(m, ways)` of one axis, `(m, k)` of two, mm or degrees."""
+    """`(m, directions)` of one axis, `(m, k)` of two, mm or degrees."""
     tables: int
     gain: float
-    """Mean square of what it takes away."""
+    """Mean square of its correction."""
 
 
 def build(target: Target, carries: Carries, limits: Limits, what: str) -> Built:
-    """The tables of a format for one machine; UserError when its limits leave no way."""
+    """The tables of a format for one machine; UserError if its limits admit none."""
     outputs = [i for i, axis in enumerate(target.machine.axes) if axis.name[0] in carries.outputs]
     parts = _of_one_axis(target, outputs, carries)
     parts += _of_two_axes(target, outputs, carries)
@@ -101,7 +101,7 @@ def build(target: Target, carries: Carries, limits: Limits, what: str) -> Built:
 
 
 def _of_one_axis(target: Target, outputs: Sequence[int], carries: Carries) -> list[_Part]:
-    """Mean corrections along each axis; in that of an axis' own, what is constant over the volume."""
+    """Mean corrections along each axis; that of an axis' own contains the constant over the volume."""
     found = []
     for j in range(len(target.machine.axes)):
         if not carries.cross and (j not in outputs or not carries.own):
@@ -174,7 +174,7 @@ def _sharing(parts: Sequence[_Part], limits: Limits) -> list[list[_Part]]:
 
 
 class _Writer:
-    """Gathers tables, and keeps account of what is constant and of what products do to the means of one axis."""
+    """Collects tables, with the constants and the contributions of products to the means of one axis."""
 
     def __init__(self, target: Target, limits: Limits) -> None:
         self._target, self._limits = target, limits
@@ -220,7 +220,7 @@ class _Writer:
                 self.terms.append(Term(output.name, (Curve(source.name, nodes, column),), way))
 
     def balance(self) -> None:
-        """Take the constant that is left on the mean of the volume into the axes' own tables, or into the datum."""
+        """Move the mean remaining constant over the volume into the axes' own tables, or into the datum."""
         machine = self._target.machine
         low, high = self._target.bounds.T
         q = (low + (high - low) * spread_out(BALANCE, len(low))) * machine.scale
@@ -239,7 +239,7 @@ class _Writer:
         self.datum = {machine.names[i]: float(left[i]) for i in seen}
 
     def product(self, part: _Part) -> None:
-        """Two tables that are multiplied; both are 0 at the reference positions, as a lever that begins there."""
+        """Two tables that are multiplied; both are 0 at the reference positions."""
         axes = self._target.machine.axes
         left, sizes, right = np.linalg.svd(part.values)
         factors = []
@@ -279,7 +279,7 @@ class _Writer:
         self.terms.append(Term(self._target.machine.axes[part.output].name, (surface,)))
 
     def _means_of_products(self, part: _Part) -> Array:
-        """What products add on the mean `(m,)` to the same output, along the axis of a part of one axis."""
+        """Mean contributions `(m,)` of products to the same output, along the axis of a part of one axis."""
         machine = self._target.machine
         output, source = machine.axes[part.output].name, machine.axes[part.sources[0]].name
         total = np.zeros(len(part.places[0]))

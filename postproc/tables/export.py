@@ -1,4 +1,4 @@
-"""From a calibration to the files of one control, and what they will leave of the errors."""
+"""From a calibration to the files of one control, and the remaining errors."""
 
 from __future__ import annotations
 
@@ -45,21 +45,21 @@ class Exported:
 
     @property
     def rest(self) -> ErrorModel:
-        """The calibration less what the tables take away: what a program is left to correct."""
+        """The calibration minus the effect of the tables: the errors that corrected programs must still correct."""
         left = joined(self.whole, self.taken.effects, -1.0)
         source = f"{self.whole.provenance.source}; less tables in the control ({self.format.name})".lstrip("; ")
         return msgspec.structs.replace(left, provenance=msgspec.structs.replace(left.provenance, source=source))
 
     @property
     def moves(self) -> Move:
-        """What the control with the tables does with commands."""
+        """The effect of the tables on commands."""
         if self.format.carries is not None:
             return lambda q, approach: q + added(self.content.terms, self.target.machine, q, approach)
         return self._by_motions
 
     @property
     def left(self) -> list[Left]:
-        """What the tables can't carry."""
+        """Errors that the tables cannot represent."""
         points = self.format.limits(self.content.settings).points
         terms = None if self.format.carries is None else self.content.terms
         return [*not_carried(self.target, self.whole, terms), *short_waves(self.target, points)]
@@ -79,13 +79,13 @@ class Exported:
 
 
 def sign_of(format: Format, given: str | None) -> Sign:
-    """What the values of its files are; UserError when that is not known, or not what was said."""
+    """Meaning of the values of its files; UserError if it is not known, or contradicts the option."""
     if given not in (None, "error", "correction"):
         raise UserError(f"--sign {given}: error or correction")
     if format.sign is None and given is None:
         raise UserError(
-            f"no source says whether values of {format.name} are errors or corrections: find out with the table that "
-            f"'ncomp export --format {format.name} --probe AXIS' writes, and say --sign error or --sign correction"
+            f"no source states whether values of {format.name} are errors or corrections: find out with the table that "
+            f"'ncomp export --format {format.name} --probe AXIS' writes, and give --sign error or --sign correction"
         )
     if format.sign is not None and given not in (None, format.sign):
         raise UserError(f"--sign {given}: values of {format.name} are known to mean the {format.sign}")

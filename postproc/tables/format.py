@@ -1,4 +1,4 @@
-"""What a format of controller tables is: its settings, what it can hold, how it is written, what is known of it."""
+"""A format of controller tables: its settings, limits, writer, and the certainty of its description."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from postproc.tables.motion_tables import MotionTable
 from postproc.tables.terms import Curve, Term
 
 Sign = Literal["error", "correction"]
-"""What the values of a file are: actual minus commanded, or what is added to the command."""
+"""Meaning of the values of a file: actual minus commanded, or the correction of the command."""
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a user can say about the control with `--set NAME=VALUE`."""
+    """Settings of the control that a user gives with `--set NAME=VALUE`."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """What is to be written: tables of a machine, the sign they are written with, and what the user set."""
+    """Tables of a machine to be written, with the sign and the settings of the user."""
 
     machine: Machine
     settings: Any
@@ -36,7 +36,7 @@ class Content:
 
     @property
     def factor(self) -> float:
-        """What makes a correction a value of the file."""
+        """Factor from a correction to a value of the file."""
         return 1.0 if self.sign == "correction" else -1.0
 
 
@@ -50,19 +50,19 @@ class Format:
     limits: Callable[[Any], Limits]
     """By the user's settings."""
     write: Callable[[Content], dict[str, str]]
-    """Files by name; UserError for what the format can't hold."""
+    """Files by name; UserError if the format cannot hold them."""
     meaning: str
-    """For the sheet: what a value of the file is, units, direction, interpolation, outside the table."""
+    """For the sheet: meaning of a value of the file, units, direction, interpolation, outside the table."""
     loading: str
-    """For the sheet: how it comes into the control."""
+    """For the sheet: how the files are loaded into the control."""
     certainty: str
-    """For the sheet: how well it is known that all this is so."""
+    """For the sheet: certainty of this description."""
     carries: Callable[[Any], Carries] | None = None
     """None of a format that holds error motions by ISO 230-1, which the control makes corrections of."""
     sign: Sign | None = None
-    """What its values are; None where no source says so."""
+    """Meaning of its values; None if no source states it."""
     parameters: str = ""
-    """The family of controls whose parameters the sheet names."""
+    """The family of controls for the names of parameters in the sheet."""
     probe: Callable[[Content], dict[str, str]] | None = None
 
 
@@ -98,7 +98,7 @@ class Own:
 
 
 def own_table(terms: Sequence[Term], axis: Axis) -> Own | None:
-    """What the terms say of an axis over itself; None when they say nothing. Both directions share their nodes."""
+    """The terms of an axis over its own position; None without any. Both directions share their nodes."""
     found = {term.way: term.factors[0] for term in terms if term.output == axis.name and term.inputs == (axis.name,)}
     curves = {way: factor for way, factor in found.items() if isinstance(factor, Curve)}
     if not curves:

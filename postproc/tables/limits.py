@@ -1,4 +1,4 @@
-"""What a control's tables can hold, in numbers; and the refusal of what they can't."""
+"""Limits of a control's tables, and refusals of tables beyond them."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from postproc.tables.terms import Curve, Term
 
 @dataclass(frozen=True)
 class Limits:
-    """Of one format, with one user's settings."""
+    """Limits of one format, with one user's settings."""
 
     points: int
     """Most nodes of one table."""
     resolution: float
     """Least step of a value, mm or degrees."""
     finest: float = 5e-6
-    """RMS of what is left of a table, mm or degrees, that is not worth further nodes."""
+    """RMS of the residual of a table, mm or degrees, below which no further nodes are added."""
     equidistant: bool = False
     spacing_step: float = 1e-4
     """Nodes lie on whole multiples of this from the reference position; of equidistant ones, their spacing."""
     interval: float | None = None
     """The spacing of equidistant nodes, mm or degrees, when it is given."""
     on_grid: bool = False
-    """True when free nodes stand on whole intervals from the reference position."""
+    """True if free nodes are at whole intervals from the reference position."""
     shared: bool = False
     """True when all tables of one axis are columns over the same nodes."""
     cross: Limits | None = None
-    """Of tables that add to another axis, where they differ."""
+    """Limits of tables that add to another axis, if they differ."""
     cross_per_source: int | None = None
     """Most axes that one axis has tables for, besides its own."""
     surfaces_per_output: int | None = None
@@ -57,7 +57,7 @@ class Limits:
 
 
 def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machine) -> None:
-    """UserError, naming the table, for anything that the control `what` would refuse or cut off without a word."""
+    """UserError, naming the table, for a table that the control `what` would refuse or truncate without a message."""
     count = sum(len(term.factors) for term in terms)
     if limits.tables is not None and count > limits.tables:
         raise UserError(f"{what} holds {limits.tables} tables, these are {count}")
@@ -74,9 +74,9 @@ def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machi
 
 
 def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, way: int) -> None:
-    """Of a table that must begin where it ends, or be 0 at the reference position.
+    """The constant of a table that must begin where it ends, or be 0 at the reference position.
 
-    Of the two directions, that of forward travel.
+    If the directions differ, that of forward travel.
     """
     if axis.turns_fully and curve.values[0] != curve.values[-1]:
         raise UserError(f"{where}: {axis.name} turns fully, so its first and last value must be equal")

@@ -47,12 +47,12 @@ class MotionTable:
 
     @property
     def mean(self) -> Array:
-        """Of both directions."""
+        """Mean of both directions."""
         return np.asarray((self.forward + self.backward) / 2)
 
 
 def build_motions(target: Target, limits: Limits, angular_resolution: float, *, both_ways: bool) -> list[MotionTable]:
-    """Tables of all error motions of a machine, with means over what they depend on besides their own axis.
+    """Tables of all error motions of a machine, with means over all variables other than their own axis.
 
     Location errors are in them, as slopes and constants. Resolution of translations in mm by the limits, of rotations
     in rad. Positioning by direction only with `both_ways`.
@@ -78,14 +78,14 @@ def build_motions(target: Target, limits: Limits, angular_resolution: float, *, 
 
 
 def _curves(errors: dict[int, Array], k: int, component: str, axis: Axis, *, both_ways: bool) -> Array:
-    """Of one component `(m, ways)`: of both directions only for positioning."""
+    """Values of one component `(m, directions)`: in both directions only for positioning."""
     curves = np.stack([errors[1][:, k], errors[-1][:, k]], axis=1)
     own = both_ways and component == own_component(axis.name)
     return curves if own else np.asarray(curves.mean(axis=1, keepdims=True))
 
 
 def _nodes(x: Array, curves: dict[str, Array], steps: dict[str, float], limits: Limits, axis: Axis) -> Array:
-    """Nodes for some components together, each counted in what is not worth further nodes."""
+    """Nodes for some components together, each in units of the RMS below which no nodes are added."""
     sizes = {c: max(0.25 * steps[c], FINEST["ABC".find(c) >= 0]) for c in curves}
     scaled = np.concatenate([curve / sizes[c] for c, curve in curves.items()], axis=1)
     return choose_nodes(x, scaled, replace(limits, resolution=1.0, finest=1.0), axis.home, closing=closes(axis))
@@ -103,7 +103,7 @@ def _mean_errors(target: Target, column: int, x: Array, way: int, others: Array)
 
 
 def effects_of_motions(machine: Machine, tables: Iterable[MotionTable]) -> list[Effect]:
-    """The errors that the tables stand for."""
+    """The errors that the tables represent."""
     found: list[Effect] = []
     for table in tables:
         size = URAD if table.angular else UM

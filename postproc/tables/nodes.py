@@ -1,6 +1,6 @@
-"""Where the nodes of a table stand, and what it holds there: the least that is left of a curve, in least squares.
+"""Positions and values of the nodes of a table, for the least residual of a curve in least squares.
 
-Free nodes are the best choice among the places where the curve is known, by dynamic programming over all of them
+Free nodes are the best choice among the positions at which the curve is known, by dynamic programming over all of them
 (Bellman and Roth, Curve fitting by segmented straight lines, 1969); equidistant ones, the best number of them. Values
 are then fitted, not sampled.
 """
@@ -16,14 +16,14 @@ from kinematics.user_error import UserError
 from postproc.tables.limits import Limits
 
 ENOUGH = 0.25
-"""Of the resolution of values: RMS below this is not worth further nodes."""
+"""Share of the resolution of values: below this RMS no further nodes are added."""
 
 
 def choose_nodes(x: Array, curves: Array, limits: Limits, home: float, *, closing: bool = False) -> Array:
     """Nodes for one or more curves that share them.
 
-    x `(m,)`: ascending; curves `(m, c)`: values there. home: the reference position, on which equidistant nodes stand;
-    those of a closing table divide the way from the first to the last place.
+    x `(m,)`: ascending; curves `(m, c)`: values there. home: the reference position, on which an equidistant node lies;
+    those of a closing table divide the distance from the first to the last position.
     """
     enough = len(x) * max(ENOUGH * limits.resolution, limits.finest) ** 2
     if closing and limits.interval:
@@ -56,14 +56,14 @@ def fitted(x: Array, curves: Array, nodes: Array) -> Array:
 
 
 def left_over(x: Array, curves: Array, nodes: Array, values: Array) -> float:
-    """Sum of squares of what the interpolation leaves."""
+    """Sum of squares of the interpolation error."""
     approximations = np.stack([np.interp(x, nodes, column) for column in values.T], axis=1)
     return float(np.sum((curves - approximations) ** 2))
 
 
 def _free(x: Array, curves: Array, points: int, enough: float) -> Array:
     cost = sum((_chord_costs(x, curve) for curve in curves.T), np.zeros((len(x), len(x))))
-    best, came = cost[0].copy(), []  # of ways from the first place to each, with one segment, two, ...
+    best, came = cost[0].copy(), []  # of paths from the first position to each, with one segment, two, ...
     totals = [best[-1]]
     for _ in range(min(points, len(x)) - 2):
         if totals[-1] <= enough:
@@ -82,7 +82,7 @@ def _free(x: Array, curves: Array, points: int, enough: float) -> Array:
 
 
 def _chord_costs(x: Array, f: Array) -> Array:
-    """`(m, m)`: sum of squares between curve and chord over places i ... j; infinite for j <= i."""
+    """`(m, m)`: sum of squares between curve and chord over positions i ... j; infinite for j <= i."""
     u = (x - x[0]) / (x[-1] - x[0])
     sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (np.ones_like(u), u, u * u, f, u * f, f * f)]
 
@@ -117,7 +117,7 @@ def _is_whole(ratio: float) -> bool:
 
 
 def _equidistant(x: Array, curves: Array, limits: Limits, home: float | None, enough: float) -> Array:
-    """Without home, nodes that divide the whole way."""
+    """Without home, nodes that divide the whole distance."""
     best: Array | None = None
     least = np.inf
     for spacing in _spacings(x, limits):

@@ -1,7 +1,7 @@
-"""What tables can't carry, by name: the part of each error motion that is no function of what the tables know.
+"""Errors that tables cannot represent: the part of each error motion that is no function of their variables.
 
-Each error motion is turned into the correction it asks for on a grid of the volume; what the tables' functions, means
-over the grid, leave of that is what they can't hold, however fine they are.
+Each error motion is converted into its correction on a grid of the volume. The residual of the tables' functions, means
+over the grid, is the part that they cannot represent, however fine they are.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from postproc.tables.target import Target, shortest_wave, standing, too_fine
 from postproc.tables.terms import Surface, Term
 
 GRID = {3: 9}
-"""Places along each axis, by the number of axes; COARSE for more."""
+"""Positions along each axis, by the number of axes; COARSE for more."""
 COARSE = 5
 POINTS_A_WAVE = 6
-"""Of a table: fewer leave more than a tenth of it."""
+"""Nodes of a table for each wave: with fewer the residual exceeds a tenth of the wave."""
 WORTH = 0.05
 """um RMS: less is not named."""
 
@@ -36,14 +36,14 @@ class Left(NamedTuple):
 
     name: str
     rms_um: float
-    """At the tool point, over the volume, beside what the tables take away of it."""
+    """RMS at the tool point over the volume, in addition to the part that the tables correct."""
     why: str
 
 
 def not_carried(target: Target, whole: ErrorModel, terms: Sequence[Term] | None) -> list[Left]:
     """The errors that stay, the largest first; those that depend on more than positions and directions at the end.
 
-    Without `terms`, of tables of error motions: what depends on other axes than their own.
+    Without `terms`, of tables of error motions: dependences on other axes than their own.
     """
     machine = target.machine
     n = GRID.get(len(machine.axes), COARSE)
@@ -102,7 +102,7 @@ def _by_a_rotary_table(target: Target, column: int, terms: Sequence[Term]) -> bo
 
 
 def _beside_tables(target: Target, wanted: Array, terms: Sequence[Term]) -> Array:
-    """What the means that the tables can hold leave of a correction on the grid `(n, ..., axes)`."""
+    """Residual of a correction after the means that the tables can hold, on the grid `(n, ..., axes)`."""
     axes, left = target.machine.axes, wanted.copy()
     every = tuple(range(len(axes)))
     for i, axis in enumerate(axes):
@@ -121,12 +121,12 @@ def _beside_tables(target: Target, wanted: Array, terms: Sequence[Term]) -> Arra
 def _reason(name: str) -> str:
     component = name[2] if name.startswith("E_") else ""
     if component in tuple("ABC"):
-        return "angular: what it does away from the line that tables hold"
+        return "angular: effect away from the line that the tables correct"
     return "in a direction, or along an axis, that the tables don't have" if component else "at the tool"
 
 
 def _reversals(target: Target, terms: Sequence[Term]) -> list[Left]:
-    """Play of axes whose table is the same both ways."""
+    """Play of axes whose table is the same in both directions."""
     both_ways = {term.output for term in terms if term.way}
     machine, found = target.machine, []
     low, high = target.bounds.T
@@ -144,7 +144,7 @@ def _reversals(target: Target, terms: Sequence[Term]) -> list[Left]:
 
 
 def _beyond(whole: ErrorModel) -> list[Left]:
-    """Effects that depend on more than tables know: no size can be told."""
+    """Effects that depend on variables that tables do not have: their size is not known."""
     beyond = [e for e in whole.effects if e.ACTS_ON != "instrument" and not standing(e)]
     reasons = {e.name: ", ".join(e.needs).replace("_", " ") or "nothing that a table can put right" for e in beyond}
     return [Left(name, float("nan"), f"depends on {why}") for name, why in reasons.items()]

@@ -1,4 +1,4 @@
-"""What belongs in parameters of a control rather than in tables: play, growth with heat, places of rotary axes.
+"""Values for parameters of a control instead of tables: play, thermal growth, positions of rotary axes.
 
 Names of parameters are marked as in the sheet: [manual] read in a maker's manual, [common] common knowledge that no
 source was found for. None of them is written into a control by ncomp.
@@ -18,7 +18,7 @@ from postproc.tables.format import Content
 
 
 class Row(NamedTuple):
-    """One parameter: what it is of, its value with unit, where it goes, whether the tables hold it already."""
+    """One parameter: its subject, value with unit, name in the control, and whether the tables contain it already."""
 
     what: str
     value: str

@@ -1,4 +1,4 @@
-"""The probe table: zero but for one node of a harmless size, to find out on the machine what a control's sign is."""
+"""The probe table: zero but for one node of a harmless size, to determine a control's sign on the machine."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SIZE = 0.02
 BESIDE = 25.0
 """mm: from the node to the zeros beside it, over other axes."""
 SHARE = 0.05
-"""Of the travel: from the node to the zeros beside it."""
+"""Share of the travel from the node to the zeros beside it."""
 
 
 def probe(machine: Machine, axis_name: str, format: Format, settings: Settings) -> dict[str, str]:
-    """The files of a probe of one axis, and what to do with them; UserError when the format has no table for it."""
+    """The files of a probe of one axis, with instructions; UserError when the format has no table for it."""
     axis = machine.axes[machine.index(axis_name)]
     limits = format.limits(settings)
     beside = max(1, math.ceil(SIZE / limits.steepest - 1e-9))
@@ -98,8 +98,8 @@ The table holds one value, +{SIZE:g} {unit} {at}, and 0 {away}.
 
 1. Back up the control's compensation data. Without any table, set a dial indicator on {axis.name} at
    {where} and note the reading.
-2. Load the table as the sheet of this format says, home the axes, go there again, and note the reading.
-3. {axis.name} stands {SIZE:g} {unit} farther in its positive direction than without the table: values are corrections;
+2. Load the table as described below, home the axes, go to the same position again, and note the reading.
+3. {axis.name} is {SIZE:g} {unit} farther in its positive direction than without the table: values are corrections;
    use --sign correction. In its negative direction: values are errors; use --sign error. Anything else, another size,
    or a change where the table is 0: load no table, and find out why first.
 4. Take the table out again.

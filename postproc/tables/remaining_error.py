@@ -1,4 +1,4 @@
-"""What tables leave: tool point errors before, with the tables, with corrected programs, and with both."""
+"""Remaining tool point errors: before, with the tables, with corrected programs, and with both."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from postproc.tables.table_model import joined
 from postproc.tables.target import Target, spread_out
 
 GRID = 4096
-"""Positions of the volume that errors are told for."""
+"""Positions of the volume at which errors are calculated."""
 SEED = 230
 
 Move = Callable[[Array, Array], Array]
@@ -44,10 +44,10 @@ def in_the_volume(target: Target) -> Places:
 def stages(
     target: Target, tables: Move, taken: ErrorModel, datum: dict[str, float], places: Places
 ) -> dict[str, Missed]:
-    """What the machine misses of its commands, by what is done about it.
+    """Tool point errors by the kind of correction.
 
-    tables: what the control with the tables does; taken: the errors that the tables take away, as a model. datum: by
-    axis, mm or degrees, what a shift of its zero adds to commands.
+    tables: the effect of the tables in the control; taken: the errors that the tables correct, as a model. datum: by
+    axis, mm or degrees, the shift of its zero that is added to commands.
     """
     machine, model = target.machine, target.model
     rest = joined(model, taken.effects, -1.0)

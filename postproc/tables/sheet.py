@@ -1,4 +1,4 @@
-"""The sheet that goes beside the files: what the numbers mean, how they get into the control, how sure that is."""
+"""The sheet beside the files: meaning of the numbers, loading into the control, certainty."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STAGES = {
     "after_tables": "with these tables",
     "after_tables_and_datum_shift": "with these tables and the zero of the axes shifted as stated at the top",
     "after_nc_correction": "with corrected programs and no tables",
-    "after_tables_and_nc_correction_of_the_rest": "with these tables and programs corrected for the rest",
+    "after_tables_and_nc_correction_of_the_rest": "with these tables and programs corrected for the remaining errors",
 }
 
 
@@ -39,8 +39,8 @@ def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> 
     if warning:
         yield from ["", f"**Zero shift: {warning}.**"]
     meant = "the error (actual minus commanded)" if exported.content.sign == "error" else "the correction (added)"
-    told = "known for this format" if form.sign else "as said by --sign; no source confirms it"
-    yield from ["", "## What the numbers mean", "", f"Values are {meant}: {told}.", "", form.meaning]
+    told = "known for this format" if form.sign else "as given by --sign; no source confirms it"
+    yield from ["", "## Meaning of the numbers", "", f"Values are {meant}: {told}.", "", form.meaning]
     yield from ["", "## How to load them", "", form.loading, "", "## How certain this is", "", form.certainty]
     yield from ["", "## Tables", "", "| table | points | from | to | largest value |", "|---|---|---|---|---|"]
     yield from (
@@ -52,11 +52,11 @@ def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> 
             "",
             "## Parameters",
             "",
-            "Values of the calibration; what the tables hold already must not be done twice.",
+            "Values of the calibration; do not set a parameter whose value the tables contain already.",
         ]
         yield from ["", "| of | value | where | held by the tables |", "|---|---|---|---|"]
         yield from (f"| {' | '.join(row)} |" for row in rows)
-    yield from ["", "## What this leaves", "", "Tool point error over the working volume, um, by the exact model:", ""]
+    yield from ["", "## Remaining errors", "", "Tool point error over the working volume, um, by the exact model:", ""]
     yield from ["| | RMS | 95 % | max |", "|---|---|---|---|"]
     for stage, numbers in volume["tool_point_um"].items():
         yield f"| {STAGES[stage]} | {numbers['rms']:.3f} | {numbers['p95']:.3f} | {numbers['max']:.3f} |"
@@ -75,7 +75,7 @@ def shift_warning(datum: Mapping[str, float], point_um: Mapping[str, Mapping[str
     return (
         f"the tables hold no constant and alone leave {_pair(alone)} of {_pair(before)} um (RMS, max){worse}. "
         f"With the zeros of the axes shifted by {shift} (mm, degrees, added to commands) they leave {_pair(both)} um. "
-        "Programs corrected with the rest (--rest) hold this shift already: do not shift the zeros for them"
+        "Programs corrected with the calibration of --rest contain this shift already: do not shift the zeros for them"
     )
 
 
@@ -88,7 +88,7 @@ def _size(value: float) -> str:
 
 
 class TableRow(NamedTuple):
-    """What one table carries."""
+    """The contents of one table."""
 
     name: str
     points: str
@@ -98,7 +98,7 @@ class TableRow(NamedTuple):
 
 
 def table_rows(exported: Exported) -> list[TableRow]:
-    """Of all tables; positions in mm and degrees."""
+    """Contents of all tables; positions in mm and degrees."""
     rows = []
     for term in exported.content.terms:
         unit = exported.target.machine.axes[exported.target.machine.index(term.output)].unit

@@ -1,4 +1,4 @@
-"""What tables are as an error model: the errors they take away, and what they leave of a calibration."""
+"""Tables as an error model: the errors that they correct, and the remaining errors of a calibration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from postproc.tables.terms import Curve, Surface, Term
 
 
 def effects_of(machine: Machine, terms: Iterable[Term]) -> list[Effect]:
-    """The errors that tables take away: minus what they add, in um and urad. A product of curves is a surface."""
+    """The errors that tables correct, minus their corrections, in um and urad. A product of curves is a surface."""
     found: list[Effect] = []
     for term in terms:
         nodes, values = _table(term)

@@ -1,4 +1,4 @@
-"""What tables should do: the correction that puts every command right, and its means over the working volume."""
+"""The required correction of every command, and its means over the working volume."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from kinematics.user_error import UserError
 from postproc.tables.terms import turn_of
 
 PER_WAVE, MOST_PLACES = 8, 1601
-"""Places along an axis on the shortest wave of its errors; and in all."""
+"""Positions on the shortest wave of the errors of an axis; and positions in all."""
 SAMPLES = {1: 96, 2: 32}
 """Positions of the other axes that a mean is taken over, by the number of axes it is a function of."""
 
 
 def standing(effect: Effect) -> bool:
-    """True for what depends on positions and directions alone, as tables do."""
+    """True for an effect of positions and directions alone, like a table."""
     return effect.ACTS_ON != "instrument" and effect.REMEDY != "none" and set(effect.needs) <= {"approach"}
 
 
@@ -48,7 +48,7 @@ def shortest_wave(effect: Effect) -> tuple[str, float] | None:
 
 
 def too_fine(effect: Effect, machine: Machine) -> bool:
-    """True of waves too short for any table: places along the axis would see them as something else."""
+    """True for waves too short for any table: the positions along the axis would alias them."""
     wave = shortest_wave(effect)
     if wave is None:
         return False
@@ -82,17 +82,17 @@ class Target:
 
     machine: Machine
     model: ErrorModel
-    """Of standing errors."""
+    """A state for errors at rest."""
     tool: Array
     """`(3,)`, mm, from the tool reference point."""
     rotary: bool = True
     """False when nothing may be added to rotary axes."""
 
     def correction(self, q: Array, approach: Array | None = None) -> Array:
-        """What must be added to commands q `(n, axes)`, mm and rad, for the tool point to be where they mean it.
+        """Corrections of commands q `(n, axes)`, mm and rad, that bring the tool point to its nominal position.
 
-        Rotary axes are turned by their own positioning error, whatever that does to the tool point; the linear axes
-        that place the tool do the rest.
+        Rotary axes are turned by their own positioning error, and the linear axes that
+        position the tool correct the remaining tool point error.
         """
         came = np.zeros_like(q) if approach is None else approach
 
@@ -102,7 +102,7 @@ class Target:
         start = q.copy()
         for i in np.flatnonzero(self.machine.rotary).tolist() if self.rotary else ():
             _, component, forward = own_motion(self.machine, self.machine.names[i])
-            for _ in range(3):  # each leaves 1e-4 of what the one before left
+            for _ in range(3):  # each reduces the error to 1e-4 of the one before
                 start[:, i] = q[:, i] - forward * errors(start)[:, i, component]
         tool = np.broadcast_to(self.tool, (len(q), 3))
         movable = np.ones(q.shape, bool)
@@ -116,7 +116,7 @@ class Target:
     def mean(self, axes: Sequence[int], positions: Sequence[Array], way: int = 0) -> Array:
         """Mean corrections over all other axes, on the grid of these: `(k, ..., axes)`, mm and degrees.
 
-        axes: columns, with positions of each, mm and degrees; way: the direction the first of them comes from.
+        axes: columns, with positions of each, mm and degrees; way: the direction of approach of the first of them.
         """
         others = [i for i in range(len(self.machine.axes)) if i not in axes]
         low, high = self.bounds[others].T
@@ -171,7 +171,7 @@ def evenly(bounds: Array, n: int) -> Array:
 
 
 def gauss(dimensions: int) -> tuple[Array, Array]:
-    """Places `(n, dimensions)` in 0 ... 1 and their weights: Gauss and Legendre's rule on each axis."""
+    """Positions `(n, dimensions)` in 0 ... 1 and their weights: Gauss and Legendre's rule on each axis."""
     nodes, weights = np.polynomial.legendre.leggauss(6)
     places = np.array(list(product((nodes + 1) / 2, repeat=dimensions))).reshape(-1, dimensions)
     return places, np.array([float(np.prod(w)) for w in product(weights / 2, repeat=dimensions)])
@@ -180,7 +180,7 @@ def gauss(dimensions: int) -> tuple[Array, Array]:
 def spread_out(n: int, dimensions: int) -> Array:
     """`(n, dimensions)` in 0 ... 1, evenly spread: a lattice of irrational slopes, and its mirror image.
 
-    Means of what is linear come out exactly. Source: Roberts, The unreasonable effectiveness of quasirandom sequences,
+    Means of linear functions are exact. Source: Roberts, The unreasonable effectiveness of quasirandom sequences,
     2018; the tent that makes a lattice serve functions that do not close, Hickernell 2002.
     """
     if not dimensions:

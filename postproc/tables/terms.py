@@ -1,6 +1,6 @@
-"""What a control's tables do: functions of axis positions that it adds to commands.
+"""Terms of a control's tables: functions of axis positions that it adds to commands.
 
-Positions and values are in the units of files, mm or degrees; values are *corrections*, what is added to the command.
+Positions and values are in the units of files, mm or degrees; values are *corrections*, added to the command.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Curve:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """What it is a function of."""
+        """The variables of the function."""
         return (self.axis,)
 
     def at(self, position: Positions) -> Array:
@@ -62,7 +62,7 @@ class Term:
     output: str
     factors: tuple[Curve | Surface, ...]
     way: int = 0
-    """1 or -1: only while the first factor's axis moves that way; 0: always."""
+    """1 or -1: only while the first factor's axis moves in this direction; 0: always."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -77,9 +77,9 @@ class Term:
 
 
 def added(terms: Iterable[Term], machine: Machine, q: Array, approach: Array | None = None) -> Array:
-    """What the tables add to commands `(n, axes)`, all mm and rad.
+    """Corrections that the tables add to commands `(n, axes)`, all mm and rad.
 
-    approach `(n, axes)`: the direction each axis comes from; one that has not moved yet, 0, counts half of either.
+    approach `(n, axes)`: the direction of approach of each axis; one that has not moved yet, 0, counts half of either.
     """
     total = np.zeros_like(q)
 
@@ -115,6 +115,6 @@ def turn_of(axis: Axis) -> tuple[float, float]:
 
 
 def _share(nodes: Array, x: Array) -> tuple[np.ndarray, Array]:
-    """The interval each position lies in, and its share of the way through it."""
+    """The interval each position lies in, and its fraction of the interval."""
     i = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
     return i, np.clip((x - nodes[i]) / (nodes[i + 1] - nodes[i]), 0.0, 1.0)

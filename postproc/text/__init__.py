@@ -1,1 +1,1 @@
-"""The text of NC programs: lines, blocks, expressions, statements and control flow, whatever the dialect."""
+"""The text of NC programs: lines, blocks, expressions, statements and control flow, for all dialects."""

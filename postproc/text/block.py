@@ -1,4 +1,4 @@
-"""NC text without loss: blocks with their words and where each number stands; edits that touch nothing else."""
+"""NC text without loss: blocks with their words and the position of each number; edits that change nothing else."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from postproc.text.statements import Code
 
 
 class Refusal(UserError):
-    """A block that can't be used as it stands: names file, line, text and reason."""
+    """A block that cannot be used: file, line, text and reason."""
 
     def __init__(self, line: int, text: str, reason: str) -> None:
         super().__init__(reason)
@@ -27,24 +27,24 @@ class Refusal(UserError):
 
 
 class Word(NamedTuple):
-    """An address and its number, with the places of both in the text of the block."""
+    """An address and its number, with the positions of both in the text of the block."""
 
     address: str
     """Upper case; Klartext increments as IX, IY, ..."""
     value: float | None
-    """None for an address that stands alone (`FMAX` is the address FMAX; Klartext also has a bare `M`)."""
+    """None for an address without a number (`FMAX` is the address FMAX; Klartext also has a bare `M`)."""
     at: int
     start: int
     end: int
     """The word is text[at:end], its number text[start:end]."""
     formula: Formula | None = None
-    """What stands in the place of the number; the value is then that of the present pass, if known."""
+    """The expression instead of the number; the value is then that of the present iteration, if known."""
     mode: str = ""
-    """AC, IC, DC, ... of a Siemens word that says itself how its value counts."""
+    """AC, IC, DC, ... of a Siemens word with its own meaning of the value."""
     tail: int = 0
     """Characters behind the number that belong to the word."""
     arguments: tuple[Expression, ...] | None = None
-    """Of a call."""
+    """Words of a call."""
 
 
 class Block(NamedTuple):
@@ -55,7 +55,7 @@ class Block(NamedTuple):
     text: str
     """With its end of line; joining the texts of all blocks gives the file."""
     kind: str
-    """What it says, in the words of its dialect's module."""
+    """Its content, in the terms of its dialect's module."""
     words: tuple[Word, ...] = ()
     detail: str = ""
     """The construct behind `kind`, for messages and rare statements."""
@@ -64,7 +64,7 @@ class Block(NamedTuple):
     code: Code | None = None
     """Its statements; a block whose words hold formulas has one too, be it empty."""
     alone: bool = False
-    """True where control comes or goes by a jump: what is put in front of it, or behind it, need not run."""
+    """True if a jump leads to it or away from it: a block added before or behind it may not run."""
 
     def refuse(self, reason: str) -> Refusal:
         """The exception that stops the run at this block."""
@@ -80,7 +80,7 @@ class Edit(NamedTuple):
 
 
 def edited(text: str, edits: Iterable[Edit]) -> str:
-    """The text with all edits made; edits do not overlap, those at one place keep their order."""
+    """The text with all edits made; edits do not overlap, those at one position keep their order."""
     pieces: list[str] = []
     done = 0
     for start, end, replacement in sorted(edits, key=lambda edit: edit[:2]):

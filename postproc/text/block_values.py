@@ -24,7 +24,7 @@ def straight(blocks: Iterable[Block], scope: Scope) -> Iterator[Block]:
 
 
 def with_values(block: Block, scope: Scope) -> Block:
-    """The block with values in the place of formulas; Refusal where a value that moves something is not known."""
+    """The block with values instead of formulas; Refusal if the value of a moving word is not known."""
     if all(word.formula is None and not word.arguments for word in block.words):
         return block
     return block._replace(words=tuple(_with_value(block, word, scope) for word in block.words))
@@ -67,7 +67,7 @@ def _assign(block: Block, steps: Iterable[Step], scope: Scope) -> None:
 
 
 def check_order(block: Block) -> Block:
-    """The block, refused when it sets a variable and reads it elsewhere: controls differ in what comes first."""
+    """The block, refused if it sets a variable and reads it elsewhere: controls evaluate it in different orders."""
     code = block.code or Code()
     steps = [step for step in code.before + code.after if isinstance(step, Assign)]
     if not steps:
@@ -78,5 +78,7 @@ def check_order(block: Block) -> Block:
         read += [(i, v) for e in (step.value, *step.target.indices) for v in variables(e)]
     for i, step in enumerate(steps):
         if any(j != i and may_be_one(variable, step.target) for j, variable in read):
-            raise block.refuse("sets a variable and reads it in one block: controls differ in what comes first")
+            raise block.refuse(
+                "variable assigned and used in the same block: the order of evaluation depends on the control"
+            )
     return block

@@ -14,24 +14,24 @@ Part = TypeVar("Part")
 
 
 def _given(part: Part | None) -> Part:
-    """What a structure of its kind always has."""
+    """The entry of a structure of this kind, which always exists."""
     assert part is not None
     return part
 
 
 class StructureSteps:
-    """Of every step of a structure: the block to go on with, None for the next one."""
+    """The next block after a step of a structure; None for the following one."""
 
     def __init__(
         self, blocks: Sequence[Block], scope: Scope, passes: Callable[[], dict[int, int]], leave: Callable[[], int]
     ) -> None:
-        """`passes` gives, by the block that opens a loop, how often the present subprogram has still to run it;
-        `leave` ends the subprogram."""
+        """`passes` gives, by the block that opens a loop, the number of its remaining iterations in the present
+        subprogram; `leave` ends the subprogram."""
         self.structures, self.scope, self.passes, self.leave = find_structures(blocks), scope, passes, leave
         self.after_break = False
         """A WHILE with a break in it has ended, and no DO since."""
         self.after_continue = False
-        """A DO has gone on with its next pass by a continue."""
+        """A DO has started its next iteration by a continue."""
         self.turns: dict[type, Callable[[int, Block, Any], int | None]] = {
             Begin: self._begin,
             Else: self._else,
@@ -97,7 +97,7 @@ class StructureSteps:
         again = self._holds(condition)
         if again and self.after_break:
             raise NotKnown(
-                "after a while loop with a break LinuxCNC 2.9 leaves the next do loop after its first pass; "
+                "after a while loop with a break LinuxCNC 2.9 leaves the next do loop after its first iteration; "
                 "the behaviour of other versions is not known: write the loop without a break"
             )
         self.after_break = False

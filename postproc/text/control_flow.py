@@ -13,15 +13,15 @@ LOOPS = frozenset(("WHILE", "FOR", "LOOP", "DO", "REPEAT"))
 
 @dataclass
 class Structures:
-    """The structures of a program by index of their blocks; each stands in a block of its own."""
+    """The structures of a program by index of their blocks; each has a block of its own."""
 
     steps: dict[int, Begin | Else | End] = field(default_factory=dict)
     begin: dict[int, int] = field(default_factory=dict)
-    """Of an Else, an End, a Leave or an Again: the block that opened the structure."""
+    """The block that opened the structure of an Else, an End, a Leave or an Again."""
     end: dict[int, int] = field(default_factory=dict)
-    """Of a Begin or an Else: the block that closes it."""
+    """The block that closes a Begin or an Else."""
     following: dict[int, int] = field(default_factory=dict)
-    """Of a Begin or an Else: the next Else, or the End."""
+    """The next Else, or the End, of a Begin or an Else."""
     left: set[int] = field(default_factory=set)
     """Blocks that open a loop that contains a Leave of this loop."""
 
@@ -41,7 +41,7 @@ def find_structures(blocks: Sequence[Block]) -> Structures:
                 _pair(found, open_, i, block, step)
     if open_:
         block = blocks[open_[-1][0]]
-        raise block.refuse("the end of what it opens is missing")
+        raise block.refuse("the end of this structure is missing")
     return found
 
 
@@ -64,7 +64,7 @@ def _pair(found: Structures, open_: list[list[int]], i: int, block: Block, step:
         return
     wanted = "IF" if isinstance(step, Else) else step.kind
     if not isinstance(opened, Begin) or (opened.kind, opened.key) != (wanted, step.key):
-        raise block.refuse("closes what is not open here")
+        raise block.refuse("closes a structure that is not open here")
     members = open_[-1]
     found.begin[i] = members[0]
     found.following[members[-1]] = i
@@ -80,4 +80,4 @@ def _loop(found: Structures, open_: list[list[int]], block: Block, key: str) -> 
         step = found.steps[members[0]]
         if isinstance(step, Begin) and step.kind in LOOPS and key in ("", step.key):
             return members[0]
-    raise block.refuse("stands in no loop")
+    raise block.refuse("is in no loop")

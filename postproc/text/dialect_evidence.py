@@ -1,4 +1,4 @@
-"""What a program shows of its dialect outside of comments, parentheses and texts, and on which line."""
+"""Evidence of a program's dialect outside of comments, parentheses and texts, with its line."""
 
 from __future__ import annotations
 

@@ -23,12 +23,12 @@ def end_of(text: str) -> str:
 
 
 def place(address: str) -> int:
-    """Where a word of ncomp's own stands among coordinates."""
+    """Rank of an added word among coordinates."""
     return _RANKS[address if address in _RANKS else address[0]]
 
 
 def rank(word: Word) -> int | None:
-    """Place of a word (X, or IX for a Klartext increment) among coordinates; None for what is no coordinate."""
+    """Rank of a word (X, or IX for a Klartext increment) among coordinates; None for other words."""
     return _RANKS.get(word.address) if word.start < word.end else None
 
 
@@ -42,7 +42,7 @@ class Layout:
     """How lines end."""
 
     def after(self, block: Block) -> Layout:
-        """The layout with what one more block shows of it."""
+        """The layout, extended by one more block."""
         numbers = self.numbers
         for word in block.words:
             if rank(word) is not None and word.formula is None:
@@ -72,7 +72,7 @@ class Iterations:
         return first if first is not None and self._near(first, number, decimals) else number
 
     def added(self, name: str, number: float | None, wanted: float, held: float, decimals: int) -> float | None:
-        """The same for a word that may be left out: None where that leaves `held`, which is near enough to `wanted`."""
+        """The same for a word that may be omitted: None if the position `held` is near enough to `wanted`."""
         first = self.numbers.setdefault(name, number)
         return first if self._near(held if first is None else first, wanted, decimals) else number
 
@@ -95,7 +95,7 @@ class WordEditor:
     edits: list[Edit] = field(default_factory=list)
 
     def set(self, index: int, value: float, decimals: int) -> float:
-        """Make a word say `value`, with no fewer decimals than it has or than given; returns what it says then."""
+        """Set a word to `value`, with no fewer decimals than it has or than given; returns its new value."""
         word = self.block.words[index]
         number = self.rounded(index, value, decimals)
         if word.formula is not None and word.formula.instead:
@@ -112,7 +112,7 @@ class WordEditor:
         return number
 
     def rounded(self, index: int, value: float, decimals: int) -> float:
-        """What a word would say that `set` makes say `value`: just what it says, when that is the same rounded."""
+        """The value of a word after `set` to `value`: its present value if this is the same rounded."""
         word, counted = self.block.words[index], decimals
         original = 0.0 if word.formula is not None and word.formula.instead else word.value or 0.0
         if word.formula is not None:
@@ -137,7 +137,7 @@ class WordEditor:
         return number
 
     def insert(self, address: str, value: float, decimals: int) -> None:
-        """Add a word at its place in the order PR PA X Y Z A B C U V W I J K R."""
+        """Add a word at its rank in the order PR PA X Y Z A B C U V W I J K R."""
         ranked = [(r, word) for word in self.block.words if (r := rank(word)) is not None]
         before = [word for r, word in ranked if r < place(address)]
         if not ranked:
@@ -149,7 +149,7 @@ class WordEditor:
         self.edits.append(Edit(at, at, blank + text if before else text + blank))
 
     def cut(self, word: Word) -> str:
-        """Take a word out, with the blanks before it; returns its text."""
+        """Remove a word, with the blanks before it; returns its text."""
         text = self.block.text
         start = len(text[: word.at].rstrip(" \t"))
         follows = text[word.end + word.tail : word.end + word.tail + 1]
@@ -158,23 +158,23 @@ class WordEditor:
         return text[word.at : word.end + word.tail]
 
     def replace(self, index: int, words: list[tuple[str, float]], decimals: int) -> None:
-        """Put other words in the place of one."""
+        """Replace a word by others."""
         word = self.block.words[index]
         texts = [self._like(word, address, value, decimals) for address, value in words]
         self.edits.append(Edit(word.at, word.end + word.tail, (" " if self.layout.blank else "").join(texts)))
 
     def remove(self, index: int) -> None:
-        """Take a word away, and the blanks before it."""
+        """Remove a word, and the blanks before it."""
         word = self.block.words[index]
         before = self.block.text[: word.at]
         self.edits.append(Edit(len(before.rstrip(" \t")), word.end + word.tail, ""))
 
     def put(self, start: int, end: int, text: str) -> None:
-        """Put another text in the place of a part of the block's."""
+        """Replace a part of the block's text."""
         self.edits.append(Edit(start, end, text))
 
     def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
-        """Klartext: put the pole of an arc before it."""
+        """Klartext: add the pole of an arc before it."""
         body = " ".join(address + self.layout.numbers.write(value, decimals) for address, value in words)
         self.lines_before([f"CC {body}"])
 
@@ -198,7 +198,7 @@ class WordEditor:
         self.edits.append(Edit(first.at, first.at, (code.lower() if lower else code) + " " * self.layout.blank))
 
     def _say_instead(self, word: Word, number: float, decimals: int) -> None:
-        """Siemens: put a coordinate, or a radius, in the place of the word that stands for it."""
+        """Siemens: replace a word by the coordinate, or the radius, that it describes."""
         equals = "=" if len(word.address) > 1 else ""
         said = f"{word.address}{equals}{self.layout.numbers.write(number, decimals)}"
         self.edits.append(Edit(word.at, word.end + word.tail, said))
@@ -215,8 +215,8 @@ class WordEditor:
     def _refuse_alone(self) -> None:
         if self.block.alone:
             raise self.block.refuse(
-                "needs a block of ncomp's own beside it, where none may stand: a jump would leave it out, a "
-                "modal macro run behind it, radius compensation follow it, or it would say coordinates of another kind"
+                "needs an added block beside it, which is not possible here: a jump would skip it, a "
+                "modal macro or radius compensation would act on it, or its coordinates would be of another kind"
             )
 
     @property
@@ -230,7 +230,7 @@ class WordEditor:
         return (address.lower() if lower else address) + gap + self._style(neighbour).write(value, decimals)
 
     def _number(self, word: Word) -> str:
-        """The number of a word as it is written; nothing where a formula stands in its place."""
+        """The number of a word as it is written; empty for a formula."""
         return "" if word.formula else self.block.text[word.start : word.end]
 
     def _style(self, word: Word) -> NumberStyle:

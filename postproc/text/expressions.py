@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple, Protocol, TypeAlias
 
 Value: TypeAlias = float | str
-"""Truth is 1.0, falsehood 0.0."""
+"""True is 1.0, false 0.0."""
 Operations: TypeAlias = Mapping[str, Callable[..., Value]]
 
 CLOSE = 1e-9
@@ -15,7 +15,7 @@ CLOSE = 1e-9
 
 
 class NotKnown(Exception):
-    """A value that the text of the program does not give; says why."""
+    """A value that the text of the program does not determine, with the reason."""
 
 
 class Ambiguous(Exception):
@@ -46,19 +46,19 @@ Expression: TypeAlias = Constant | Variable | Operation
 
 
 class Formula(NamedTuple):
-    """The expression that a word has in the place of a number, and how something is added to its text."""
+    """The expression of a word instead of a number, and the form of an addition to its text."""
 
     expression: Expression
     before: str = ""
     close: str = ""
-    """What stands behind the text and in front of what is added."""
+    """Text between the expression and the added number."""
     tail: int = 0
-    """Characters at the end of the text that what is added stands in front of."""
+    """Number of characters at the end of the text that stay behind the added number."""
     after: str = ""
     carrier: bool = False
     """A word that can't hold a sum: a variable of ncomp's own takes it, in a block before."""
     instead: bool = False
-    """A word that says the coordinate in another way, as an angle does: the coordinate itself takes its place."""
+    """A word that determines the coordinate indirectly, such as an angle: the coordinate replaces it."""
 
     def plus(self, text: str, shift: str) -> str:
         """The text of a word with a signed number added."""
@@ -74,7 +74,7 @@ class Scope(Protocol):
         """Operators and functions by name; they raise NotKnown where controls differ."""
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
-        """The value of a variable; NotKnown when the program has not said it."""
+        """The value of a variable; NotKnown if the program has not set it."""
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Give a variable a value, or the reason why it has none that is known; NotKnown when it is none to be set."""
@@ -146,7 +146,7 @@ def may_be_one(a: Variable, b: Variable) -> bool:
     return not any(isinstance(i, Constant) and isinstance(j, Constant) and i != j for i, j in pairs)
 
 
-# ---- what the tables of the dialects have in common
+# ---- common parts of the tables of the dialects
 
 
 def truth(value: bool) -> float:

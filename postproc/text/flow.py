@@ -1,7 +1,7 @@
-"""Programs as they run: which block comes next, and what its words say then.
+"""Programs in the order of execution: the next block, with the present values of its words.
 
-A program without jumps, loops and calls runs straight on, block after block, and none is kept. The others are held as
-a whole and walked through; every block comes as often as it runs, with the values that its words have that time.
+A program without jumps, loops and calls is read block after block, and none is kept. Other programs are stored as
+a whole and followed in the order of execution; every block comes as often as it runs, with its present values.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ class Variables(Scope, Protocol):
         """Begin a subprogram, with its own local variables or, for None, those of its caller."""
 
     def leave(self) -> dict[int, Value | NotKnown]:
-        """End it; what its numbered local variables hold then."""
+        """End the subprogram; returns the values of its numbered local variables."""
 
 
 class Reader(Protocol):
-    """What reads the blocks as they run."""
+    """The reader of the blocks in the order of execution."""
 
     @property
     def ended(self) -> bool:
@@ -59,17 +59,19 @@ class Reader(Protocol):
 
 @dataclass(eq=False)
 class _Called:
-    """A subprogram and what it is called with."""
+    """A subprogram with the arguments of its call."""
 
     first: int
     """The block that it begins with."""
     times: int
     arguments: dict[int, Value | NotKnown] | None
     depth: int = 0
-    """Of a modal call: in how many frames its G66 stands."""
+    """Number of frames around the G66 of a modal call."""
 
     def after(self, left: dict[int, Value | NotKnown]) -> None:
-        """Take over what a pass has left in its variables: whether the next one finds it depends on the control."""
+        """Mark the variables that an iteration has changed as unknown: their values in the next one depend on the
+        control.
+        """
         if self.arguments is None:
             return
         unsure = NotKnown("a macro that runs again finds it as it was called, or as it left it: controls differ")
@@ -86,7 +88,7 @@ class _Frame:
     caller: int
     first: int
     last: int
-    """The block behind which a part is done; -1 for a subprogram, which says so itself."""
+    """The last block of a part; -1 for a subprogram, which has its own end."""
     left: int
     """Passes still to come behind this one."""
     called: _Called | None
@@ -98,7 +100,7 @@ class _Frame:
 
 
 def never(_: Block) -> bool:
-    """False, whatever the block: where one file holds one program."""
+    """False for every block, if one file holds one program."""
     return False
 
 
@@ -114,7 +116,7 @@ class Flow:
     ) -> None:
         self.blocks, self.scope = blocks, scope
         self.programs = list(itertools.accumulate(map(begins, blocks)))
-        """Of every block: which program of the file it belongs to."""
+        """For every block the program of the file to which it belongs."""
         self.labels: dict[str, list[int]] = {}
         for i, block in enumerate(blocks):
             for label in labels(block):
@@ -157,7 +159,7 @@ class Flow:
                 yield at, with_values(block._replace(alone=True) if alone else block, self.scope)
                 if modal is not None and reader.moved:
                     if reader.ended or (block.code is not None and block.code.after):
-                        raise block.refuse("a move, and what turns the run of the program, while G66 is on")
+                        raise block.refuse("a move beside a jump, a call or an end while G66 is active")
                     then = self._enter(at, block, modal)
                 elif block.code is not None and not reader.ended:
                     then = self._steps(at, block, block.code.after)
@@ -166,7 +168,7 @@ class Flow:
             at = self._behind(at) if then is None else then
 
     def _behind(self, at: int) -> int:
-        """The block that runs behind one that says nothing of it."""
+        """The block that runs after one without a jump."""
         frame = self.frames[-1]
         if at != frame.last:
             return at + 1
@@ -302,7 +304,7 @@ class Flow:
     # ---- modal calls
 
     def _modal_call(self) -> _Called | None:
-        """What runs behind a move of the present frame."""
+        """The modal calls after a move of the present frame."""
         modals = self.frames[-1].modals
         held = len(self.modals) if modals is None else modals
         return self.modals[held - 1] if held else None

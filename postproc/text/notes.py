@@ -1,4 +1,4 @@
-"""Notes: assumptions made on the way, each once, with where it was first made and how often."""
+"""Notes: assumptions of a run, each once, with its first line and their number."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Notes:
-    """Collects what the user should know although the run goes on."""
+    """Collects notes for the user of conditions that do not stop the run."""
 
     first: dict[str, int] = field(default_factory=dict)
     count: dict[str, int] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""Numbers written in the style of the program they stand in; numbers that a user gives."""
+"""Numbers in the style of their program; numbers given by a user."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def decimals_of(text: str) -> int:
 
 
 def decimals_holding(value: float, most: int = 9) -> int:
-    """Fewest decimals that say a value without rounding it."""
+    """Fewest decimals that write a value without rounding it."""
     return next((n for n in range(most) if abs(round(value, n) - value) < 0.5 * 10.0**-most), most)
 
 
@@ -38,7 +38,7 @@ class NumberStyle:
 
     @classmethod
     def of(cls, text: str, otherwise: NumberStyle) -> NumberStyle:
-        """The style of one written number; what it does not show is taken from `otherwise`."""
+        """The style of one written number; with missing properties from `otherwise`."""
         if not text:
             return otherwise
         sign = text[0] if text[0] in "+-" else ""
@@ -72,7 +72,7 @@ def given_number(text: str, where: str) -> float:
 
 
 def given_once(pairs: Iterable[tuple[str, Value]], option: str) -> dict[str, Value]:
-    """What a user gave by name; UserError, beginning with `option`, for a name that was given twice."""
+    """The values that a user gave by name; UserError, beginning with `option`, for a name that was given twice."""
     found: dict[str, Value] = {}
     for name, value in pairs:
         if name in found:

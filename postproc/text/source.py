@@ -16,7 +16,7 @@ from pathlib import Path
 from kinematics.user_error import UserError
 
 ENCODING = "latin-1"
-"""Gives every byte a character and back, whatever the file's real encoding: only comments hold more than ASCII."""
+"""Gives every byte a character and back, for every real encoding of the file: only comments hold more than ASCII."""
 
 BYTE_ORDER_MARK = "\xef\xbb\xbf"
 HEAD_SIZE = 20_000
@@ -37,7 +37,7 @@ class Source:
     head: str
     """Its beginning."""
     data: bytes | None = None
-    """What came from standard input or another pipe."""
+    """The text from standard input or another pipe."""
     origin: str = ""
     """Fingerprint of the program that this one was made from."""
     state: tuple[int, int, int] | None = None
@@ -74,7 +74,7 @@ class Source:
 
     @property
     def mark(self) -> str:
-        """A byte order mark that stands in front of the first line, or nothing."""
+        """The byte order mark before the first line, if any."""
         return BYTE_ORDER_MARK if self.head.startswith(BYTE_ORDER_MARK) else ""
 
     @property

@@ -1,4 +1,4 @@
-"""What a block says beside its words: assignments, jumps, loops, calls; shared by all dialects."""
+"""Statements of a block beside its words: assignments, jumps, loops, calls; shared by all dialects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Simple(Protocol):
     """A statement after which the next one runs."""
 
     def run(self, scope: Scope) -> None:
-        """Do it; NotKnown for what can't be done."""
+        """Execute it; NotKnown if a value is missing."""
 
 
 class Assign(NamedTuple):
@@ -59,7 +59,7 @@ class When(NamedTuple):
 
 
 class Select(NamedTuple):
-    """Do what belongs to the first value that the expression has, otherwise the default."""
+    """Run the branch of the first value that equals the expression, otherwise the default."""
 
     value: Expression
     cases: tuple[tuple[Expression, Jump], ...]
@@ -76,7 +76,7 @@ class Begin(NamedTuple):
     """Condition of IF and WHILE, number of passes of REPEAT, last value of FOR."""
     counter: Variable | None = None
     first: Expression | None = None
-    """Of FOR."""
+    """Loop variable of FOR."""
 
 
 class Else(NamedTuple):
@@ -92,7 +92,7 @@ class End(NamedTuple):
     kind: str
     key: str = ""
     until: Expression | None = None
-    """The condition on which it is left."""
+    """The condition of its end."""
     again: Expression | None = None
     """The condition on which it is not."""
 
@@ -122,9 +122,9 @@ class Return(NamedTuple):
     """The end of a subprogram."""
 
     outside: str = ""
-    """Why it can't stand outside of one; nothing where it then does nothing."""
+    """Reason for a refusal outside of a subprogram; empty if it then has no effect."""
     label: Expression | None = None
-    """Where its caller goes on, instead of behind the call; in the main program a jump."""
+    """Block of the caller that runs next, instead of the one behind the call; in the main program a jump."""
 
 
 class Modal(NamedTuple):
@@ -141,7 +141,7 @@ class EndModal(NamedTuple):
 
 
 class Rerun(NamedTuple):
-    """Run a part of the program again, which stands between two labels."""
+    """Run the part of the program between two labels again."""
 
     first: str
     last: str

@@ -39,11 +39,11 @@ FORMAT = Format(
     parameters="isg",
     meaning="""\
 Error motions EXX ... ECC over the position of their own axis, mm and rad, positions in mm and degrees; squareness
-and places of rotary axes are in them as slopes and constants. Counted as tool relative to workpiece, angular
+and positions of rotary axes are in them as slopes and constants. Counted as tool relative to workpiece, angular
 errors about the axis' point (docs/conventions.md).""",
     loading="""\
 ISG and Beckhoff: file_format[0] of the volumetric compensation. Other controls: by the converter of their maker.""",
     certainty="""\
-Layout: Beckhoff TF5280 documentation of the variant "Vendor". Units by the size of its sample; sign not said;
+Layout: Beckhoff TF5280 documentation of the variant "Vendor". Units by the size of its sample; sign not stated;
 experimental. The sign is as given by --sign.""",
 )

@@ -106,7 +106,7 @@ def _reference(axis: Axis, nodes: Array, interval: float) -> int:
 
 
 def _increments(content: Content, axis: Axis, values: Array, step: float) -> list[int]:
-    """Of each point, what is added over the section that ends there; the first closes a turn, or is 0."""
+    """Increment of each point over the section that ends there; the first closes a turn, or is 0."""
     curve = np.round(content.factor * values / step).astype(int)
     steps = np.diff(curve).tolist()
     largest = content.settings.largest
@@ -162,7 +162,7 @@ FORMAT = Format(
     sign=None,
     parameters="fanuc",
     meaning="""\
-The value of point n is what the correction (or error, by --sign) gains over the section that ends at point n, in
+The value of point n is the increment of the correction (or error, by --sign) over the section that ends at point n, in
 detection units times the magnification (3623): the running sum from the reference point (3620) is the amount at a
 position. The whole curve is rounded, and then differences are taken, so rounding does not add up. One set of points
 serves both directions, with the mean of the two; play belongs into 1851. With --set bidirectional=true (3605#0 BDP
@@ -175,7 +175,7 @@ and following). Rotary axes with ends are written as axes of the linear type (10
 without end begin at its reference position (3625).""",
     loading="""\
 Enter parameters.csv and pitch.csv on the screens; pitch.txt is the same as a data file, from common knowledge of
-its layout: compare what the control shows with pitch.csv. Never as a G10 L50 program: it means parameters on one
+its layout: compare the values on the control with pitch.csv. Never as a G10 L50 program: it means parameters on one
 series and pitch data on another. Switch the control off and on, and return to the reference position, before
 anything moves.""",
     certainty="""\

@@ -13,7 +13,7 @@ from postproc.tables.limits import Limits
 from postproc.tables.terms import Curve, Surface
 
 SKEWS = ("XY", "XZ", "YZ")
-"""Output and source of what the firmware can shear."""
+"""Output and source of each shear of the firmware."""
 
 
 class MeshSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -115,7 +115,7 @@ KLIPPER = Format(
     meaning="""\
 skew_correction: measured tangents; the firmware takes y xy_skew + z (xz_skew - xy_skew yz_skew) off x, and z
 yz_skew off y. bed_mesh: heights in mm that are added to z, bilinear between points (mesh_x_pps and mesh_y_pps 0),
-held outside. The mesh stands for the machine's own error over the bed; one that was probed holds it already: use
+held outside. The mesh describes the machine's own error over the bed; a probed mesh contains it already: use
 one of them.""",
     loading="""\
 Append ncomp.cfg to printer.cfg (bed_mesh profiles belong into its SAVE_CONFIG part, each line behind #*#);
@@ -134,8 +134,8 @@ REPRAP = Format(
     parameters="firmware",
     meaning="""\
 heightmap.csv: heights in mm that z follows, bilinear, clamped at the edges, machine coordinates. M556: S mm along
-the second axis, X Y Z the shift that is added to x by y, to y by z, to x by z. The map stands for the machine's
-own error over the bed; one that was probed holds it already: use one of them.""",
+the second axis, X Y Z the shift that is added to x by y, to y by z, to x by z. The map describes the machine's
+own error over the bed; a probed map contains it already: use one of them.""",
     loading="""\
 heightmap.csv into the folder sys; G29 S1 loads it. skew.g: run it, or put its line into config.g.""",
     certainty="""\

@@ -195,7 +195,7 @@ COM = Format(
 A table named in column Y of config.cma holds functions of the position of Y; a value in its column Z is for axis
 Z (sag), in its own column Y the pitch. mm or degrees, positions from the machine datum. BACKLASH (new layout, on
 request): the value of the own axis for travel in the negative direction; the own column then is that for the
-positive one. Linear between rows is taken, and the end values outside; no source says so. Old layout: equidistant
+positive one. Linear interpolation and end values outside are assumed; no source states this. Old layout: equidistant
 from DATUM by DISTANCE.""",
     loading="""\
 Copy the files into the machine's folder for compensation (PLC partition, under the machine builder's key);

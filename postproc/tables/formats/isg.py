@@ -44,7 +44,7 @@ class VolumetricSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 def _units(value: float) -> int:
-    """Of a length or angle in a list, a whole number."""
+    """Unit of a length or angle in a list, a whole number."""
     return round(value / UNIT)
 
 
@@ -202,16 +202,16 @@ CROSS = Format(
     sign=None,
     parameters="isg",
     meaning="""\
-kw.crosscomp2 (plane): what is added to (or, by --sign, the error of) the slave, whose list it is in, by the
+kw.crosscomp2 (plane): the correction (or, by --sign, the error) of the slave, whose list it is in, by the
 positions of two masters, table[j][i] with j of the second, bilinear between squares of one interval.
 kw.crosscomp: the same of one slave by the position of the master, whose list it is in. 0.1 um or 0.0001 degrees;
-the values at the edge hold outside. A plane may hold the slave's own pitch as well: make it from the rest that
-the tables of format isg leave (--rest).""",
+the values at the edge hold outside. A plane may hold the slave's own pitch as well: make it from the errors that
+remain after the tables of format isg (--rest).""",
     loading="""\
 As the lists of format isg; lr_param.crosscomp 1 or lr_param.crosscomp2 1 in the list of the slave. One list an
 axis: join its lines with those of kw.ssfk. Check the axis numbers.""",
     certainty="""\
-Format, units, interpolation: Beckhoff TF5200 documentation. Sign: not said; it is as given by --sign.""",
+Format, units, interpolation: Beckhoff TF5200 documentation. Sign: not stated; it is as given by --sign.""",
 )
 VOLUMETRIC = Format(
     name="isg-volumetric",
@@ -222,7 +222,7 @@ VOLUMETRIC = Format(
     sign=None,
     parameters="isg",
     meaning="""\
-EXX ... ECC by ISO 230-1 of each axis over its own position; squareness and places of rotary axes are in them as
+EXX ... ECC by ISO 230-1 of each axis over its own position; squareness and positions of rotary axes are in them as
 slopes and constants. mm, and rad or degrees as set. Counted as tool relative to workpiece, angular errors about
 the axis' point (docs/conventions.md). Grid, linear between. The control compensates the position, not the
 orientation.""",
@@ -230,6 +230,6 @@ orientation.""",
 Set the paths in volcomp.lis, its axis numbers and workpiece_axes; name it in the start-up list
 (vol_comp[i].file_name, max_records); switch it on with #VOLCOMP ON [ID0]. `negate XYZ` turns the sign per axis.""",
     certainty="""\
-Names and layout: Beckhoff TF5280 documentation. Sign and unit of angles: not said (samples of the Etalon format
+Names and layout: Beckhoff TF5280 documentation. Sign and unit of angles: not stated (samples of the Etalon format
 suggest rad); experimental. The sign is as given by --sign.""",
 )

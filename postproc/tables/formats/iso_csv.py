@@ -47,8 +47,8 @@ FORMAT = Format(
     meaning="""\
 Values are errors, actual minus nominal, tool relative to workpiece also for axes that carry the workpiece, in um
 and urad; positions in mm and degrees, machine coordinates. Forward and backward differ for positioning errors
-only. Location errors are in them: squareness as slopes, the place of a rotary axis as constants. Reference points
+only. Location errors are in them: squareness as slopes, the position of a rotary axis as constants. Reference points
 of angular errors: the `point` of each axis in the machine file.""",
-    loading="Not for a control as it stands: for a spreadsheet, a report, or a converter of your own.",
+    loading="Not for a control: for a spreadsheet, a report, or a converter of your own.",
     certainty="ncomp's own format (docs/conventions.md).",
 )

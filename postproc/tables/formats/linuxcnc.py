@@ -73,8 +73,8 @@ FORMAT = Format(
     meaning="""\
 Three columns: nominal position, then one value for travel in the positive and one for travel in the negative
 direction, in machine units (mm, degrees), machine coordinates. Type 1: values are the correction, which LinuxCNC
-adds to the command of the joint. Type 0: values are the position where the joint really is when told the nominal
-one. Linear between rows; the first and last row hold outside. The direction is the sign of the joint's velocity;
+adds to the command of the joint. Type 0: values are the actual position of the joint at the nominal
+command. Linear between rows; the first and last row hold outside. The direction is the sign of the joint's velocity;
 nothing is compensated from start-up until the joint has first moved.""",
     loading="""\
 Copy the files beside the INI file and add the lines of linuxcnc.ini to its [JOINT_n] sections; restart LinuxCNC.
@@ -85,5 +85,5 @@ given with --set turns= (2). Beyond them the end value is used, which is wrong t
 turns.""",
     certainty="""\
 Confirmed: LinuxCNC's source, and its simulator (2.9.0~pre1), which loads these files in ncomp's own tests and
-moves its joints as they say.""",
+moves its joints accordingly.""",
 )

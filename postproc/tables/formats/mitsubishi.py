@@ -72,9 +72,9 @@ FORMAT = Format(
     sign="correction",
     parameters="mitsubishi",
     meaning="""\
-The value of a point is what the correction gains over the section that ends there: (interval - actual travel) x
+The value of a point is the increment of the correction over the section that ends there: (interval - actual travel) x
 2, in output units times the scale, -128 ... 127; 0 at the reference point. One value for both directions: the
-mean of the two. Linear between points is taken.""",
+mean of the two. Linear interpolation is assumed.""",
     loading="""\
 Enter parameters.csv and error_data.csv on the machine error compensation screens; restart, and return to the
 reference position. Numbers of points and the direction they are counted in differ between series: compare with

@@ -1,6 +1,6 @@
 """Siemens SINUMERIK: EEC (`$AA_ENC_COMP`) and CEC (`$AN_CEC`), equidistant tables in archive text.
 
-Formats and effects: Extended Functions manual, K3; 802D sl and 808D manuals; see docs/tables.md for what is certain.
+Formats and effects: Extended Functions manual, K3; 802D sl and 808D manuals; docs/tables.md lists their certainty.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class EecSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class CecSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Control, points by MD18342, spacing, first table, and whether tables of the own axis and products are wanted."""
+    """Control, points by MD18342, spacing, first table; whether tables of the own axis and products are made."""
 
     control: Literal["840d", "828d", "802d"] = "840d"
     points: Annotated[int, Meta(ge=2, le=5000)] = 200
@@ -50,7 +50,7 @@ POINTS = {"840d": 5000, "828d": 200, "802d": 350}
 
 
 def machine_axis_names(content: Content) -> dict[str, str]:
-    """By axis, its name in the control: as said, or the letter with 1 behind it."""
+    """By axis, its name in the control: as given, or the letter with 1 behind it."""
     names = {axis.name: axis.name if axis.name[-1].isdigit() else f"{axis.name}1" for axis in content.machine.axes}
     for pair in filter(None, content.settings.names.split(",")):
         axis, colon, name = pair.partition(":")
@@ -61,7 +61,7 @@ def machine_axis_names(content: Content) -> dict[str, str]:
 
 
 class _Grid(NamedTuple):
-    """Equidistant nodes as they stand in a file."""
+    """Equidistant nodes as in a file."""
 
     last: int
     step: str
@@ -190,16 +190,17 @@ CEC = Format(
     parameters="siemens",
     meaning="""\
 Table t adds to the OUTPUT axis by the programmed position of the INPUT axis, mm or degrees; all tables of an axis
-sum. DIRECTION 1 or -1: only while the input axis travels that way. MULT_BY_TABLE = number (index + 1) of a second
-table whose output multiplies this one's; the second is a dimensionless factor, and both are zero at the reference
-position. Linear between points; the end values hold outside; modulo tables begin again. Machine coordinates.""",
+sum. DIRECTION 1 or -1: only while the input axis travels in this direction. MULT_BY_TABLE = number (index + 1) of a
+second table whose output multiplies this one's; the second is a dimensionless factor, and both are zero at the
+reference position. Linear between points; the end values hold outside; modulo tables begin again. Machine
+coordinates.""",
     loading="""\
 MD18342 MM_CEC_MAX_POINTS of each table to at least its points (a change reformats the static user memory: back up
 first); MD32710 CEC_ENABLE of the output axes to 0; load nc_cec.ini; MD32710 to 1, and SD41300 CEC_TABLE_ENABLE to
 1 for all tables but those that are only a factor of another (marked in the file); reference the axes. MD32711
-must say metric.""",
+must be set to metric.""",
     certainty="""\
-Layout, summing, DIRECTION, product: Siemens manuals K3 and 802D sl. Sign: said by no page that was read; it is as
-given by --sign. That a factor table adds nothing by itself while its own SD41300 is 0 is not said either: check a
+Layout, summing, DIRECTION, product: Siemens manuals K3 and 802D sl. Sign: stated on no page that was read; it is as
+given by --sign. No page states that a factor table adds nothing by itself while its own SD41300 is 0: check a
 product on the machine before use, or export with --set products=false.""",
 )

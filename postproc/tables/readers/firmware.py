@@ -22,7 +22,7 @@ def read_klipper(source: Source) -> list[Effect]:
         for kind, read in (("skew_correction", _klipper_skew), ("bed_mesh", _klipper_mesh)):
             profiles = [section for section in config.sections() if section.startswith(f"{kind} ")]
             if len(profiles) > 1:
-                raise UserError(f"{name}: {len(profiles)} profiles of {kind}; leave one")
+                raise UserError(f"{name}: {len(profiles)} profiles of {kind}; keep one")
             for profile in profiles:
                 found += read(source, name, dict(config[profile]))
     return found
@@ -41,7 +41,7 @@ def _klipper_skew(source: Source, name: str, section: dict[str, str]) -> list[Ef
 
 
 def _line(source: Source, output: str, of: str, tangent: float) -> ControlTable:
-    """What is added in proportion to another axis' position, over thrice its travel."""
+    """Correction in proportion to another axis' position, over thrice its travel."""
     low, high = source.machine.axes[source.machine.index(of)].travel
     ends = (2 * low - high, 2 * high - low)
     return source.table(output, (of,), (ends,), [tangent * end for end in ends])
@@ -106,7 +106,7 @@ def _height_map(source: Source, name: str, text: str) -> ControlTable:
     for line, row in enumerate(rows, 4):
         cells = [cell.strip() for cell in row.split(",")]
         if "0" in cells:
-            raise refusal(name, line, row, "0 without a point: a place that was not probed")
+            raise refusal(name, line, row, "0 without a point: a position that was not probed")
         if len(cells) != len(nodes[0]):
             raise refusal(name, line, row, f"{len(cells)} heights, not {len(nodes[0])}")
         heights.append(numbers(cells, name, line, row))

@@ -23,7 +23,7 @@ class _Com(NamedTuple):
 
 
 def read(source: Source) -> list[Effect]:
-    """What the active line of the .CMA assigns."""
+    """The assignments of the active line of the .CMA."""
     found: list[Effect] = []
     sign = 1.0 if source.value_is == "correction" else -1.0
     for axis, file in _assigned(source):
@@ -92,9 +92,7 @@ def _assigned(source: Source) -> list[tuple[str, str]]:
     """Axis and file by the active line of the assignment."""
     tables = [name for name in source.files if name.lower().endswith(".cma")]
     if len(tables) != 1:
-        raise UserError(
-            "HEIDENHAIN tables: the .CMA file (one) must be among the files, it says what each is a function of"
-        )
+        raise UserError("HEIDENHAIN tables: the .CMA file (one) must be among the files: it assigns the variables")
     name = tables[0]
     lines = source.files[name].splitlines()
     starts = _heading(name, lines)

@@ -12,11 +12,11 @@ MOST = 256
 
 
 def read(source: Source) -> list[Effect]:
-    """Of every joint with a table; what LinuxCNC would leave out without a word is refused."""
+    """The table of every joint; lines that LinuxCNC would ignore without a message are refused."""
     found: list[Effect] = []
     inis = [name for name in source.files if name.lower().endswith(".ini")]
     if len(inis) != 1:
-        raise UserError("LinuxCNC tables: the INI file (one) must be among the files, it says which joint has which")
+        raise UserError("LinuxCNC tables: the INI file (one) must be among the files: it assigns tables to joints")
     ini = configparser.ConfigParser(strict=False, interpolation=None, comment_prefixes=("#", ";"))
     try:
         ini.read_string(source.files[inis[0]])

@@ -16,7 +16,7 @@ _NEEDED = ("_STEP", "_MIN", "_MAX")
 
 @dataclass
 class _Table:
-    """What a file says of one table."""
+    """The entries of a file for one table."""
 
     name: str
     values: dict[int, float] = field(default_factory=dict)
@@ -134,7 +134,7 @@ def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...],
 
 
 def _axis(source: Source, name: str) -> str:
-    """The machine's axis that the control calls so: as said with names=X:X1, X1 for X, or AX1 for the first."""
+    """The machine's axis by its name in the control: as given with names=X:X1, X1 for X, or AX1 for the first."""
     said = {own: letter for letter, _, own in (p.partition(":") for p in source.setting("names", "").split(",")) if own}
     if name in said:
         return said[name]

@@ -1,4 +1,4 @@
-"""What the readers of tables have in common: located refusals, numbers, and tables as errors that they take away."""
+"""Shared parts of the readers of tables: located refusals, numbers, and tables as the errors that they correct."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinematics.user_error import UserError
 
 @dataclass(frozen=True)
 class Source:
-    """Files of a control, by name, and what the user says about them."""
+    """Files of a control, by name, and the settings of the user."""
 
     machine: Machine
     files: Mapping[str, str]
@@ -27,7 +27,7 @@ class Source:
     def table(
         self, axis: str, of: Sequence[str], nodes: Sequence[Sequence[float]], corrections: Sequence[float], way: int = 0
     ) -> ControlTable:
-        """What a table that adds corrections, mm or degrees, takes away."""
+        """The errors that a table of corrections, mm or degrees, removes."""
         for name in (axis, *of):
             self.machine.index(name)
         size = math.radians(1.0) * 1e6 if axis[0] in "ABC" else 1e3
@@ -56,12 +56,12 @@ class Source:
         return [self.table(axis, (axis,), (nodes,), forward, 1), self.table(axis, (axis,), (nodes,), backward, -1)]
 
     def setting(self, name: str, default: str) -> str:
-        """What the user said of it with --set."""
+        """The settings of the user by --set."""
         return self.said.get(name, default)
 
 
 def refusal(name: str, line: int, text: str, why: str) -> UserError:
-    """A refusal that says where."""
+    """A refusal with its location."""
     return UserError(f"{name}:{line}: {text.strip()!r}: {why}")
 
 
@@ -84,4 +84,4 @@ def increasing(rows: Sequence[tuple[int, Sequence[float]]], name: str) -> None:
     """UserError, located, where the first number of a row is not above that of the row before."""
     for (_, before), (line, row) in pairwise(rows):
         if row[0] <= before[0]:
-            raise refusal(name, line, f"{row[0]:g}", f"positions must increase, and {before[0]:g} stands before it")
+            raise refusal(name, line, f"{row[0]:g}", f"positions must increase, and {before[0]:g} is before it")
