@@ -78,7 +78,7 @@ class Diagnosis:
     unnamed: str
     """What came of the request to add that; empty where there was none."""
     evaluated: tuple[Evaluated, ...]
-    """All candidates, in the frame of the result, the best first."""
+    """All candidates, evaluated on the linearised fit of the result, the best first."""
     closure: float | None
     """Share of what is left beyond the noise that no rigid chain can explain; None where data are too few to say."""
     volume: Volume

@@ -117,7 +117,7 @@ class NotVisible:
 
 
 def named(stage: Stage, before: LinearisedFit) -> list[Named]:
-    """The accepted causes of a stage; `before` is a frame that has none of them.
+    """The accepted causes of a stage; `before` is the linearised fit without any of them.
 
     The best first, those without a name last.
     """
@@ -146,7 +146,7 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
 
 
 def in_terms_of(before: LinearisedFit, linearised: LinearisedFit) -> float:
-    """Sum of squares of one frame in terms of the noise of another: each may have estimated its own."""
+    """Sum of squares of one linearised fit in units of the noise of another: each may have estimated its own."""
     return max(before.squares * before.fit.variance_factor / linearised.fit.variance_factor, 1e-300)
 
 

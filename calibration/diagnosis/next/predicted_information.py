@@ -1,4 +1,4 @@
-"""What is known of causes now, and would be with one measurement more, before any of it is measured: to first order.
+"""Information on causes by the data at hand, and with one measurement more before it is made: to first order.
 
 K has the whitened columns of the model, of the causes asked about and of the registration; K'K of the data and of a
 planned measurement add up. Of a cause's columns G then stays S = G'G - G'B (B'B + priors)^-1 B'G with any others B
@@ -52,7 +52,7 @@ class Information:
         return np.asarray(self._left[key][own, own])
 
     def share(self, cause: int) -> float:
-        """Of a cause's signal, what model and registration leave."""
+        """Share of a cause's signal that model and registration cannot imitate."""
         own = self.causes[cause]
         whole = float(np.trace(self.matrix[own, own]))
         return float(np.sqrt(max(np.trace(self.left(cause)), 0.0) / whole)) if whole > 0.0 else 0.0
@@ -60,7 +60,7 @@ class Information:
 
 @dataclass(frozen=True)
 class PredictedInformation:
-    """The frame of a fit, and causes that are asked about."""
+    """The linearised fit of the data at hand, and the causes in question."""
 
     linearised: LinearisedFit
     effects: Sequence[Effect]
@@ -107,7 +107,7 @@ class PredictedInformation:
 
     @cached_property
     def _lengths(self) -> Array:
-        """Lengths of the registration's columns, which the design of the frame has in units of them."""
+        """Lengths of the registration's columns, which are the units of the linearised fit's design."""
         some = self.linearised.measurement.rows(self.linearised.rows)
         own = self.linearised.white @ equations.registration_design(some, self.linearised.fit.registration)
         return np.asarray(np.linalg.norm(own.reshape(self.linearised.scalars, -1), axis=0))

@@ -1,4 +1,4 @@
-"""What no cause of the library explains: which variables it depends on, and which causes were only blamed for it."""
+"""The unexplained residual: the variables it depends on, and the causes that were accepted in its place."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SEED = 1
 
 
 def tests(linearised: LinearisedFit) -> list[Test]:
-    """Whether the residuals of a frame are white, with what the fit took out of them taken into account."""
+    """Tests whether the residuals of a linearised fit are white; the parameters fitted to them are accounted for."""
     measurement, rows = linearised.measurement, linearised.rows
     state, machine = measurement.state, measurement.machine
     moving = list(moving_axes(measurement))
@@ -46,7 +46,7 @@ def tests(linearised: LinearisedFit) -> list[Test]:
 
 
 def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
-    """What the residuals may depend on, `(n,)` each: axes, time, temperatures, feed, directions."""
+    """Variables `(n,)` of the residuals: axes, time, temperatures, feed, directions."""
     state, machine = measurement.state, measurement.machine
     moving = list(moving_axes(measurement))
     found = {axis: state.position(machine, axis)[rows] for axis in moving}
@@ -61,7 +61,7 @@ def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
 
 
 def unexplained(linearised: LinearisedFit) -> Unexplained | None:
-    """A smooth function that explains the residuals of a frame, and its variables; None where there is none."""
+    """A smooth function that explains the residuals of a linearised fit, and its variables; None where none does."""
     given, white = variables(linearised.measurement, linearised.rows), _of_machine(linearised)
     found = explaining_variables(white, given, np.random.default_rng(SEED))
     if found is None:
@@ -73,7 +73,7 @@ def unexplained(linearised: LinearisedFit) -> Unexplained | None:
 
 
 def one_by_one(linearised: LinearisedFit) -> list[Dependence]:
-    """How the residuals of a frame depend on each variable alone, the clearest first."""
+    """Dependence of the residuals of a linearised fit on each variable alone, the clearest first."""
     return dependences(
         _of_machine(linearised), variables(linearised.measurement, linearised.rows), np.random.default_rng(SEED)
     )
@@ -119,7 +119,7 @@ def _family(variable: str) -> str:
 
 
 def in_lengths(linearised: LinearisedFit, left: Unexplained) -> Array:
-    """The function that is left `(n, d)`, mm and rad, of the rows of a frame, in the frame they are observed in."""
+    """Unexplained function `(n, d)`, mm and rad, at the rows of a linearised fit, in the frame of the observations."""
     noise, turns = _noise(linearised), _into_tool(linearised)
     if turns is None:
         return np.asarray((noise @ left.shape[:, :, None])[:, :, 0])

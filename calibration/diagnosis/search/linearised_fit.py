@@ -1,8 +1,9 @@
-"""A fit to first order about where it came to rest: in it candidates are judged without fitting anew.
+"""A fit, linearised at its solution: candidates are evaluated on it without a new fit.
 
 With J the whitened design of registration and model, in units of its priors, H = J'J + priors, and r the whitened
 residual, a candidate's columns G explain, jointly with everything in J, b' S^-1 b of the sum of squares, where
-b = G'r and S = G'G - G'J H^-1 J'G: what is left of G once the model and the registration have taken their part.
+b = G'r and S = G'G - G'J H^-1 J'G, the Schur complement: the part of G that neither the model nor the registration
+can imitate.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from kinematics.state import State
 from kinematics.transforms import Array
 
 ROWS = 5000
-"""At most so many rows, evenly spread, judge candidates; all of them enter the fits."""
+"""Largest number of rows, evenly spread, on which candidates are evaluated; all rows enter the fits."""
 ASTRAY = 300.0
 """um: a station most of whose rows disagree by more has failed; by less, it may be the model that does."""
 LOST = 5000.0
@@ -50,7 +51,7 @@ TOGETHER = 64
 
 
 class Score(NamedTuple):
-    """What a candidate would bring, by the frame it is judged in."""
+    """Worth of a candidate, by the linearised fit that it is added to."""
 
     gain: float
     """By which the sum of squares falls, in terms of the noise's variance."""
@@ -65,7 +66,7 @@ class Score(NamedTuple):
 
 
 class Projected(NamedTuple):
-    """Columns of one candidate, in terms of typical sizes, and what the model and the registration leave of them."""
+    """Columns of a candidate, in units of typical sizes, and their part that model and registration cannot imitate."""
 
     columns: Array
     """`(N, k)`, whitened."""
@@ -83,11 +84,11 @@ class Projected(NamedTuple):
 
 @dataclass(frozen=True)
 class LinearisedFit:
-    """Rows of a measurement, the whitened design of what is fitted, and what the fit leaves."""
+    """Rows of a measurement, the whitened design of the fitted parameters, and the residual."""
 
     fit: Fit
     rows: np.ndarray
-    """Rows of the measurement `(n,)` that are judged by."""
+    """Rows of the measurement `(n,)` on which candidates are evaluated."""
     white: Array
     """Whiteners `(n, d, d)`, outlying rows weighted down (Huber)."""
     transform: Array
@@ -107,7 +108,7 @@ class LinearisedFit:
 
     @classmethod
     def of(cls, fit: Fit) -> LinearisedFit:
-        """The frame of a fit."""
+        """The fit, linearised at its solution."""
         measurement = fit.measurement
         lost = ~fit.kept & (fit.residual_um > LOST)
         rows = np.flatnonzero(~fit.copies & ~lost & ~np.isin(measurement.groups, _astray(fit)))
@@ -133,7 +134,7 @@ class LinearisedFit:
         return blank._at_rest()
 
     def without(self, effect: int) -> LinearisedFit:
-        """The frame of a model that lacks one effect of the fit's, told by its number."""
+        """The linearised fit of the model without one of its effects, given by number."""
         model, part = self.fit.model, self.fit.model.slices[effect]
         columns = np.arange(part.start, part.stop) + self.design.shape[1] - len(model.parameters)
         linear = [quantity.linear for quantity in model.effects[effect].parameter_table]
@@ -149,7 +150,7 @@ class LinearisedFit:
         return fewer._at_rest()
 
     def along(self, effect: Effect, prior: Array) -> LinearisedFit:
-        """The frame of a model that holds one effect more, linear and at zero, with priors `(k,)`."""
+        """The linearised fit of the model with one effect more, linear and at zero, with priors `(k,)`."""
         typical = np.array([quantity.typical for quantity in effect.parameter_table])
         finite = np.isfinite(prior)
         in_priors = np.where(finite, prior, 1.0) / np.where(np.isfinite(typical), typical, 1.0)
@@ -162,12 +163,12 @@ class LinearisedFit:
         return more._at_rest()
 
     def _at_rest(self) -> LinearisedFit:
-        """The frame where its own design and weights put the fit."""
+        """The linearised fit at the minimum of its own objective."""
         step = self.posterior.solve(self.design.T @ self.residual - self.limited * self.away)
         return replace(self, residual=self.residual - self.design @ step, away=self.away + step)
 
     def thinned(self, most: int) -> LinearisedFit:
-        """The frame of at most so many of its rows, evenly spread."""
+        """The linearised fit of at most so many of its rows, evenly spread."""
         n = len(self.rows)
         if n <= most:
             return self
@@ -186,7 +187,7 @@ class LinearisedFit:
         return fewer._at_rest()
 
     def shuffled(self, rng: np.random.Generator) -> LinearisedFit:
-        """The frame of residuals as large, the sign of each row drawn at random."""
+        """The linearised fit of residuals of the same size, the sign of each row drawn at random."""
         signs = np.repeat(rng.choice([-1.0, 1.0], len(self.rows)), self.scalars // len(self.rows))
         return replace(self, residual=self.residual * signs)._at_rest()
 
@@ -301,7 +302,7 @@ class LinearisedFit:
         return columns
 
     def score(self, candidate: Projected, shapes: int = 0, trials: float = 1.0) -> Score:
-        """What a candidate would bring; `shapes` of its parameters were searched for, in `trials` tries."""
+        """Score of a candidate; `shapes` of its parameters were searched for, in `trials` trials."""
         return self.rated(candidate.left, candidate.columns.T @ self.residual, shapes, trials)
 
     def rated(self, left: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:

@@ -59,7 +59,7 @@ LEAST_ROWS = 8
 
 
 def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Candidates with shapes proposed from the residual of a frame, besides those of the library as they are."""
+    """Candidates with shapes proposed from the residual of a linearised fit, besides those of the library."""
     some = linearised.thinned(SCANNED)
     yield from steps(some, linearised)
     yield from breaks(some)
@@ -128,7 +128,7 @@ def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
 
 
 def steps(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iterator[Candidate]:
-    """The strongest saw tooth along each linear axis; where it pays, its place is closed in on in the `whole` frame.
+    """The strongest sawtooth along each linear axis; where it pays, `whole`, the fit of all rows, refines its position.
 
     Pitches by the power of their wave, places within them by the tooth itself.
     """

@@ -27,7 +27,7 @@ OVER = 3_000_000
 
 
 def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
-    """Saw teeth `(n, k)` of height 1 at positions `(n,)`."""
+    """Sawtooth functions `(n, k)` of height 1 at positions `(n,)`."""
     turns = (x[:, None] - offsets) / pitches
     turns -= np.floor(turns)
     return np.asarray(0.5 - turns)
@@ -54,7 +54,7 @@ def refined(linearised: LinearisedFit, effect: QuantisedCompensation) -> Quantis
 def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) -> tuple[float, float]:
     """Standard uncertainties of pitch and offset: RMS distances from those of the effect, by the odds of all others.
 
-    In the frame of a fit without the effect.
+    By the linearised fit without the effect.
     """
     sensitivity = Sensitivity.of(linearised, effect.axis, own_component(effect.axis))
     for k in range(ROUNDS):

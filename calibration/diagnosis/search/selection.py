@@ -54,7 +54,7 @@ Progress = Callable[[str], None]
 
 
 class Evaluated(NamedTuple):
-    """A candidate, its columns and its score in one frame."""
+    """A candidate, its columns and its score on one linearised fit."""
 
     candidate: Candidate
     projected: Projected
@@ -73,7 +73,7 @@ class Sibling(NamedTuple):
 
 @dataclass(frozen=True)
 class Accepted:
-    """A cause that was taken in, with what the frame in which it alone is missing says of it."""
+    """An accepted cause, evaluated on the linearised fit without it."""
 
     candidate: Candidate
     """With the shapes that the fit found."""
@@ -105,7 +105,7 @@ class Stage(NamedTuple):
         return self.base.numbers(chosen_of(self.accepted))
 
     def without(self, index: int) -> LinearisedFit:
-        """The frame in which one accepted cause alone is missing."""
+        """The linearised fit without one accepted cause."""
         return self.base.lacking(self.linearised, self.accepted[index].candidate, self.numbers[index])
 
     @property
@@ -127,7 +127,7 @@ class Selection:
     stages: tuple[Stage, ...]
     """The base alone, then with one cause more each; the last one is the result."""
     last_round: tuple[Evaluated, ...]
-    """All candidates in the frame of the result, the best first."""
+    """All candidates on the linearised fit of the result, the best first."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class Selector:
         return Stage(self.base, fit, linearised, tuple(accepted))
 
     def against_siblings(self, stage: Stage) -> Stage:
-        """Every cause held against others that could stand in its place; the better one stands there."""
+        """Every cause compared with its siblings, and replaced by one that explains more."""
         for swaps_left in reversed(range(PASSES + 1)):
             accepted: list[Accepted] = []
             better: list[tuple[Candidate, Array]] | None = None
@@ -255,7 +255,7 @@ def evaluate(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> list
 
 
 def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> list[Candidate]:
-    """The library, and shapes proposed from the residual of this frame."""
+    """The library, and shapes proposed from the residual of this linearised fit."""
     return [*library, *scans.proposals(linearised, library)]
 
 
@@ -279,7 +279,7 @@ def predicts(gains: Array) -> bool:
 
 
 def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[Evaluated]) -> list[Sibling]:
-    """Other causes that do much the same, in the frame of a fit that has none of them; the likeliest first."""
+    """Other causes of nearly the same signal, on a linearised fit without any of them; the likeliest first."""
     own = linearised.projected(linearised.columns(accepted.candidate.effect))
     score = linearised.score(own, accepted.candidate.shapes)
     energy = float(score.size @ own.left @ score.size)

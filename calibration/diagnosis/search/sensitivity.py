@@ -1,7 +1,7 @@
-"""What an error of one axis in one direction does to what is observed, row by row.
+"""Sensitivity of the observations to an error of one axis in one direction, row by row.
 
-Error motions, waves and saw teeth of an axis in a direction differ by nothing but their sizes at the rows. What the
-model and the registration leave of them follows from what these leave of an error of 1 at each row, found once.
+Error motions, waves and sawtooth functions of an axis in a direction differ only in their sizes at the rows. Their part
+that model and registration cannot imitate follows from that of an error of 1 at each row, worked out once.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ UNSEEN = 1e-12
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """An error of 1, mm or rad, at every row of a frame."""
+    """Signal of an error of 1, mm or rad, at every row of a linearised fit."""
 
     linearised: LinearisedFit
     arm: Array
-    """Whitened derivatives `(n, d)` of what is observed."""
+    """Whitened derivatives `(n, d)` of the observations."""
 
     @classmethod
     def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Sensitivity:

@@ -87,7 +87,7 @@ class Base:
         return fit(measurement, model, prior=root, variance=variance)
 
     def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
-        """The frame in which an accepted candidate, the effect of that number, alone is missing.
+        """The linearised fit without one accepted candidate, the effect of that number.
 
         In the place of a finer error motion stands the base's own.
         """
