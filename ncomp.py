@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
     from calibration.measurement.plan import Choices, Plan
     from calibration.on_the_fly.along_path import OnTheFly
+    from calibration.simulation.measure_plan import Simulated, VirtualInstrument
     from kinematics.effects import Effect
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
@@ -66,6 +67,7 @@ __all__ = [
     "predict",
     "read_measurement",
     "set_up",
+    "simulate",
     "verify",
 ]
 
@@ -433,6 +435,27 @@ def plan(
     from calibration.planning.strategies import plan
 
     return plan(load_machine(machine), strategy, points, spacing_mm, choices)
+
+
+def simulate(
+    plan: Plan,
+    model: ErrorModel,
+    instrument: VirtualInstrument | None = None,
+    *,
+    seed: int = 0,
+    progress: Callable[[int], None] = lambda _: None,
+) -> Simulated:
+    """The observations of a machine with known errors at the positions of a plan; `measurement` of the result.
+
+    The machine moves by its exact kinematics. model: the true errors; instrument: a laser tracker before the volume
+    unless given; seed: the same seed makes the same measurement. `progress` gets the number of observations done.
+
+    >>> simulate(plan("gantry", "random", 25), load_calibration("gantry", "none")).measurement.observed.shape
+    (25, 3)
+    """
+    from calibration.simulation.measure_plan import TRACKER, VirtualInstrument, measure_plan, streams
+
+    return measure_plan(plan, model, instrument or VirtualInstrument(TRACKER), streams(seed, 4)[1:], progress)
 
 
 def export(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,16 +16,12 @@ from postproc.commands.options import virtual_machine as virtual
 from postproc.commands.options.path import read_path
 from postproc.commands.options.program import DialectName, SetUpOptions
 from postproc.commands.options.shared import MachineName, check_apart, check_places, whole_results
-from postproc.commands.options.simulation import Simulation, streams
+from postproc.commands.options.simulation import Simulation
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from calibration.measurement.instruments import Instrument
     from calibration.measurement.plan import Plan
+    from calibration.simulation.measure_plan import VirtualInstrument
     from kinematics.machine import Machine
-    from kinematics.state import State
-    from kinematics.transforms import Pose
 
 MeasurementFile = Annotated[
     str, typer.Option("--output", "-o", metavar="DATA.csv", help="Measurement; - for standard output.")
@@ -36,8 +31,6 @@ StrategyName = Annotated[
     typer.Option(metavar="NAME|PLAN.csv", help="A strategy, as in *ncomp plan*, or a plan of all its options."),
 ]
 
-SETUP_S = 1200.0
-"""To move a tracker; virtual calibration paper, 3.2."""
 LONG = 200_000
 """Observations from which progress is shown."""
 
@@ -99,6 +92,7 @@ def simulate(
     At the positions of a strategy, or on the fly, along the path of a program that does not stop.
     """
     from calibration.simulation.effect_text import read_effects
+    from calibration.simulation.measure_plan import VirtualInstrument, streams
     from calibration.simulation.simulate import Faults
 
     check_apart({"--truth": truth, "--output": output})
@@ -123,74 +117,40 @@ def simulate(
         return
     plan = _plan(found, strategy, points, spacing, ranges, margin, rotary, order, runs, target, target_order, seed)
     letters = instruments.error_motions_of(error_motions, instrument)
-    _simulate_plan(plan, simulated, instrument, tracker or [], elevation, incidence, letters)
+    virtual_instrument = VirtualInstrument(
+        simulated.instrument,
+        instruments.trackers_of(tracker or []),
+        simulated.stands_on,
+        instruments.reach_of(elevation, incidence),
+        letters,
+        noise,
+        simulated.faults,
+        simulated.temperatures,
+    )
+    _simulate_plan(plan, simulated, virtual_instrument, instrument)
 
 
-def _simulate_plan(
-    plan: Plan,
-    simulated: Simulation,
-    kind: str,
-    trackers: list[str],
-    elevation: str | None,
-    incidence: float | None,
-    letters: tuple[str, ...],
-) -> None:
-    """Write what is observed at the positions of a plan, and the truth where it is asked for.
-
-    kind: of the instrument, as in `--instrument`; letters: of the error motions that an interferometer observes.
-    """
-    import numpy as np
-
+def _simulate_plan(plan: Plan, simulated: Simulation, virtual_instrument: VirtualInstrument, kind: str) -> None:
+    """Write the observations at the positions of a plan, and the true model where it is asked for."""
     from calibration.measurement.file import write_measurement
-    from calibration.simulation.simulate import observe, read_out, spoil, with_temperatures
     from kinematics.error_model.model import encode_model
     from postproc.commands.show.terminal import console, progress_of, say
 
-    model, draws, standing = simulated.model, simulated.draws, simulated.stands_on
-    state, poses = _placed(plan, kind, trackers, draws[1])
-    instruments.check_names(
-        simulated.told, plan.targets, [] if state.station is None else np.unique(state.station).tolist()
-    )
-    state = with_temperatures(state, simulated.temperatures) if simulated.temperatures else state
-    rows = _reached(plan, state, simulated.instrument, poses, standing, elevation, incidence)
-    repeat = len(state) // len(plan)
-    axis = None if plan.axis is None else np.tile(plan.axis, repeat)[rows]
-    component = None
-    if letters and axis is not None:
-        rows, component = _components(plan.machine, axis, rows, letters)
-        axis = np.tile(np.asarray(plan.axis), repeat)[rows]
-    run = np.tile(plan.run, repeat)[rows]
-    with progress_of(len(state), "simulating", LONG) as progress:
-        measured = observe(
-            plan.machine, model, state.rows(rows), simulated.instrument, draws[2], poses, plan.targets,
-            stands_on=standing, axis=axis if kind == "interferometer" else None, run=run, component=component,
-            noise_scale=simulated.noise_scale, progress=progress,
-        )  # fmt: skip
-    if poses is not None:
-        instruments.check_distance(measured)
-    measured, spoiled = spoil(read_out(measured), simulated.faults, draws[3])
-    if not len(measured):
-        raise UserError("--missing leaves no observation")
+    model = simulated.model
+    with progress_of(len(plan) * max(1, len(virtual_instrument.trackers)), "simulating", LONG) as progress:
+        found = ncomp.simulate(plan, model, virtual_instrument, seed=simulated.seed, progress=progress)
+    for note in found.notes:
+        say("note", note)
     output, truth = simulated.outputs
     with whole_results(truth, output) as (truth_file, file):
-        write_measurement(measured, file)
+        write_measurement(found.measurement, file)
         truth_file.write(encode_model(model))
     console.print(plan.summary)
-    for note in spoiled:
+    for note in found.spoiled:
         say("simulated", note)
-    console.print(f"{len(measured)} observations by {kind} of {len(model.effects)} effects, seed {simulated.seed}")
-
-
-def _components(
-    machine: Machine, axis: np.ndarray, rows: np.ndarray, letters: tuple[str, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows `(m,)` of the plan, those of linear axes once for each error motion, and the error motions `(m,)`."""
-    import numpy as np
-
-    linear = ~machine.rotary[[machine.index(name) for name in axis.tolist()]]
-    every = np.repeat(rows, np.where(linear, len(letters), 1))
-    component = np.concatenate([list(letters) if own else [""] for own in linear.tolist()])
-    return every, component
+    console.print(
+        f"{len(found.measurement)} observations by {kind} of {len(model.effects)} effects, seed {simulated.seed}"
+    )
 
 
 def _plan(
@@ -236,52 +196,3 @@ def _plan(
         seed=seed,
     )
     return options.plan_of(machine, strategy, points, spacing, choices)
-
-
-def _placed(
-    plan: Plan, instrument: str, trackers: list[str], rng: np.random.Generator
-) -> tuple[State, Mapping[str, Pose] | None]:
-    """The states that are measured, once for each station, and the poses of a tracker at its stations."""
-    from calibration.simulation.simulate import at_stations
-
-    if instrument != "laser-tracker":
-        if trackers:
-            raise UserError(f"--tracker is no option of --instrument {instrument}")
-        return plan.state, None
-    poses = instruments.tracker_poses(plan.machine, plan.positions, trackers, rng)
-    return at_stations(plan.state, list(poses), SETUP_S), poses
-
-
-def _reached(
-    plan: Plan,
-    state: State,
-    instrument: Instrument,
-    poses: Mapping[str, Pose] | None,
-    stands_on: Literal["workpiece", "bed"],
-    elevation: str | None,
-    incidence: float | None,
-) -> np.ndarray:
-    """Rows that the instrument sees; what it does not is said."""
-    import numpy as np
-
-    from calibration.measurement.measurement import Measurement
-    from calibration.observation.reach import Reach, in_reach
-    from postproc.commands.show.terminal import say
-
-    if elevation is None and incidence is None:
-        return np.arange(len(state))
-    if poses is None:
-        raise UserError("--elevation and --incidence are options of --instrument laser-tracker")
-    limits = None
-    if elevation is not None:
-        low, high = options.numbers(elevation, 2, f"--elevation {elevation}", ":")
-        limits = (low, high)
-    blank = Measurement(
-        plan.machine, instrument, state, np.zeros((len(state), 3)), plan.targets, stands_on=stands_on, run=None
-    )
-    seen = in_reach(blank, poses, Reach(limits, incidence))
-    for note in seen.notes:
-        say("note", note)
-    if not seen.rows.any():
-        raise UserError("the tracker sees none of the points from where it stands")
-    return np.flatnonzero(seen.rows)

@@ -11,7 +11,6 @@ from kinematics.user_error import UserError
 from postproc.commands.options import strategy as options
 from postproc.commands.options import virtual_machine as virtual
 from postproc.commands.options.shared import MachineName, check_apart, check_places, whole_results
-from postproc.commands.options.simulation import streams
 
 if TYPE_CHECKING:
     from kinematics.effects import Effect
@@ -93,6 +92,7 @@ def simulate_continuous(
     from calibration.measurement.file import write_measurement
     from calibration.measurement.instruments import Interferometer
     from calibration.simulation.effect_text import read_effects
+    from calibration.simulation.measure_plan import streams
     from kinematics.error_model.model import encode_model
     from postproc.commands.show.terminal import console
 

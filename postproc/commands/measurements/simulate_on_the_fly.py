@@ -11,7 +11,7 @@ from kinematics.user_error import UserError
 from postproc.commands.options import strategy as options
 from postproc.commands.options.path import PANEL
 from postproc.commands.options.shared import whole_results
-from postproc.commands.options.virtual_instrument import check_distance, check_names, tracker_poses
+from postproc.commands.options.virtual_instrument import trackers_of
 
 if TYPE_CHECKING:
     from calibration.measurement.instruments import LaserTracker
@@ -70,14 +70,17 @@ def simulate_on_path(path: NominalPath, ride: Ride, simulated: Simulation) -> No
     from calibration.measurement.measurement import SPINDLE_NOSE
     from calibration.on_the_fly.drive import Manner, duration
     from calibration.on_the_fly.virtual import Session, readings_of, write_readings
+    from calibration.simulation.measure_plan import check_distance, check_names, tracker_poses
     from calibration.simulation.simulate import spoil
     from kinematics.error_model.model import encode_model
     from postproc.commands.show.terminal import console, progress_of, say
 
     model, draws = simulated.model, simulated.draws
     targets = options.targets_of(ride.targets) if ride.targets else {"1": SPINDLE_NOSE}
-    poses = tracker_poses(path.machine, path.positions, ride.trackers, draws[1])
-    check_names(simulated.told, targets, poses)
+    poses, notes = tracker_poses(path.machine, path.positions, trackers_of(ride.trackers), draws[1])
+    for note in notes:
+        say("note", note)
+    check_names(model.effects, targets, list(poses))
     manners = [Manner(feed, 1e3 * ride.acceleration, ride.rate) for feed in ride.feeds]
     passes = len(targets) * len(poses)
     seconds = passes * sum(duration(path, manner) for manner in manners)

@@ -11,7 +11,6 @@ from postproc.commands.options import strategy as options
 
 if TYPE_CHECKING:
     from calibration.measurement.plan import Choices, Plan
-    from calibration.observation.reach import Reach
     from calibration.optimal.candidates import Obstacle
     from kinematics.machine import Machine
 
@@ -103,7 +102,7 @@ def optimised_plan(machine: Machine, choices: Choices, points: str | None, minut
     """The plan, and on the screen what it promises."""
     from calibration.optimal.optimise import Wish, optimised
     from calibration.simulation.effect_text import read_effects
-    from postproc.commands.options.virtual_instrument import instrument_of
+    from postproc.commands.options.virtual_instrument import instrument_of, reach_of, trackers_of
     from postproc.commands.show.terminal import console
 
     count = options.counts(points)
@@ -114,8 +113,8 @@ def optimised_plan(machine: Machine, choices: Choices, points: str | None, minut
         choices,
         count,
         minutes,
-        [_place(text) for text in asked.trackers or ()],
-        _reach(asked.elevation, asked.incidence),
+        trackers_of(asked.trackers or ()),
+        reach_of(asked.elevation, asked.incidence),
         [_obstacle(text) for text in asked.obstacles or ()],
         read_effects(asked.visible or [], machine, "--visible"),
         asked.candidates,
@@ -131,23 +130,6 @@ def optimised_plan(machine: Machine, choices: Choices, points: str | None, minut
     for name, share in found.visible.items():
         console.print(f"visible      {name}: to {share:.0%} of its typical size (k = 1)")
     return found.plan
-
-
-def _place(text: str) -> tuple[float, float, float]:
-    x, y, z = options.numbers(text, 3, f"--tracker {text}")
-    return x, y, z
-
-
-def _reach(elevation: str | None, incidence: float | None) -> Reach | None:
-    from calibration.observation.reach import Reach
-
-    if elevation is None and incidence is None:
-        return None
-    limits = None
-    if elevation is not None:
-        low, high = options.numbers(elevation, 2, f"--elevation {elevation}", ":")
-        limits = (low, high)
-    return Reach(limits, incidence)
 
 
 def _obstacle(text: str) -> Obstacle:

@@ -32,10 +32,3 @@ class Simulation(NamedTuple):
     machine."""
     outputs: tuple[str, str | None]
     """Of the measurement and of the truth."""
-
-
-def streams(seed: int, count: int) -> list[np.random.Generator]:
-    """Independent streams of random numbers."""
-    import numpy as np
-
-    return [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(count)]

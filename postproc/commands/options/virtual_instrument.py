@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -12,13 +12,8 @@ from postproc.commands.options import strategy as options
 from postproc.text.number_style import given_once
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from calibration.measurement.instruments import Instrument
-    from calibration.measurement.measurement import Measurement
-    from kinematics.effects import Effect
-    from kinematics.machine import Machine
-    from kinematics.transforms import Array, Pose
+    from calibration.observation.reach import Reach
 
 INSTRUMENT, FAULTS = "The instrument", "What goes wrong"
 
@@ -78,24 +73,19 @@ Missing = Annotated[
     float, typer.Option(metavar="share", min=0.0, max=1.0, rich_help_panel=FAULTS, help="Rows that are not there.")
 ]
 
-SHEETS: Mapping[str, Mapping[str, float]] = {
-    "laser-tracker": {"u_range_um_per_m": 0.25, "u_angle_um": 10.0, "u_angle_um_per_m": 2.5},
-    "interferometer": {"u_um": 0.2, "u_um_per_m": 0.5, "u_straightness_um": 0.5, "u_angle_urad": 1.0},
-    "part": {"u_um": 1.0, "u_um_per_m": 1.5},
-}
-"""Standard uncertainties unless others are given: of the tracker those of the virtual calibration paper, Table 3."""
-AWAY_MM = 1500.0
-"""From the volume to a tracker of which nothing is said."""
-NEAREST_MM = 1.0
-"""A target closer to a tracker has no direction."""
-
 
 def instrument_of(kind: str, uncertainties: list[str], planar: bool) -> Instrument:
-    """An instrument with these uncertainties, or those of its sheet; UserError for what it does not have."""
-    from calibration.measurement.file import KINDS, check_uncertainties, uncertainty_keys
+    """An instrument with these uncertainties, or those of its specification; UserError for what it does not have."""
+    import msgspec
 
-    if kind not in SHEETS:
-        raise UserError(f"--instrument {kind}: expected one of {', '.join(SHEETS)}")
+    from calibration.measurement.file import KINDS, check_uncertainties, uncertainty_keys
+    from calibration.simulation.measure_plan import SPECIFICATIONS
+
+    if kind not in SPECIFICATIONS:
+        raise UserError(f"--instrument {kind}: expected one of {', '.join(SPECIFICATIONS)}")
+    components = {"components": 2 if planar else 3} if kind == "part" else {}
+    if not uncertainties:
+        return msgspec.structs.replace(SPECIFICATIONS[kind], **components)
     known = uncertainty_keys(KINDS[kind])
     given: list[tuple[str, float]] = []
     for text in uncertainties:
@@ -106,9 +96,9 @@ def instrument_of(kind: str, uncertainties: list[str], planar: bool) -> Instrume
         if number < 0:
             raise UserError(f"--uncertainty {text}: negative")
         given.append((name.strip(), number))
-    values = given_once(given, "--uncertainty ") if given else SHEETS[kind]
+    values = given_once(given, "--uncertainty ")
     check_uncertainties(kind, values, "--uncertainty", "-u {}=...")
-    return KINDS[kind](**values, **({"components": 2 if planar else 3} if kind == "part" else {}))  # type: ignore[arg-type]
+    return KINDS[kind](**values, **components)  # type: ignore[arg-type]
 
 
 def error_motions_of(text: str | None, kind: str) -> tuple[str, ...]:
@@ -137,49 +127,23 @@ def standing_of(text: str) -> Literal["workpiece", "bed"]:
     return STANDS_ON[text]
 
 
-def tracker_poses(
-    machine: Machine, positions: Array, trackers: Sequence[str], rng: np.random.Generator
-) -> dict[str, Pose]:
-    """Poses of a tracker by station, at the places `x,y,z`, or beside the volume of the positions `(n, axes)`."""
-    from calibration.simulation.simulate import tracker_pose
-    from postproc.commands.show.terminal import say
-
-    places = [options.numbers(text, 3, f"--tracker {text}") for text in trackers]
-    if not places:
-        places = [_beside(machine, positions)]
-        said = ",".join(f"{v:g}" for v in places[0])
-        say("note", f"the tracker stands 1.5 m before the volume, at its middle: --tracker {said}")
-    return {f"s{k}": tracker_pose((x, y, z), rng) for k, (x, y, z) in enumerate(places, start=1)}
+def trackers_of(texts: Sequence[str]) -> list[tuple[float, float, float]]:
+    """Positions of trackers, mm, from `x,y,z`."""
+    found = []
+    for text in texts:
+        x, y, z = options.numbers(text, 3, f"--tracker {text}")
+        found.append((x, y, z))
+    return found
 
 
-def check_distance(measured: Measurement) -> None:
-    """UserError for a target inside the tracker."""
-    import numpy as np
+def reach_of(elevation: str | None, incidence: float | None) -> Reach | None:
+    """The reach of a tracker, from `low:high` and an angle, degrees; None without limits."""
+    from calibration.observation.reach import Reach
 
-    far = np.linalg.norm(measured.observed, axis=1) >= NEAREST_MM
-    if not far.all():
-        row = int(np.argmin(far))
-        assert measured.state.station is not None
-        raise UserError(
-            f"--tracker: observation {row + 1} is closer than {NEAREST_MM:g} mm to the tracker at "
-            f"{measured.state.station[row]}; it can't stand there"
-        )
-
-
-def _beside(machine: Machine, positions: Array) -> tuple[float, ...]:
-    from kinematics.forward import tool_point
-
-    points = tool_point(machine, positions)
-    low, high = points.min(axis=0), points.max(axis=0)
-    _, y, z = ((low + high) / 2).round().tolist()
-    return float(round(low[0] - AWAY_MM)), y, z
-
-
-def check_names(effects: Sequence[Effect], targets: Iterable[str], stations: Iterable[str]) -> None:
-    """UserError for an effect of a target or a station that the measurement does not have."""
-    for effect in effects:
-        for what, names in (("target", list(targets)), ("station", list(stations))):
-            name = getattr(effect, what, None)
-            if name is not None and name not in names:
-                there = f"known are {', '.join(names)}" if names else "there is none"
-                raise UserError(f"--effect {effect.name}: no {what} {name!r}; {there}")
+    if elevation is None and incidence is None:
+        return None
+    limits = None
+    if elevation is not None:
+        low, high = options.numbers(elevation, 2, f"--elevation {elevation}", ":")
+        limits = (low, high)
+    return Reach(limits, incidence)

@@ -1,0 +1,196 @@
+"""Virtual measurement of a plan: the observations of an instrument at the positions, in the order of the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from calibration.measurement.instruments import Instrument, Interferometer, LaserTracker, Part
+from calibration.measurement.measurement import Measurement
+from calibration.measurement.plan import Plan
+from calibration.observation.reach import Reach, in_reach
+from calibration.simulation.simulate import (
+    Faults,
+    at_stations,
+    observe,
+    read_out,
+    spoil,
+    tracker_pose,
+    with_temperatures,
+)
+from kinematics.effects import Effect
+from kinematics.error_model.model import ErrorModel
+from kinematics.forward import tool_point
+from kinematics.machine import Machine
+from kinematics.state import State
+from kinematics.transforms import Array, Pose
+from kinematics.user_error import UserError
+
+TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
+"""The virtual calibration paper, Table 3."""
+SPECIFICATIONS: Mapping[str, Instrument] = {
+    "laser-tracker": TRACKER,
+    "interferometer": Interferometer(u_um=0.2, u_um_per_m=0.5, u_straightness_um=0.5, u_angle_urad=1.0),
+    "part": Part(u_um=1.0, u_um_per_m=1.5),
+}
+"""Instruments unless other uncertainties are given."""
+AWAY_MM = 1500.0
+"""Distance from the volume to a tracker without a given position, mm."""
+NEAREST_MM = 1.0
+"""Smallest distance of a target from a tracker, mm; a closer one has no direction."""
+SETUP_S = 1200.0
+"""Time to move a tracker, s; virtual calibration paper, 3.2."""
+
+
+@dataclass(frozen=True)
+class VirtualInstrument:
+    """An instrument, its stations, and the faults of its data."""
+
+    instrument: Instrument
+    trackers: Sequence[tuple[float, float, float]] = ()
+    """Positions of a laser tracker, mm, in the frame of `stands_on`, one station each; default: before the volume."""
+    stands_on: Literal["workpiece", "bed"] = "workpiece"
+    reach: Reach | None = None
+    error_motions: Sequence[str] = ()
+    """Letters of the error motions of linear axes of an interferometer; default: the positioning deviation."""
+    noise_scale: float = 1.0
+    """Noise as a multiple of the uncertainties."""
+    faults: Faults = field(default_factory=Faults)
+    temperatures: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Start and end by sensor, K from 20 degC."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A virtual measurement."""
+
+    measurement: Measurement
+    notes: tuple[str, ...]
+    """Position of the tracker that was chosen, and the points beyond its reach."""
+    spoiled: tuple[str, ...]
+    """Numbers of outliers, doubled and missing rows."""
+
+
+def streams(seed: int, count: int) -> list[np.random.Generator]:
+    """Independent streams of random numbers."""
+    return [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(count)]
+
+
+def measure_plan(
+    plan: Plan,
+    model: ErrorModel,
+    virtual: VirtualInstrument,
+    draws: Sequence[np.random.Generator],
+    progress: Callable[[int], None] = lambda _: None,
+) -> Simulated:
+    """The observations of a machine with the errors `model` at the positions of a plan.
+
+    draws: random numbers of the poses, the noise and the faults. UserError for options that the instrument does not
+    have, for a tracker that sees no point, and for a tracker inside the targets.
+    """
+    state, poses, notes = _stationed(plan, virtual, draws[0])
+    check_names(model.effects, plan.targets, [] if state.station is None else np.unique(state.station).tolist())
+    state = with_temperatures(state, virtual.temperatures) if virtual.temperatures else state
+    rows, unseen = _reached(plan, state, virtual, poses)
+    repeat = len(state) // len(plan)
+    axis = component = None
+    if plan.axis is not None and isinstance(virtual.instrument, Interferometer):
+        every = np.tile(plan.axis, repeat)
+        if virtual.error_motions:
+            rows, component = _components(plan.machine, every[rows], rows, virtual.error_motions)
+        axis = every[rows]
+    measured = observe(
+        plan.machine, model, state.rows(rows), virtual.instrument, draws[1], poses, plan.targets,
+        stands_on=virtual.stands_on, axis=axis, run=np.tile(plan.run, repeat)[rows], component=component,
+        noise_scale=virtual.noise_scale, progress=progress,
+    )  # fmt: skip
+    if poses is not None:
+        check_distance(measured)
+    measured, spoiled = spoil(read_out(measured), virtual.faults, draws[2])
+    if not len(measured):
+        raise UserError("--missing leaves no observation")
+    return Simulated(measured, (*notes, *unseen), spoiled)
+
+
+def tracker_poses(
+    machine: Machine, positions: Array, trackers: Sequence[tuple[float, float, float]], rng: np.random.Generator
+) -> tuple[dict[str, Pose], tuple[str, ...]]:
+    """Poses of a tracker by station, at positions, mm, or before the volume of positions `(n, axes)`; notes."""
+    notes: tuple[str, ...] = ()
+    if not trackers:
+        trackers = [_before(machine, positions)]
+        position = ",".join(f"{v:g}" for v in trackers[0])
+        notes = (f"the tracker stands 1.5 m before the volume, at its middle: --tracker {position}",)
+    return {f"s{k}": tracker_pose(place, rng) for k, place in enumerate(trackers, start=1)}, notes
+
+
+def check_distance(measured: Measurement) -> None:
+    """UserError for a target inside the tracker."""
+    far = np.linalg.norm(measured.observed, axis=1) >= NEAREST_MM
+    if not far.all():
+        row = int(np.argmin(far))
+        assert measured.state.station is not None
+        raise UserError(
+            f"--tracker: observation {row + 1} is closer than {NEAREST_MM:g} mm to the tracker at "
+            f"{measured.state.station[row]}; it can't stand there"
+        )
+
+
+def check_names(effects: Sequence[Effect], targets: Mapping[str, object], stations: Sequence[str]) -> None:
+    """UserError for an effect of a target or a station that the measurement does not have."""
+    for effect in effects:
+        for what, names in (("target", list(targets)), ("station", list(stations))):
+            name = getattr(effect, what, None)
+            if name is not None and name not in names:
+                known = f"known are {', '.join(names)}" if names else "there is none"
+                raise UserError(f"--effect {effect.name}: no {what} {name!r}; {known}")
+
+
+def _before(machine: Machine, positions: Array) -> tuple[float, float, float]:
+    points = tool_point(machine, positions)
+    low, high = points.min(axis=0), points.max(axis=0)
+    _, y, z = ((low + high) / 2).round().tolist()
+    return float(round(low[0] - AWAY_MM)), y, z
+
+
+def _stationed(
+    plan: Plan, virtual: VirtualInstrument, rng: np.random.Generator
+) -> tuple[State, Mapping[str, Pose] | None, tuple[str, ...]]:
+    """The measured states, once for each station, the poses of a tracker at its stations, and notes."""
+    if not isinstance(virtual.instrument, LaserTracker):
+        if virtual.trackers:
+            raise UserError(f"--tracker is no option of --instrument {type(virtual.instrument).__struct_config__.tag}")
+        return plan.state, None, ()
+    poses, notes = tracker_poses(plan.machine, plan.positions, virtual.trackers, rng)
+    return at_stations(plan.state, list(poses), SETUP_S), poses, notes
+
+
+def _reached(
+    plan: Plan, state: State, virtual: VirtualInstrument, poses: Mapping[str, Pose] | None
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Rows that the instrument sees, and notes on the others."""
+    if virtual.reach is None:
+        return np.arange(len(state)), ()
+    if poses is None:
+        raise UserError("--elevation and --incidence are options of --instrument laser-tracker")
+    blank = Measurement(
+        plan.machine, virtual.instrument, state, np.zeros((len(state), 3)), plan.targets,
+        stands_on=virtual.stands_on, run=None,
+    )  # fmt: skip
+    seen = in_reach(blank, poses, virtual.reach)
+    if not seen.rows.any():
+        raise UserError(f"the tracker sees none of the points from where it stands: {'; '.join(seen.notes)}")
+    return np.flatnonzero(seen.rows), tuple(seen.notes)
+
+
+def _components(
+    machine: Machine, axis: np.ndarray, rows: np.ndarray, letters: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows `(m,)` of the plan, those of linear axes once for each error motion, and the error motions `(m,)`."""
+    linear = ~machine.rotary[[machine.index(name) for name in axis.tolist()]]
+    every = np.repeat(rows, np.where(linear, len(letters), 1))
+    component = np.concatenate([list(letters) if own else [""] for own in linear.tolist()])
+    return every, component
