@@ -28,17 +28,17 @@ demo: $(INSTALLED) ## compensate examples/box.nc for a DMU 50 and show what it g
 	$(BIN)/ncomp verify examples/$(PROGRAM) out/$(PROGRAM) --machine $(MACHINE) $(SETUP)
 
 test: $(INSTALLED) ## run the unit and the integration tests (ARGS="-k name" is passed on)
-	$(BIN)/pytest -n 2 -m "not statistical" $(ARGS)
+	$(BIN)/pytest -n 2 --dist worksteal -m "not statistical" $(ARGS)
 
-test-unit: $(INSTALLED) ## run the unit tests only, about a minute
-	$(BIN)/pytest -n 2 -m unit $(ARGS)
+test-unit: $(INSTALLED) ## run the unit tests only
+	$(BIN)/pytest -n 2 --dist worksteal -m unit $(ARGS)
 
 # pytest ends with 5 where there is no test to run.
 test-statistical: $(INSTALLED) ## run the tests with many draws only
-	$(BIN)/pytest -n 2 -m statistical $(ARGS) || [ $$? -eq 5 ]
+	$(BIN)/pytest -n 2 --dist worksteal -m statistical $(ARGS) || [ $$? -eq 5 ]
 
 test-all: $(INSTALLED) ## run every test; those of LinuxCNC fail, rather than skip, without rs274
-	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 $(ARGS)
+	NCOMP_REQUIRE_CLIENTS=1 $(BIN)/pytest -n 2 --dist worksteal $(ARGS)
 
 fuzz: $(INSTALLED) ## examine random programs with every fuzzer (PROGRAMS=200 SEED=2); what differs goes to tests/fuzz/found
 	$(BIN)/python -m tests.fuzz all --programs $(PROGRAMS) --seed $(SEED) --jobs 2

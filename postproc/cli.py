@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import os
 import signal
@@ -72,6 +73,12 @@ for _name, (_command, _epilog) in COMMANDS.items():
     app.command(_name, epilog=_epilog)(with_options(_command))
 
 
+@functools.cache
+def command_tree() -> Any:
+    """All commands with their options. The signatures are read once in a process."""
+    return typer.main.get_command(app)
+
+
 def run() -> None:
     """Entry point."""
     for stop in (signal.SIGTERM, signal.SIGHUP):
@@ -81,7 +88,7 @@ def run() -> None:
             stream.reconfigure(errors="replace")  # a terminal without lines for tables shows question marks
     try:
         try:
-            app(prog_name="ncomp")
+            command_tree()(prog_name="ncomp")
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()

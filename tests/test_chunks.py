@@ -39,6 +39,7 @@ def test_one_move_under_tcp_does_not_take_the_take_ups_of_other_moves_away():
     assert beside.text.splitlines()[1 : len(alone.text.splitlines())] == alone.text.splitlines()[1:]
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("play", [False, True], ids=["smooth", "play"])
 @pytest.mark.parametrize("writer", WRITERS)
 @settings(max_examples=8)

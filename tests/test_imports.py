@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import graphlib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -88,7 +89,10 @@ def imported(path: Path) -> set[str]:
     return found & FILES.keys()
 
 
-IMPORTS = {name: imported(path) - {name} for name, path in FILES.items()}
+@cache
+def imports() -> dict[str, set[str]]:
+    """The modules of the project that each of its modules imports."""
+    return {name: imported(path) - {name} for name, path in FILES.items()}
 
 
 def floor(name: str, floors: tuple[str, ...]) -> int | None:
@@ -98,10 +102,10 @@ def floor(name: str, floors: tuple[str, ...]) -> int | None:
     return next((n for n, folder in enumerate(floors) if name == folder or name.startswith(f"{folder}.")), None)
 
 
-def rising(imports: dict[str, set[str]], floors: tuple[str, ...]) -> list[str]:
+def rising(modules: dict[str, set[str]], floors: tuple[str, ...]) -> list[str]:
     """The imports that run up among these floors, or to a dialect beside."""
     wrong = []
-    for name, others in imports.items():
+    for name, others in modules.items():
         here = floor(name, floors)
         for other in sorted(others):
             there = floor(other, floors)
@@ -112,7 +116,7 @@ def rising(imports: dict[str, set[str]], floors: tuple[str, ...]) -> list[str]:
 
 @pytest.mark.parametrize("floors", [(*KINEMATICS, *CALIBRATION, *TOP), (*KINEMATICS, *POSTPROC, *TOP)])
 def test_imports_run_down(floors: tuple[str, ...]) -> None:
-    assert rising(IMPORTS, floors) == []
+    assert rising(imports(), floors) == []
 
 
 def test_every_module_has_a_floor() -> None:
@@ -128,7 +132,7 @@ def test_a_turned_import_is_found() -> None:
 def test_programs_and_calibrations_meet_in_the_commands_only() -> None:
     assert [
         f"{name} imports {other}"
-        for name, others in IMPORTS.items()
+        for name, others in imports().items()
         for other in sorted(others)
         if {name.split(".")[0], other.split(".")[0]} == {"postproc", "calibration"} and not name.startswith(BOTH_SIDES)
     ] == []
@@ -137,7 +141,7 @@ def test_programs_and_calibrations_meet_in_the_commands_only() -> None:
 def test_dialects_do_not_import_one_another() -> None:
     assert [
         f"{name} imports {other}"
-        for name, others in IMPORTS.items()
+        for name, others in imports().items()
         for other in sorted(others)
         for mine in BESIDE_EACH_OTHER
         if name.startswith(f"{mine}.") and other.startswith(BESIDE_EACH_OTHER) and not other.startswith(f"{mine}.")
@@ -145,7 +149,7 @@ def test_dialects_do_not_import_one_another() -> None:
 
 
 def test_no_module_imports_itself_by_a_detour() -> None:
-    graphlib.TopologicalSorter(IMPORTS).prepare()
+    graphlib.TopologicalSorter(imports()).prepare()
 
 
 def test_no_folder_is_too_large_to_read() -> None:

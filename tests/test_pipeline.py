@@ -139,6 +139,7 @@ def another(machine, seed):
     return dataclasses.replace(machine, axes=axes), {"offsets": offsets, "tools": tools}
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("name", MACHINES)
 @settings(max_examples=25)
 @given(seed=seeds, tcp=st.booleans(), told=st.booleans())

@@ -82,6 +82,7 @@ def test_the_directions_of_moves_need_no_full_solution():
     assert points[0] == report.moves
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize("kept", [0, 1])
 @pytest.mark.parametrize("writer", WRITERS)
 @settings(max_examples=8)
