@@ -13,9 +13,9 @@ from postproc.motion.moves import Arc
 
 
 def places(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
-    """Programmed positions `(k, axes)` at shares `(k,)` of the ways of rows `(k,)`, those of a row side by side.
+    """Programmed positions `(k, axes)` at shares `(k,)` of the paths of rows `(k,)`; equal rows are adjacent.
 
-    Where the two radii of an arc differ, the one runs evenly into the other.
+    If the radii at the two ends of an arc differ, the radius changes linearly between them.
     """
     start, target = motions.start[rows], motions.target[rows]
     program = np.asarray(start + shares[:, None] * (target - start))
@@ -32,7 +32,7 @@ def places(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
 
 
 def round_the_circle(arc: Arc, ends: tuple[complex, complex], shares: Array) -> np.ndarray:
-    """Points `(k,)`, complex, in the plane of an arc from one end to the other."""
+    """Complex points `(k,)` in the plane of an arc, mm, at shares `(k,)` of it; `ends`: its start and end."""
     start, end = ends
     centre = complex(*arc.centre)
     turned = sweep((start.real, start.imag), (end.real, end.imag), arc.centre, arc.sense, arc.full, arc.turns)

@@ -1,4 +1,4 @@
-"""Arcs of a block: the circle that its start, its end and what it says of the radius or the centre make."""
+"""Arcs of a block: the circle from its start, its end, and its programmed radius or centre."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CENTRES = "IJK"
 
 
 class Ends(NamedTuple):
-    """Where an arc begins and ends in its plane, mm, programmed coordinates."""
+    """Start and end of an arc in its plane, mm, programmed coordinates."""
 
     plane: tuple[int, int, int]
     """Columns of the first, second and normal axis."""
@@ -26,9 +26,9 @@ class Ends(NamedTuple):
 
 
 def begin_arc(block: Block, recorder: Recorder, plane: str, sense: int, target: list[float]) -> Ends:
-    """The ends of an arc from where the control stands to `target`; Refusal where the start is not known.
+    """The ends of an arc from the current position to `target`; Refusal if the start is not known.
 
-    plane: the letters of first, second and normal axis.
+    plane: the letters of the first, second and normal axis.
     """
     first, second, normal = (recorder.machine.index(letter) for letter in plane)
     if not (recorder.known[first] and recorder.known[second]):
@@ -48,9 +48,10 @@ def centre_letters(plane: str) -> tuple[str, str]:
 def centre_words(
     block: Block, other: Mapping[str, int], plane: str, value: Callable[[int], float], radius: str
 ) -> tuple[int | None, int | None]:
-    """Indices of the words of a centre in a plane; Refusal where there are none, or one that says another plane.
+    """Indices of the words of a centre in a plane; Refusal if there are none, or if one belongs to another plane.
 
-    other: indices of words by address; value: of the word of an index; radius: the address that would do as well.
+    other: indices of words by address. value: the value of a word by its index. radius: the address of a radius, for
+    the message.
     """
     letters = centre_letters(plane)
     stray = [a for a in CENTRES if a not in letters and a in other and value(other[a])]
@@ -63,14 +64,14 @@ def centre_words(
 
 
 def radius_alone(block: Block, other: Mapping[str, int], radius: str) -> int | None:
-    """The index of the word of the radius, if any; Refusal beside words of a centre."""
+    """The index of the radius word, if any; Refusal if the block also has words of a centre."""
     if radius in other and not other.keys().isdisjoint(CENTRES):
         raise block.refuse("an arc by its radius and its centre at once")
     return other.get(radius)
 
 
 def arc_by_radius(block: Block, ends: Ends, radius: float, word: int, form: str = "radius") -> Arc:
-    """The arc with this radius, mm, negative for the longer way round; Refusal where there is none."""
+    """The arc with this radius, mm, negative for the longer arc; Refusal if there is none."""
     centre = centre_from_radius(ends.start, ends.end, radius, ends.sense)
     if centre is None:
         raise block.refuse("no circle of this radius joins start and end")
@@ -86,9 +87,9 @@ def arc_by_centre(
     absolute: bool,
     hint: str = "",
 ) -> Arc:
-    """The arc round the centre that the block says, mm, as a place or from the start; Refusal for what is no circle.
+    """The arc around the programmed centre, mm: a position if `absolute`, otherwise an increment from the start.
 
-    hint: what the refusal says besides.
+    hint: text added to the message. Refusal if the ends do not lie on a circle around the centre.
     """
     x, y = (0.0, 0.0) if absolute else ends.start
     centre = (x + said[0], y + said[1])

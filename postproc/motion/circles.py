@@ -1,4 +1,4 @@
-"""Circles of arc moves: their centre from what the program gives, and the check that it is one."""
+"""Circles of arc moves: their centre from the programmed words, and the check that start and end lie on them."""
 
 from __future__ import annotations
 
@@ -6,26 +6,26 @@ import math
 
 Point = tuple[float, float]
 
-# LinuxCNC's end-point check, the tightest that is published: 28.3 um or 0.1 % of the radius, whichever is more.
+# The end-point check of LinuxCNC, the tightest published one: the larger of 28.3 um and 0.1 % of the radius.
 RADIUS_TOLERANCE_MM = 0.0283
 RADIUS_TOLERANCE_RATIO = 1e-3
 CLOSE = 5e-4
-"""mm: radii that differ by so little more at the two ends of a corrected arc are left so."""
+"""Increase of the radius difference between the ends of a corrected arc that is left uncorrected, mm."""
 OUT_OF_ROUND = 5e-3
-"""mm: radii that differ by so much at the two ends of an arc stop the controls that are strictest."""
+"""Radius difference between the ends of an arc at which the strictest controls stop, mm."""
 SHORT_ARC = 0.1
-"""1 - cos of half the angle, 52 deg, under which an arc is short."""
+"""1 - cos of half the sweep; arcs with a smaller value, of less than 52 deg, are short."""
 SAME = 1e-6
-"""mm: points nearer than this are one: no control counts finer, and sums of increments are not exact."""
+"""Distance below which two points are equal, mm: finer than any control, coarser than rounding of increments."""
 
 
 def same(a: Point, b: Point) -> bool:
-    """True for points that any control takes for one: an arc that joins them is a full circle."""
+    """True for points that every control treats as equal: an arc between them is a full circle."""
     return math.dist(a, b) < SAME
 
 
 def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
-    """Why no control runs this circle, None when the end points lie on it."""
+    """Reason why no control runs this circle; None if the end points lie on it."""
     first, last = math.dist(start, centre), math.dist(end, centre)
     if max(first, last) == 0.0:
         return "an arc of radius 0"
@@ -36,9 +36,9 @@ def radius_fault(start: Point, end: Point, centre: Point) -> str | None:
 
 
 def centre_from_radius(start: Point, end: Point, radius: float, sense: int) -> Point | None:
-    """Centre of the arc with this radius (negative: the longer way round), sense +1 counter-clockwise.
+    """Centre of the arc with this radius (negative: the longer arc), sense +1 counter-clockwise.
 
-    None when it is 0, the end points coincide, or they lie further apart than the diameter, but for rounding.
+    None if the radius is 0, the end points coincide, or their distance exceeds the diameter by more than rounding.
     """
     chord = math.dist(start, end)
     if radius == 0.0 or chord < SAME or chord / 2 > abs(radius) + RADIUS_TOLERANCE_MM:
@@ -82,7 +82,7 @@ def middle_share(turned: float) -> float:
 
 
 def tangent_circle(start: Point, end: Point, heading: Point) -> tuple[Point, int] | None:
-    """Centre and sense of the arc that leaves its start along the unit vector `heading`; None where it is a line."""
+    """Centre and sense of the arc that leaves its start along the unit vector `heading`; None for a straight line."""
     way = (end[0] - start[0], end[1] - start[1])
     across, chord = heading[0] * way[1] - heading[1] * way[0], math.hypot(*way)
     if chord < SAME or abs(across) < SAME * chord:
@@ -92,7 +92,7 @@ def tangent_circle(start: Point, end: Point, heading: Point) -> tuple[Point, int
 
 
 def circle_through(start: Point, middle: Point, end: Point) -> tuple[Point, int] | None:
-    """Centre and sense of the arc from start to end through a third point; None where they lie on a line."""
+    """Centre and sense of the arc from start to end through a third point; None if the points lie on a line."""
     (x1, y1), (x2, y2) = ((p[0] - start[0], p[1] - start[1]) for p in (middle, end))
     twice = 2.0 * (x1 * y2 - y1 * x2)
     if abs(twice) < SAME * max(math.hypot(x1, y1), math.hypot(x2, y2), SAME):
@@ -103,7 +103,10 @@ def circle_through(start: Point, middle: Point, end: Point) -> tuple[Point, int]
 
 
 def between(start: Point, end: Point, centre: Point) -> Point:
-    """The centre as far from the start as from the end, where these are a radius apart, so that it hardly moves."""
+    """The centre moved along the chord to equal distances from start and end; unchanged if the chord is below a radius.
+
+    On shorter chords that displacement could be large.
+    """
     chord = math.dist(start, end)
     if chord < math.dist(start, centre):
         return centre
@@ -113,7 +116,7 @@ def between(start: Point, end: Point, centre: Point) -> Point:
 
 
 def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool, turns: int = 0) -> float:
-    """Angle turned through, rad, positive counter-clockwise; 2 pi for a full circle; with whole turns besides."""
+    """Sweep of an arc, rad, positive counter-clockwise; 2 pi for a full circle; plus `turns` whole turns."""
     besides = sense * turns * 2 * math.pi
     if full:
         return sense * 2 * math.pi + besides
@@ -123,9 +126,9 @@ def sweep(start: Point, end: Point, centre: Point, sense: int, full: bool, turns
 
 
 def crossings(start: Point, centre: Point, turned: float, phase: float) -> list[float]:
-    """Where an arc that turns through `turned`, rad, crosses the line through its centre in the direction `phase`, rad.
+    """Shares of an arc, within 0..1, in order, at which it crosses the line through its centre in direction `phase`.
 
-    Shares of the arc, within 0..1, in order. The coordinate along that line reverses there.
+    `turned`: its sweep, rad; `phase` in rad. The coordinate along that line reverses there.
     """
     if turned == 0.0:
         return []
@@ -136,15 +139,16 @@ def crossings(start: Point, centre: Point, turned: float, phase: float) -> list[
 
 
 def point_at(start: Point, centre: Point, angle: float) -> Point:
-    """The start turned about the centre by `angle`, rad."""
+    """The start rotated about the centre by `angle`, rad."""
     c, s = math.cos(angle), math.sin(angle)
     x, y = start[0] - centre[0], start[1] - centre[1]
     return centre[0] + c * x - s * y, centre[1] + s * x + c * y
 
 
 def point_along(ends: tuple[Point, Point], centre: Point, turned: float, share: float) -> Point:
-    """The point at a share of an arc that turns through `turned`, rad; of different radii at its ends, the one runs
-    evenly into the other.
+    """The point at a share of an arc with the sweep `turned`, rad.
+
+    If the radii at the two ends differ, the radius changes linearly between them.
     """
     start, end = ends
     first, last = math.dist(start, centre), math.dist(end, centre)
@@ -161,7 +165,7 @@ def height_over_chord(start: Point, end: Point, centre: Point) -> float:
 
 
 def _beside_chord(start: Point, end: Point, height: float) -> Point:
-    """The point at `height` to the left of the middle of the chord, looking from start to end."""
+    """The point at a distance `height` to the left of the middle of the chord, seen from start to end."""
     chord = math.dist(start, end)
     mx, my = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
     return mx - height * (end[1] - start[1]) / chord, my + height * (end[0] - start[0]) / chord

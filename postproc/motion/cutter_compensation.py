@@ -1,7 +1,8 @@
-"""Moves that the control shifts by the radius of the tool: how far correcting their points may turn them.
+"""Cutter radius compensation: the largest change of direction that the correction of a move may cause.
 
-The control shifts each move along its normal. A move turned by an angle t shifts the path by the radius times t^2/2
-off what it should be, and its ends by the radius times t along it, where the next move cuts them off.
+The control shifts each move along its normal by the tool radius. If a correction rotates a move by an angle t, the
+shifted path deviates by radius * t^2/2 across the move, and its ends by radius * t along it, where the next move cuts
+them off.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
 
 MOST_TURNED = 0.01
-"""rad: 0.5 um off the path for a tool of 10 mm radius."""
+"""Largest change of direction, rad: a path deviation of 0.5 um for a tool of 10 mm radius."""
 
 
 def follow_contour(recorder: Recorder, plane: tuple[int, int], target: list[float], arc: Arc | None) -> None:
-    """The control shifts the next move; one that stays in the plane must not become a contour by a word of ours."""
+    """Record that the control shifts the next move by the tool radius.
+
+    A move that keeps its position in the plane must not get a word of ncomp that makes it a contour move.
+    """
     i, j = plane
     recorder.follow_contour(plane)
     if arc is None and same((recorder.position[i], recorder.position[j]), (target[i], target[j])):
@@ -26,7 +30,7 @@ def follow_contour(recorder: Recorder, plane: tuple[int, int], target: list[floa
 
 
 def check_turned(block: Block, before: tuple[Point, Point], after: tuple[Point, Point]) -> None:
-    """Refuse a move, start and end in its plane, that its correction turns too far: one about as short as itself."""
+    """Refusal if the correction turns a move, start and end in its plane, too far: the move is too short for it."""
     (x0, y0), (x1, y1) = ((end[0] - start[0], end[1] - start[1]) for start, end in (before, after))
     if math.hypot(x0, y0) < SAME and math.hypot(x1, y1) < SAME:
         return

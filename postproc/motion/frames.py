@@ -1,4 +1,4 @@
-"""Frames: what programmed coordinates mean in machine axes, nominally."""
+"""Frames: the nominal relation between programmed coordinates and machine axes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from kinematics.touch_off import TouchOff
 from kinematics.transforms import Array
 
 ALIKE = 1e-9
-"""Scales that differ by no more, of themselves, differ by rounding."""
+"""Relative difference of two scales below which it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -27,34 +27,34 @@ class Frame:
 
     offset: tuple[float, ...]
     tool_length: float = 0.0
-    """Of the tool in the spindle, mm: the tip is at (0, 0, -length) from the tool reference point."""
+    """Length of the tool in the spindle, mm: the tip is at (0, 0, -length) from the tool reference point."""
     tcp: bool = False
     turn: tuple[float, ...] | None = None
-    """Matrix of X Y Z, three rows, that rotates, mirrors and scales; None for none."""
+    """Matrix `(9,)`, by rows, that rotates, mirrors and scales X Y Z; None for none."""
     touch_off: TouchOff | None = None
-    """Touch-off of the work offset of the frame; None if the offset is true, or if there is none."""
+    """Touch-off of the work offset of the frame; None if the offset is true or there is no work offset."""
     work_offset: str = field(default="", compare=False)
     """Name of the work offset in `offset`; empty for machine zero."""
     tool_name: str = field(default="", compare=False)
-    """Number or name of the tool that `tool_length` is looked up for; empty for none."""
+    """Number or name of the tool with `tool_length`; empty for none."""
 
     @property
     def couples(self) -> bool:
-        """True where a programmed coordinate moves more than the axis of its name."""
+        """True if a programmed coordinate moves more than the axis of its name."""
         return self.turn is not None and any(self.turn[i] != 0.0 for i in (1, 2, 3, 5, 6, 7))
 
     @property
     def shares(self) -> NDArrayBool:
         """True `(3, 3)` where machine axis X, Y or Z (row) moves with the programmed X, Y or Z (column).
 
-        Under TCP a turn couples them all, for it turns with the table.
+        Under TCP a turn couples all of them, because the programmed frame rotates with the table.
         """
         if not self.couples:
             return np.eye(3, dtype=bool)
         return np.ones((3, 3), bool) if self.tcp else np.asarray(_matrix(self.turn or ()) != 0.0)
 
     def keeps_circles(self, letters: str) -> bool:
-        """True where a circle in the plane of two axes, of `XYZ`, stays one: both are scaled alike."""
+        """True if a circle in the plane of two axes, of `XYZ`, remains a circle: both axes have the same scale."""
         if self.turn is None:
             return True
         first, second = (_matrix(self.turn)[:, "XYZ".index(letter)] for letter in letters)
@@ -62,7 +62,7 @@ class Frame:
         return bool(abs(second @ second - size) < ALIKE * size and abs(first @ second) < ALIKE * size)
 
     def turned(self, vector: Array) -> Array:
-        """A direction `(3,)` in programmed coordinates as one in those that the offset leads to."""
+        """A direction `(3,)` in programmed coordinates, after the turn."""
         return vector if self.turn is None else np.asarray(_matrix(self.turn) @ vector)
 
     @property
@@ -72,7 +72,7 @@ class Frame:
 
 
 def cartesian(machine: Machine) -> tuple[int, int, int]:
-    """Columns of the axes X, Y and Z; UserError when the machine lacks one."""
+    """Columns of the axes X, Y and Z; UserError if the machine lacks one."""
     return machine.index("X"), machine.index("Y"), machine.index("Z")
 
 
@@ -122,41 +122,41 @@ class Placement:
     turn: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
     def then(self, inner: Placement) -> Placement:
-        """This one, with another inside: what is programmed goes through the inner one first."""
+        """Both placements in sequence: programmed coordinates pass through `inner` first."""
         outer = _matrix(self.turn)
         shift = outer @ np.array(inner.shift) + np.array(self.shift)
         return Placement(tuple(shift.tolist()), tuple((outer @ _matrix(inner.turn)).ravel().tolist()))
 
     @property
     def frame_turn(self) -> tuple[float, ...] | None:
-        """The turn of a Frame, None for none."""
+        """The turn of a Frame; None for the identity."""
         return None if self.turn == Placement().turn else self.turn
 
 
 def renamed(before: Placement, after: Placement) -> tuple[int, ...]:
-    """Those of X, Y and Z (0, 1, 2) whose coordinates differ between two placements."""
+    """Axes of X, Y and Z (0, 1, 2) whose coordinates differ between two placements."""
     old, new = (np.linalg.inv(_matrix(place.turn)) for place in (before, after))
     origin_moved = ~np.isclose(old @ np.array(before.shift), new @ np.array(after.shift), rtol=0.0, atol=1e-12)
     return tuple(np.flatnonzero((old != new).any(axis=1) | origin_moved).tolist())
 
 
 def shifted(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Placement:
-    """The origin at another place."""
+    """The origin shifted to a position, mm."""
     return Placement((x, y, z))
 
 
 def mirrored(axes: str) -> Placement:
-    """The other way round along some axes."""
+    """Mirrored along the given axes."""
     return Placement(turn=_diagonal(*(-1.0 if axis in axes else 1.0 for axis in "XYZ")))
 
 
 def scaled(x: float, y: float, z: float) -> Placement:
-    """Larger by a factor along each axis."""
+    """Scaled by a factor along each axis."""
     return Placement(turn=_diagonal(x, y, z))
 
 
 def rotated(degrees: float, plane: str = "XYZ") -> Placement:
-    """Turned in a plane, counter-clockwise seen from the end of its normal: the last of three letters."""
+    """Rotated in a plane, counter-clockwise seen from the end of its normal: the last of three letters."""
     first, second, _ = ("XYZ".index(letter) for letter in plane)
     c, s = _exact(np.cos, degrees), _exact(np.sin, degrees)
     turn = np.eye(3)
@@ -170,6 +170,6 @@ def _diagonal(x: float, y: float, z: float) -> tuple[float, ...]:
 
 
 def _exact(function: np.ufunc, degrees: float) -> float:
-    """Sine or cosine, without what rounding leaves of those of right angles."""
+    """Sine or cosine, exact at multiples of 90 degrees."""
     value = float(function(np.deg2rad(degrees % 360.0)))
     return round(value) if abs(value - round(value)) < 1e-15 else value

@@ -20,7 +20,7 @@ from postproc.text.block import Block
 class Motions:
     """One row per move, in program order; positions `(n, axes)` in programmed coordinates, mm and degrees.
 
-    Its columns are read-only: the same ones belong to several Motions, and are kept from chunk to chunk.
+    Its columns are read-only, because several Motions share them.
     """
 
     machine: Machine
@@ -35,33 +35,33 @@ class Motions:
     unit: Array
     """mm per unit of the words `(n,)`: 1, or 25.4 in an inch block."""
     incremental: np.ndarray
-    """True `(n,)` where a word added to the block would be read as an increment (G91)."""
+    """True `(n,)` where the control reads a word added to the block as an increment (G91)."""
     timed: np.ndarray
-    """True `(n,)` where F gives the time of the move (G93) and not a speed."""
+    """True `(n,)` where F is the inverse time of the move (G93) and not a speed."""
     settled: np.ndarray
-    """True `(n,)` where the frame before the block is that which it is read in."""
+    """True `(n,)` where the block does not change the frame before its move."""
     added: np.ndarray
-    """True `(n,)` for moves with a block of ncomp's own: take-ups, and all pieces of a move but the first."""
+    """True `(n,)` for moves with an added block: backlash take-ups, and all segments of a move except the first."""
     begin: Array
-    """Share `(n,)` of the programmed move at which a row begins; nan for a piece that begins where an arc turns back,
-    and which the quarters of the circle tell."""
+    """Share `(n,)` of the programmed move at which a row begins; nan for a segment that begins at a reversal within an
+    arc: the share then follows from the quadrants of the circle."""
     start: Array
     target: Array
     known_start: np.ndarray
-    """Known `(n, axes)`, before the move."""
+    """`Known` `(n, axes)` before the move."""
     known: np.ndarray
-    """Known `(n, axes)`, after the move."""
+    """`Known` `(n, axes)` after the move."""
     words: Sequence[tuple[AxisWord, ...]]
     arcs: Mapping[int, Arc]
     """By row."""
     cycles: Mapping[int, Cycle] = field(default_factory=dict)
     """By row."""
     polars: Mapping[int, Polar] = field(default_factory=dict)
-    """By row, of moves whose words say places in polar coordinates."""
+    """By row of a move with a position in polar coordinates."""
     contours: Mapping[int, tuple[int, int]] = field(default_factory=dict)
-    """By row of a move that the control shifts by the radius of the tool: columns of the plane."""
+    """Columns of the plane, by row of a move that the control shifts by the tool radius."""
     still: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
-    """By row: columns of axes that no word of ours may name in it."""
+    """Columns of axes for which no word may be added to the block, by row."""
     polar_ends: Mapping[int, PolarEnd] = field(default_factory=dict)
     """By index of the block."""
 
@@ -74,7 +74,7 @@ class Motions:
 
     @property
     def judged(self) -> NDArrayBool:
-        """Rows `(n,)` that end where the program has said all axes that place the tool: what correction answers for."""
+        """Rows `(n,)` that end a programmed move with all linear axes programmed: the moves that are evaluated."""
         return np.asarray(self._said(self.known) & self.programmed & ~self.inner)
 
     @property
@@ -84,12 +84,12 @@ class Motions:
 
     @property
     def correctable(self) -> NDArrayBool:
-        """Programmed positions `(n, axes)` that the program has given: those that a word may change."""
+        """True `(n, axes)` where the program has given the position, so that a word may change it."""
         return np.asarray(self.known == Known.PROGRAM)
 
     @property
     def movable(self) -> NDArrayBool:
-        """Machine axes `(n, axes)` that are moved by a position that the program has given."""
+        """True `(n, axes)` for machine axes that a position given by the program moves."""
         movable: NDArrayBool = self.correctable & self.programmed[:, None]
         x_y_z = np.array(cartesian(self.machine))
         for i, frame in enumerate(self.frames):
@@ -105,12 +105,12 @@ class Motions:
 
     @property
     def coupled(self) -> NDArrayBool:
-        """Rows `(n,)` whose programmed coordinates are not those of single axes of the machine."""
+        """Rows `(n,)` in which a programmed coordinate may move several axes of the machine."""
         return np.asarray(np.array([frame.tcp or frame.couples for frame in self.frames], bool)[self.frame])
 
     @property
     def inner(self) -> NDArrayBool:
-        """Rows `(n,)` that end inside a programmed move: take-ups, and all pieces of a move but the last."""
+        """Rows `(n,)` that end inside a programmed move: backlash take-ups, and all segments except the last."""
         inner = np.asarray(self.kind == Kind.TAKE_UP)
         moves = np.flatnonzero(~inner)
         inner[moves[:-1]] = self.added[moves[1:]]
@@ -118,10 +118,11 @@ class Motions:
 
     @property
     def turning(self) -> NDArrayBool:
-        """Feed moves `(n,)` that turn rotary axes and leave the tool where it is in programmed coordinates.
+        """Feed moves `(n,)` of rotary axes alone: the tool keeps its programmed position.
 
-        Their F is a speed of turning. A correction of some micrometres would make it, on controls where F is the
-        speed of X Y Z when any of them moves, the speed along those micrometres: the rotary axes would run at rapid.
+        Their F is an angular speed. On controls where F is the speed of X Y Z as soon as one of them moves, a
+        correction of some micrometres would make F the speed along these micrometres: the rotary axes would run at
+        rapid.
         """
         way = np.abs(self.target - self.start)
         linear, rotary = list(self.machine.translators), self.machine.rotary
@@ -142,12 +143,12 @@ class Motions:
         return replace(self, words=words, **columns, **by_row)
 
     def copies(self, *names: str) -> tuple[Any, ...]:
-        """Copies of some columns, which may be changed, for a Motions of other moves."""
+        """Writable copies of columns, for new Motions."""
         return tuple(getattr(self, name).copy() for name in names)
 
     @property
     def judged_ways(self) -> NDArrayBool:
-        """Feed moves `(n,)`, pieces too, whose way between is known."""
+        """Feed moves `(n,)`, also segments, whose start and end the program has given."""
         judged = self._said(self.known_start) & self._said(self.known)
         return np.asarray(judged & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
@@ -184,7 +185,7 @@ class Motions:
         return np.asarray(tools[self.frame])
 
     def along(self, share: float) -> Array:
-        """Programmed positions `(n, axes)` at a share of the way of each move, on arcs round their circle.
+        """Programmed positions `(n, axes)` at a share of the path of each move, for arcs along the circle.
 
         If the two radii of an arc differ within the tolerance of controls, the radius changes linearly between them.
         """
@@ -201,7 +202,7 @@ class Motions:
 
     @property
     def bare(self) -> Motions:
-        """The columns alone."""
+        """The columns alone, without words, arcs and other entries by row."""
         nothing: dict[str, Any] = {name: {} for name in BY_ROW}
         return replace(self, words=[], polar_ends={}, **nothing)
 
@@ -230,9 +231,9 @@ COLUMNS = (
 )
 """Fields of Motions with one row per move."""
 LISTS = ("frames", "blocks", "words")
-"""Fields of Motions that columns refer to, or with one entry per move."""
+"""List fields of Motions: one entry per frame, block or move."""
 BY_ROW = ("arcs", "cycles", "polars", "contours", "still")
-"""Fields of Motions that say more of some rows."""
+"""Fields of Motions with entries for some rows."""
 
 
 def merged(parts: Sequence[Motions]) -> Motions:

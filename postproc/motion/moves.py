@@ -1,4 +1,4 @@
-"""What one move is: its kind, its words, its circle, hole or polar place; and where its axes' places are from."""
+"""Parts of one move: kind, words, circle, hole, polar position, and the source of its axis positions."""
 
 from __future__ import annotations
 
@@ -7,35 +7,35 @@ from typing import NamedTuple
 
 
 class Kind(IntEnum):
-    """What a move is."""
+    """Kind of a move."""
 
     RAPID = 0
     LINE = 1
     ARC = 2
     MACHINE = 3
-    """To machine coordinates (G53, M91): recorded for what it leaves behind, never corrected."""
+    """To machine coordinates (G53, M91): recorded for the position at its end, never corrected."""
     TAKE_UP = 4
-    """Of ncomp's own: takes up the play of axes that are about to go back. Its known axes are those that it moves."""
+    """Backlash take-up, added by ncomp before axes reverse. Its known axes are the axes that it moves."""
 
     CYCLE = 5
-    """Of a canned cycle, to the bottom of a hole; then back, to where the next move starts."""
+    """Canned cycle: to the bottom of a hole, then back to the start of the next move."""
     PRESET = 6
-    """No move: says what the place where the tool stands is called (G92), in the frame that this makes."""
+    """No move: sets the coordinates of the current position (G92), in the frame that results."""
 
     PATTERN = 7
-    """To a hole of a pattern behind its first: it goes with that one."""
+    """To a later hole of a pattern: it gets the correction of the first hole."""
 
 
 class Known(IntEnum):
-    """Where the position of an axis comes from."""
+    """Source of the position of an axis."""
 
     ASSUMED = 0
-    """The program has not said it; taken at home."""
+    """Not programmed; assumed at home."""
     MACHINE = 1
-    """Said in machine coordinates, or in a frame that has been left since. Where that is in the present frame is only
-    as sure as the offsets that were given, so the axis is neither corrected nor ever named by a word of ours."""
+    """Programmed in machine coordinates, or in an earlier frame. Its coordinate in the present frame depends on the
+    given offsets, so the axis is not corrected and no word is added for it."""
     PROGRAM = 2
-    """Said in the programmed frame: the axis stands at a corrected position."""
+    """Programmed in the present frame: the axis is at a corrected position."""
 
 
 class AxisWord(NamedTuple):
@@ -43,12 +43,12 @@ class AxisWord(NamedTuple):
 
     axis: int
     word: int
-    """Index into the words of the block; -1 where it says the axis in another way."""
+    """Index into the words of the block; -1 if the block gives the axis in another form."""
     incremental: bool
 
 
 class Arc(NamedTuple):
-    """The circle of an arc move, in programmed coordinates (mm)."""
+    """Circle of an arc move, mm, programmed coordinates."""
 
     plane: tuple[int, int, int]
     """Columns of the first, second and normal axis, right-handed: G17 X Y Z, G18 Z X Y, G19 Y Z X."""
@@ -56,64 +56,64 @@ class Arc(NamedTuple):
     """+1 counter-clockwise seen from the normal axis' positive end."""
     centre: tuple[float, float]
     full: bool
-    """True when start and end coincide and the move goes once round."""
+    """True if start and end coincide and the move is a full circle."""
     form: str
-    """How the program gives the circle: `incremental` or `absolute` (I J K), `radius`, or `radius-absolute` where I J K
-    instead would be positions; in Klartext `pole` (CC), `polar` (CC, and the end by an angle), or `tangent`; by
-    Siemens CIP and CT `worked-out`, which a correction writes as `incremental`."""
+    """Form of the programmed circle: `incremental` or `absolute` (I J K); `radius`, or `radius-absolute` if I J K would
+    be positions; Klartext `pole` (CC), `polar` (CC, and the end by an angle) or `tangent`; Siemens `worked-out` (CIP
+    and CT), which a correction writes as `incremental`."""
     words: tuple[int | None, int | None]
-    """Indices of the centre words in the block; of the radius word, and None, for both kinds of `radius`."""
+    """Indices of the centre words in the block; for both kinds of `radius`: of the radius word, and None."""
     pole_block: int = -1
-    """For `pole` and `polar`: the block of the chunk that holds the CC, -1 when it came earlier."""
+    """For `pole` and `polar`: index of the block with the CC in the chunk; -1 if it is in an earlier chunk."""
     turns: int = 0
-    """Whole turns of a helix besides the arc from start to end, or besides the full circle."""
+    """Whole turns of a helix in addition to the arc from start to end, or to the full circle."""
     pole: int = 0
-    """Number of the pole among those of the program, 0 for none."""
+    """Number of the pole in the program; 0 for none."""
 
 
 class PolarEnd(NamedTuple):
-    """How a Klartext block says its end: by an angle about a pole and, unless it is an arc, the distance from it."""
+    """Polar end of a Klartext block: an angle about a pole and, except for arcs, the distance from it."""
 
     plane: tuple[int, int, int]
     pole: tuple[float, float]
-    """In programmed coordinates, mm."""
+    """Pole, mm, programmed coordinates."""
     number: int
-    """Of the pole, among those of the program."""
+    """Number of the pole in the program."""
     sure: bool
-    """The control holds the pole as it is here, as long as no arc of ncomp's has moved it."""
+    """True if the pole on the control is `pole`, unless an added arc has moved it."""
     radius: int | None
     """Index of the word PR or IPR."""
     angle: int | None
-    """Of PA or IPA."""
+    """Index of the word PA or IPA."""
 
 
 class Cycle(NamedTuple):
-    """A hole of a canned cycle; values in programmed coordinates, mm."""
+    """Hole of a canned cycle; values in programmed coordinates, mm."""
 
     axis: int
-    """Column of the axis that drills."""
+    """Column of the drilling axis."""
     word: int | None
-    """Index of the word that says the depth, None where that of a block before still holds."""
+    """Index of the depth word; None if the depth of an earlier block is in force."""
     retract_word: int | None
-    """Index of R, likewise."""
+    """Index of the R word; None if the R of an earlier block is in force."""
     clear: float
-    """The level that R says, where the feed begins."""
+    """Level R, at which the feed begins, mm."""
     incremental: bool
-    """The depth counts from R, and R from the level before the cycle."""
+    """True if the depth is measured from R, and R from the level before the cycle."""
     to_retract: bool | None
-    """The cycle ends at R (G99) and not at the level before it (G98); None where the program says neither."""
+    """True if the cycle ends at R (G99), False at the level before it (G98); None if neither is programmed."""
     first: bool
-    """Where the axis stands before it is the level before the cycle."""
+    """True if the position of the axis before this hole is the level before the cycle."""
     switched: bool = False
-    """Its block is in G90 and the start of the cycle in G91, or the reverse."""
+    """True if its block is in G90 and the start of the cycle in G91, or the reverse."""
 
 
 class Polar(NamedTuple):
-    """The place in a plane by radius, mm, and angle, degrees, round the programmed origin."""
+    """Position in a plane by radius, mm, and angle, degrees, about the programmed origin."""
 
     axes: tuple[int, int]
-    """Columns; the angle is counted from the first towards the second."""
+    """Columns; the angle is measured from the first axis towards the second."""
     radius: float
     angle: float
     words: tuple[int | None, int | None]
-    """Indices of the words of radius and angle, None where that of a block before still holds."""
+    """Indices of the radius and angle words; None if the value of an earlier block is in force."""

@@ -1,4 +1,4 @@
-"""The recorder: the position as an interpreter of a dialect moves it, and the rows of `Motions` that come of it."""
+"""The recorder: the position that the interpreter of a dialect moves, and the resulting rows of `Motions`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _Row = tuple[int, Kind, int, float, bool, bool, bool, _Places, _Places, _Knowled
 
 @dataclass
 class Recorder:
-    """The control's position as a dialect's interpreter moves it, and the rows that come of it.
+    """The position of the control, which the interpreter of a dialect moves, and the recorded rows.
 
-    Positions are kept in programmed coordinates of the present frame. `finish` hands over the rows of a chunk of
-    blocks; position, frame and knowledge carry over to the next.
+    Positions are in programmed coordinates of the present frame. `finish` returns the rows of a chunk of blocks;
+    position, frame and `known` carry over to the next chunk.
     """
 
     machine: Machine
@@ -38,12 +38,12 @@ class Recorder:
     _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
     _by_row: dict[str, dict[int, Any]] = field(init=False)
     _polar_ends: dict[int, PolarEnd] = field(init=False, default_factory=dict)
-    """By block, since the last call of `finish`."""
+    """By index of the block, since the last call of `finish`."""
     _frames: list[Frame] = field(init=False)
     _last: tuple[Frame, _Places, _Places, Arc | None] | None = field(init=False, default=None)
-    """The last move: its frame, start and end, and its circle."""
+    """Frame, start, end and circle of the last move."""
     _first_lengths: dict[str, float] = field(init=False, default_factory=dict)
-    """Length of the first tool that moved in each work offset, mm, by its name."""
+    """Length of the first tool that moved in each work offset, mm, by name of the work offset."""
     used: Frame | None = field(init=False, default=None)
     """The frame of the last programmed move."""
 
@@ -59,9 +59,9 @@ class Recorder:
     def set_frame(self, frame: Frame, axes: Iterable[int] | None = None) -> None:
         """Program in another frame from here; the machine does not move.
 
-        The axes whose coordinates mean something else now are no longer said by the program. They are given by what
-        the program says, for two offsets that nobody has entered are both zero here and differ on the machine; None
-        for those whose offset differs.
+        `axes`: columns of the axes whose coordinates change their meaning; they are marked uncertain. The caller
+        derives them from the program: two offsets that nobody has entered are both zero here and differ on the
+        machine. None for the axes whose offset differs.
         """
         self.doubt(self._moved_by(frame) if axes is None else axes)
         before, self.frame = self.frame, frame
@@ -86,10 +86,10 @@ class Recorder:
         timed: bool = False,
         settled: bool = True,
     ) -> None:
-        """A move in the programmed frame to `target`, of which `words` name the axes that the block names.
+        """Record a move in the programmed frame to `target`; `words` are the axis words of its block.
 
-        An increment says as much about where the axis is as was known before. Not `settled` when the block itself
-        has changed the frame.
+        An increment leaves the knowledge of the axis unchanged. `settled` is false if the block itself changes the
+        frame.
         """
         if arc is not None:
             self._by_row["arcs"][len(self._rows)] = arc
@@ -114,7 +114,7 @@ class Recorder:
         words: tuple[AxisWord, ...],
         cycle: Cycle,
     ) -> None:
-        """A hole of a canned cycle, its depth in `target`; the axis comes back to `level`, all in mm and degrees."""
+        """Record a hole of a canned cycle with its depth in `target`; the axis returns to `level`; mm and degrees."""
         before = self.known[cycle.axis]
         self._by_row["cycles"][len(self._rows)] = cycle
         if not cycle.incremental:
@@ -128,34 +128,34 @@ class Recorder:
             self.known[cycle.axis] = before
 
     def say_polar(self, polar: Polar) -> None:
-        """The next move says its place in a plane so, and its words name no axis of it."""
+        """Record the polar position of the next move, whose words name no axis of its plane."""
         self._by_row["polars"][len(self._rows)] = polar
 
     def say_end(self, block: int, end: PolarEnd) -> None:
-        """A block says its end about a pole."""
+        """Record the polar end of a block."""
         self._polar_ends[block] = end
 
     def follow_contour(self, plane: tuple[int, int]) -> None:
-        """The next move is one that the control shifts by the radius of the tool, in a plane of these columns."""
+        """Record that the control shifts the next move by the tool radius, in a plane of these columns."""
         self._by_row["contours"][len(self._rows)] = plane
 
     def keep_still(self, axes: tuple[int, ...]) -> None:
-        """In the next move no word of ours may name these axes."""
+        """Record that no word for these axes may be added to the next move."""
         self._by_row["still"][len(self._rows)] = axes
 
     def call(self, block: int, unit: float, words: tuple[AxisWord, ...]) -> None:
-        """Words that say where the axes stand in the present frame, which they have made."""
+        """Record a preset: its words give the current position in the present frame, which they define."""
         self._record(block, Kind.PRESET, self.position, unit, (False, False, True), words, tuple(self.known))
 
     def leave_at(self, block: int, axis: int, place: float) -> None:
-        """A cycle of the control leaves an axis at a programmed place, mm, which stays as it is written."""
+        """Record that a cycle of the control leaves an axis at a programmed position, mm, which is not corrected."""
         target, before = list(self.position), tuple(self.known)
         target[axis] = place
         self.known[axis] = Known.PROGRAM
         self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), (AxisWord(axis, 0, False),), before)
 
     def move_to_machine_position(self, block: int, targets: dict[int, float], words: tuple[AxisWord, ...]) -> None:
-        """A move of some axes to machine positions, mm and degrees."""
+        """Record a move of some axes to machine positions, mm and degrees."""
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
         before = tuple(self.known)
         for axis, value in targets.items():
@@ -167,13 +167,13 @@ class Recorder:
         self._last = None
 
     def axis(self, block: Block, name: str) -> int:
-        """Column of an axis that a block names; Refusal when the machine has none of that name."""
+        """Column of an axis that a block names; Refusal if the machine has no such axis."""
         if name not in self.machine.names:
             raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {name}")
         return self.machine.index(name)
 
     def target(self, block: Block, words: Iterable[tuple[AxisWord, float]]) -> list[float]:
-        """Where a move with these words, mm and degrees, ends; Refusal for an increment from an unknown position."""
+        """End of a move with these words, mm and degrees; Refusal for an increment from an unknown position."""
         target = list(self.position)
         for word, value in words:
             if not word.incremental:
@@ -187,14 +187,14 @@ class Recorder:
 
     @property
     def stayed(self) -> bool:
-        """The last move, a line, ended where it had begun."""
+        """True if the last move was a line with equal start and end."""
         if self._last is None:
             return False
         _, start, end, arc = self._last
         return arc is None and all(abs(a - b) < SAME for a, b in zip(start, end, strict=True))
 
     def heading(self, plane: tuple[int, int, int]) -> tuple[float, float] | None:
-        """The unit direction in which the last move arrived, in a plane; None where there is none in this frame."""
+        """Unit direction in a plane at the end of the last move; None if there is none in this frame."""
         if self._last is None or self._last[0] != self.frame:
             return None
         _, start, end, arc = self._last
@@ -209,12 +209,12 @@ class Recorder:
         return (x / length, y / length) if length > SAME else None
 
     def doubt(self, axes: Iterable[int] | None = None) -> None:
-        """These axes, or all, may stand elsewhere than the program has said: not named until it says so again."""
+        """Mark these axes, or all, uncertain: no word is added for them until the program gives their position."""
         for axis in range(len(self.known)) if axes is None else axes:
             self.known[axis] = min(self.known[axis], Known.MACHINE)
 
     def forget(self, axes: list[int]) -> None:
-        """The axes now stand somewhere the program does not say; taken at home."""
+        """Mark the positions of these axes unknown; they are assumed at home."""
         self._last = None
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
         for axis in axes:
@@ -225,7 +225,7 @@ class Recorder:
         self.position = to_program(self.machine, self.frame, q[None])[0].tolist()
 
     def finish(self, blocks: list[Block]) -> Motions:
-        """The rows recorded since the last call, which belong to these blocks."""
+        """The rows recorded since the last call, for these blocks."""
         rows, words, by_row, frames = self._rows, self._words, self._by_row, self._frames
         self._rows, self._words, self._by_row, self._frames = [], [], {name: {} for name in BY_ROW}, [self.frame]
         polar_ends, self._polar_ends = self._polar_ends, {}
@@ -256,9 +256,10 @@ class Recorder:
         )
 
     def _with_probes(self, frames: list[Frame], rows: list[_Row]) -> list[Frame]:
-        """Frames whose touch-offs have a length: without a probe, that of the first tool that moves in the work offset.
+        """The frames, with a length in each touch-off.
 
-        What moves before any tool is known keeps a touch-off without a length.
+        Without a probe it is the length of the first tool that moves in the work offset. Moves before the first tool
+        keep a touch-off without a length.
         """
         used = {frame for _, kind, frame, *_ in rows if kind not in (Kind.MACHINE, Kind.PRESET)}
         found = []
@@ -291,7 +292,7 @@ class Recorder:
         self._words.append(words)
 
     def _moved_by(self, frame: Frame) -> list[int]:
-        """Axes whose coordinates mean something else in another frame."""
+        """Columns of the axes whose coordinates change their meaning in another frame."""
         old, new = self.frame.offset, frame.offset
         moved = {i for i, (a, b) in enumerate(zip(old, new, strict=True)) if a != b}
         if (frame.tcp or self.frame.tcp or frame.turn != self.frame.turn) and frame != self.frame:
@@ -299,7 +300,7 @@ class Recorder:
         return sorted(moved)
 
     def _coupled(self, moved: Iterable[int]) -> list[int]:
-        """Axes whose programmed coordinates change when some axes move in machine coordinates."""
+        """Columns of the axes whose programmed coordinates change if some axes move in machine coordinates."""
         x_y_z = cartesian(self.machine)
         if self.frame.tcp:
             return list(x_y_z)

@@ -1,4 +1,4 @@
-"""Directions: which way each axis has moved last, for effects such as backlash."""
+"""Direction of the last motion of each axis, for effects such as backlash."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from postproc.motion.moves import Kind, Known
 from postproc.motion.segments import turning_points
 
 INNER = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
-"""Shares of the way of a move at which it is looked at between its ends."""
+"""Shares of the path of a move at which it is evaluated between its ends."""
 
 
 def needs_direction(effect: Effect) -> bool:
-    """True for effects that depend on the direction an axis has come from."""
+    """True for effects that depend on the approach direction of an axis."""
     return effect.ACTS_ON != "instrument" and "approach" in effect.needs
 
 
@@ -30,35 +30,35 @@ def axes_with_play(model: ErrorModel, machine: Machine) -> tuple[int, ...]:
 
 
 def dead_band(machine: Machine, tolerance_um: float) -> Array:
-    """How far `(axes,)`, mm and rad, an axis goes back before that counts as a reversal: half the tolerance.
+    """Travel `(axes,)`, mm and rad, that an axis must go back before it counts as a reversal: half the tolerance.
 
-    The other half is left for the ways between the places that are looked at. A tolerance in um is one in urad for
-    rotary axes; no axis counts steps smaller than its resolution.
+    The other half is for the path between the evaluated positions. A tolerance in um is taken in urad for rotary axes.
+    The dead band is never smaller than the resolution of the axis.
     """
     resolution = np.array([axis.resolution for axis in machine.axes]) * machine.scale
     return np.maximum(0.5e-3 * tolerance_um * np.where(machine.rotary, 1e-3, 1.0), resolution)
 
 
 class Directions:
-    """The direction of the last move of each axis with play, row after row.
+    """Direction of the last motion of each axis with backlash, row after row.
 
-    An axis that has gone back by no more than the dead band keeps its direction: so an axis that stands, or nearly so,
-    does not chatter. The direction is 0 where nobody knows where the axis came from.
+    An axis that has gone back by no more than the dead band keeps its direction, so that an axis at rest does not
+    chatter. The direction is 0 if the position before is unknown.
     """
 
     def __init__(self, axes: Iterable[int], band: Array) -> None:
         self._band: list[float] = band.tolist()
         self.last = np.zeros(len(band))
-        """After the last row `(axes,)`: -1, 0, 1."""
+        """Directions `(axes,)` after the last row: -1, 0, 1."""
         self._farthest: dict[int, float | None] = dict.fromkeys(axes)
         self._behind_cycle = False
         self.returned = np.empty((0, len(band)))
-        """Directions in which canned cycles returned to the starts of the last moves `(n, axes)`, nan behind others."""
+        """Directions `(n, axes)` in which canned cycles returned to the starts of the last moves; nan otherwise."""
 
     def follow_moves(self, motions: Motions, positions: Array, starts: Array, certain: NDArrayBool) -> Array:
         """Directions `(n, shares, axes)` at positions `(n, shares, axes)` along moves that start at `(n, axes)`.
 
-        A canned cycle ends at the bottom of its hole and returns: the axis then comes from where the next move starts.
+        The row of a canned cycle ends at the bottom of its hole; the axis then returns to the start of the next move.
         """
         behind = np.append(self._behind_cycle, motions.kind == Kind.CYCLE)
         self._behind_cycle = bool(behind[-1])
@@ -71,9 +71,9 @@ class Directions:
         return found[:, 1:]
 
     def follow(self, q: Array, certain: NDArrayBool) -> Array:
-        """Directions `(n, axes)`, -1, 0, 1, in which the axes come to positions q `(n, axes)`, mm and rad.
+        """Directions `(n, axes)`, -1, 0, 1, in which the axes approach positions q `(n, axes)`, mm and rad.
 
-        certain `(n, axes)`: true where the position before is known too. A position that is nan is no move.
+        certain `(n, axes)`: true where the position before is also known. A position nan means no move.
         """
         approach = np.zeros_like(q)
         for axis in self._farthest:
@@ -100,7 +100,7 @@ class Directions:
 
 
 def known_before(motions: Motions) -> NDArrayBool:
-    """Where `(n, axes)` the position of an axis before a move is known; with TCP, it takes all axes to know one."""
+    """True `(n, axes)` where the position of an axis before a move is known; with TCP a linear axis needs all axes."""
     known = motions.known_start != Known.ASSUMED
     tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
     linear = ~motions.machine.rotary
@@ -109,18 +109,18 @@ def known_before(motions: Motions) -> NDArrayBool:
 
 
 def ways(motions: Motions, shares: Iterable[float]) -> Array:
-    """Axis positions `(n, shares, axes)`, mm and rad, at shares of the ways of all moves."""
+    """Axis positions `(n, shares, axes)`, mm and rad, at shares of the paths of all moves."""
     return np.stack([motions.in_machine(motions.along(share)) for share in shares], axis=1)
 
 
 def follow_ways(directions: Directions, positions: Array, certain: NDArrayBool) -> Array:
-    """Directions `(n, shares, axes)` at positions `(n, shares, axes)` along moves that start `certain` `(n, axes)`."""
+    """Directions `(n, shares, axes)` at positions of this shape along moves; `certain` `(n, axes)`: as in `follow`."""
     n, shares, axes = positions.shape
     return directions.follow(positions.reshape(-1, axes), np.repeat(certain, shares, axis=0)).reshape(n, shares, axes)
 
 
 def turns_inside(motions: Motions, axes: Iterable[int], band: Array) -> NDArrayBool:
-    """Moves `(n,)` within which an axis may turn back: arcs, of these axes, and all under TCP, rapids too."""
+    """True `(n,)` for moves within which an axis may reverse: arcs, and under TCP lines and rapids too."""
     inside = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
     for row in motions.arcs:
         inside[row] |= any(axis in axes and way > band[axis] for _, axis, way in turning_points(motions, row))
@@ -128,5 +128,5 @@ def turns_inside(motions: Motions, axes: Iterable[int], band: Array) -> NDArrayB
 
 
 def feeds(motions: Motions) -> NDArrayBool:
-    """Rows `(n,)` whose way matters, and not their end alone."""
+    """True `(n,)` for feed moves, whose path matters and not only their end."""
     return np.isin(motions.kind, (Kind.LINE, Kind.ARC))

@@ -1,4 +1,4 @@
-"""Moves in more rows than the program has blocks for: moves in pieces, and take-ups before them."""
+"""Rows beside those of the program: segments of moves, and backlash take-ups before moves."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def arc_ends(motions: Motions, row: int) -> tuple[Point, Point]:
 
 
 def arc_turned(motions: Motions, row: int) -> float:
-    """Angle that an arc turns through, rad, positive counter-clockwise."""
+    """Sweep of an arc, rad, positive counter-clockwise."""
     arc = motions.arcs[row]
     return sweep(*arc_ends(motions, row), arc.centre, arc.sense, arc.full, arc.turns)
 
 
 def turning_points(motions: Motions, row: int) -> Iterator[tuple[float, int, float]]:
-    """Reversals, within an arc, of the axes that its plane moves, in the order of the motion.
+    """Reversals of axes within an arc, in the order of the motion.
 
-    Share of the arc, column of the axis, and the smaller of its travels before and after the reversal, mm.
+    Each has the share of the arc, the column of the axis, and the smaller of its travels before and after, mm.
     """
     arc, (start, _), turned = motions.arcs[row], arc_ends(motions, row), arc_turned(motions, row)
     radius, found = math.dist(start, arc.centre), []
@@ -49,7 +49,7 @@ def turning_points(motions: Motions, row: int) -> Iterator[tuple[float, int, flo
 
 
 def _directions_in_plane(motions: Motions, row: int) -> list[tuple[int, Point]]:
-    """Machine axes that the plane of an arc moves, each with its direction in the plane, mm per programmed mm."""
+    """Machine axes that an arc moves, each with its direction in the plane of the arc, mm per programmed mm."""
     arc, x_y_z, frame = motions.arcs[row], cartesian(motions.machine), motions.frames[motions.frame[row]]
     if not frame.couples:
         return [(arc.plane[0], (1.0, 0.0)), (arc.plane[1], (0.0, 1.0))]
@@ -59,10 +59,10 @@ def _directions_in_plane(motions: Motions, row: int) -> list[tuple[int, Point]]:
 
 
 def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants: bool = False) -> Motions:
-    """The moves with some, by row, in pieces that end at shares of their way.
+    """The moves, some of them cut into segments at shares of their paths; `cuts`: these shares, by row.
 
-    The first piece keeps the block; the others are `added`, and name no axis. At quadrants of arcs, where these begin
-    is left for the circle to tell.
+    The first segment keeps the block; the others are `added`, and name no axis. `at_quadrants`: the added segments
+    get no start fraction, because it follows from the quadrants of the circle.
     """
     if not cuts:
         return motions
@@ -99,14 +99,14 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants
 
 
 def part_of(arc: Arc, ends: tuple[Point, Point], turned: float) -> Arc:
-    """A part of an arc with these ends, that turns through `turned`, rad."""
+    """The part of an arc with these ends and the sweep `turned`, rad."""
     full = same(*ends) and abs(turned) > math.pi
     once = sweep(*ends, arc.centre, arc.sense, full)
     return arc._replace(full=full, turns=round((turned - once) * arc.sense / (2 * math.pi)))
 
 
 def like(nominal: Motions, commanded: Motions) -> Motions | None:
-    """The nominal moves, cut and with take-ups as the commanded ones; None where these are not the same moves."""
+    """The nominal moves with the segments and backlash take-ups of the commanded ones; None for different moves."""
     own = np.flatnonzero(~commanded.added)
     if len(own) != len(nominal) or not np.array_equal(nominal.kind, commanded.kind[own]):
         return None
@@ -125,7 +125,7 @@ def like(nominal: Motions, commanded: Motions) -> Motions | None:
 
 
 def _cuts_of(nominal: Motions, commanded: Motions, pieces: NDArrayBool) -> dict[int, list[float]] | None:
-    """By row of the nominal moves: shares of its way at which the added `pieces` `(n,)` begin; None where unknown."""
+    """Shares at which the added `pieces` `(n,)` begin, by row of the nominal moves; None if they are unknown."""
     move = np.cumsum(~commanded.added) - 1
     cuts: dict[int, list[float]] = {}
     for row in np.flatnonzero(pieces).tolist():
@@ -143,7 +143,7 @@ def _cuts_of(nominal: Motions, commanded: Motions, pieces: NDArrayBool) -> dict[
 
 
 def _quadrant(nominal: Motions, origin: int, commanded: Motions, row: int, behind: float) -> float | None:
-    """The share of a nominal arc, within a turn beyond one, at which an axis turns back nearest to a piece's start."""
+    """Share of a nominal arc, within a turn after `behind`, of the reversal nearest to the start of a segment."""
     if origin not in nominal.arcs or row not in commanded.arcs:
         return None
     (x, y), _ = arc_ends(commanded, row)
@@ -160,7 +160,7 @@ def _quadrant(nominal: Motions, origin: int, commanded: Motions, row: int, behin
 
 
 def with_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBool) -> Motions:
-    """The moves with a take-up before some rows `before` `(k,)`, of `axes` `(k, axes)`."""
+    """The moves with a backlash take-up of `axes` `(k, axes)` before rows `before` `(k,)`."""
     if not len(before):
         return motions
     result = motions.take(np.insert(np.arange(len(motions)), before, before))
