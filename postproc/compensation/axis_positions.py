@@ -19,7 +19,7 @@ from postproc.motion.moves import Kind, Known
 def held_shifts(motions: Motions, correction: Correction, before: Array) -> Array:
     """Shifts of the machine axes from their nominal positions at the ends of all rows `(n, axes)`, mm and rad.
 
-    before `(axes,)`: the same before the first row.
+    before `(axes,)`: the shifts before the first row.
     """
     held = np.empty_like(correction.nominal)
     anew = _placed_anew(motions)
@@ -35,7 +35,7 @@ def held_shifts(motions: Motions, correction: Correction, before: Array) -> Arra
 
 
 def _placed_anew(motions: Motions) -> NDArrayBool:
-    """Axes `(n, axes)` that a row moves to a new position; all others keep their shift."""
+    """True `(n, axes)` where a row moves an axis to a new position; all other axes keep their shift."""
     anew = motions.movable | (motions.known_start == Known.ASSUMED)
     anew[np.ix_(motions.turning & ~motions.tcp, np.array(motions.machine.translators))] = False
     for row in np.flatnonzero(motions.kind == Kind.MACHINE).tolist():
@@ -44,20 +44,20 @@ def _placed_anew(motions: Motions) -> NDArrayBool:
 
 
 def _carried(anew: NDArrayBool, shifts: Array, before: Array) -> Array:
-    """The shifts `(n, axes)`, where they are not `anew` those of the row before, or of `before` `(axes,)`."""
+    """The shifts `(n, axes)`; where not `anew`, those of the row before; before the first row, `before` `(axes,)`."""
     last = np.maximum.accumulate(np.where(anew, np.arange(len(anew))[:, None], -1), axis=0)
     return np.where(last >= 0, np.take_along_axis(shifts, np.maximum(last, 0), axis=0), before)
 
 
 def _partly_said(motions: Motions) -> np.ndarray:
-    """Rows in rotated coordinates of which the program has given only some."""
+    """Rows in rotated coordinates with some, but not all, of X Y Z given by the program."""
     said = motions.correctable[:, list(cartesian(motions.machine))]
     turned = np.array([frame.couples for frame in motions.frames], bool)[motions.frame]
     return np.flatnonzero(turned & motions.programmed & said.any(axis=1) & ~said.all(axis=1))
 
 
 def _partly(motions: Motions, correction: Correction, row: int, before: Array) -> Array:
-    """The shifts `(axes,)` after such a row: coordinates that are not given keep the position on the control."""
+    """The shifts `(axes,)` after a row of `_partly_said`: coordinates that are not given keep their position."""
     machine, frame = motions.machine, motions.frames[motions.frame[row]]
     nominal = correction.nominal[row]
     program = to_program(machine, frame, (nominal + before)[None])[0]

@@ -1,6 +1,6 @@
-"""The machine's conditions while a program runs: time and temperatures, from options or from a log.
+"""Conditions of the machine while a program runs: time and temperatures, from options or from a log.
 
-They are those of the moment the program starts, and held over the program.
+The conditions at the start of the program are held over the program.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from kinematics.user_error import UserError
 from postproc.text.number_style import given_number, given_once
 
 ABSOLUTE_ZERO = -273.15
-"""degC."""
+"""Absolute zero, degC."""
 TEMPERATURE = "temp_"
-"""What the column of a temperature begins with."""
+"""Prefix of the temperature columns of a log."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What, besides positions and directions, errors depend on; without anything, what a cold model needs."""
+    """Quantities, besides positions and directions, that errors depend on; by default those of a cold machine."""
 
     elapsed: float | None = None
-    """s since the time zero of thermal effects: since the machine was switched on, or measuring began."""
+    """Time since the zero of thermal effects, s: since the machine was switched on, or measuring began."""
     temperatures: Mapping[str, float] = field(default_factory=dict)
-    """By sensor, degC."""
+    """Temperatures by sensor, degC."""
     past: State | None = None
-    """Up to now, its last row."""
+    """States from the log; the last row is the start of the program."""
     log: str = ""
-    """The file that the past comes from."""
+    """Log file of `past`; empty for none."""
     unread: tuple[str, ...] = ()
     """Columns of the log that are neither time nor temperature."""
 
     def state(self, positions: Array, approach: Array | None = None) -> State:
-        """The state at axis positions `(n, axes)`, mm and rad, come to in directions `approach` `(n, axes)`."""
+        """The state at axis positions `(n, axes)`, mm and rad, approached in directions `approach` `(n, axes)`."""
         n = len(positions)
         temperatures = {name: np.full(n, value - REFERENCE) for name, value in self.temperatures.items()}
         return State(
@@ -51,7 +51,7 @@ class Conditions:
         )
 
     def states(self, approach: Array | None = None) -> Callable[[Array], State]:
-        """The state by positions, for moves that end in these directions."""
+        """The state as a function of positions, for moves with these approach directions `(n, axes)`."""
         return lambda positions: self.state(positions, approach)
 
     def json(self) -> dict[str, Any]:
@@ -59,20 +59,20 @@ class Conditions:
         return {"elapsed_s": self.elapsed, "temperatures_degC": dict(self.temperatures), "log": self.log or None}
 
     def text(self) -> str:
-        """In words, empty when nothing is known."""
+        """Text for the user; empty if no condition is given."""
         said = [] if self.elapsed is None else [f"{self.elapsed:g} s after time zero"]
         said += [f"{name} {value:g} degC" for name, value in self.temperatures.items()]
         return ", ".join(said) + (", held over the program" if said else "")
 
     def _in_log(self) -> str:
-        """What the log has, where it lacks something."""
+        """Columns of the log, for messages about missing ones."""
         if not self.log or self.past is None:
             return ""
         names = ["time_s", *(TEMPERATURE + name for name in self.past.temperatures)]
         return f"; log {self.log} has {', '.join(names)}{_neither(self.unread)}"
 
     def notes(self, model: ErrorModel) -> list[str]:
-        """What a user should know of how these conditions serve a model; UserError for what it needs and they lack."""
+        """Notes for the user on a model under these conditions; UserError if a condition that it needs is missing."""
         of_machine = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
         used: set[str] = set()
         settled: list[str] = []
@@ -117,7 +117,7 @@ def make_conditions(
 
 
 def parse_temperature(text: str) -> tuple[str, float]:
-    """`spindle=31.5` as sensor and degC; UserError says what is wrong with it."""
+    """Sensor and temperature, degC, of a text such as `spindle=31.5`; UserError if it has another form."""
     name, _, value = text.partition("=")
     if not name.strip() or not value.strip():
         raise UserError(f"--temperature {text}: expected e.g. spindle=31.5")
@@ -125,7 +125,7 @@ def parse_temperature(text: str) -> tuple[str, float]:
 
 
 def degrees(text: str, where: str) -> float:
-    """A temperature that a user gave, degC; UserError, beginning with `where`, for what is none."""
+    """Temperature from a text, degC; UserError, beginning with `where`, if it is not a temperature."""
     value = given_number(text, where)
     if value < ABSOLUTE_ZERO:
         raise UserError(f"{where}: {value:g} degC is below absolute zero ({ABSOLUTE_ZERO:g})")
@@ -133,7 +133,7 @@ def degrees(text: str, where: str) -> float:
 
 
 def _neither(names: Sequence[str]) -> str:
-    """On columns of a log that are not read; empty for none."""
+    """Part of a message on columns of a log that are not read; empty for none."""
     if not names:
         return ""
     verb = "is" if len(names) == 1 else "are"
@@ -141,7 +141,7 @@ def _neither(names: Sequence[str]) -> str:
 
 
 def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
-    """Times `(n,)`, s, by sensor the temperatures `(n,)`, degC, of a log, and the columns that are neither.
+    """Times `(n,)`, s, temperatures `(n,)` by sensor, degC, and the names of all other columns of a log.
 
     UserError with line and column.
     """
@@ -175,7 +175,7 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
 
 
 def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line and values of each row; without empty ones, and without comments (#)."""
+    """Line and values of each row, without empty rows and comments (#)."""
     reader = csv.reader(text.splitlines(), strict=True)
     try:
         for row in reader:

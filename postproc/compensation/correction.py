@@ -1,4 +1,4 @@
-"""The correction: the command whose actual pose, under the error model, is the nominal one."""
+"""The correction: commanded positions whose actual poses, by the error model, are the nominal poses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from postproc.motion.segments import arc_turned
 States = Callable[[Array], State]
 """The state of the machine at axis positions `(n, axes)`, mm and rad."""
 COLD = Conditions()
-"""What an error model that depends on positions alone needs."""
+"""Conditions for an error model that depends on positions alone."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Correction:
     target: Array
     """Corrected programmed positions."""
     middle_shift: dict[int, Array]
-    """By row of an arc: corrected minus nominal programmed position `(axes,)` half-way along it."""
+    """Corrected minus nominal programmed position `(axes,)` in the middle of an arc, by row."""
 
 
 def correct(
@@ -49,10 +49,10 @@ def correct(
 ) -> Correction:
     """Correct all moves of a chunk: end points, and the middles of arcs.
 
-    Translator axes whose position the program has said in its own frame take the correction of the tool point by
-    `model`; with a model for the orientation, rotary axes that of the tool axis. All others keep the nominal position.
-    The target is the part as it lies: where a work offset was touched off on the machine, its shift is in it, by
-    `model`. approach `(n, axes)`: the direction in which each move comes to its end.
+    Linear axes with a position programmed in the present frame get the correction of the tool point by `model`. With
+    a model for the orientation, rotary axes get the correction of the tool axis. All other axes keep the nominal
+    position. The target is on the part at its actual position: it includes the shift of a work offset that was touched
+    off on the machine, by `model`. approach `(n, axes)`: direction of each axis at the end of each move.
     """
     ends = correct_ends(motions, model, orientation, conditions, approach)
     rows = sorted(motions.arcs)
@@ -69,7 +69,7 @@ def correct_ends(
     approach: Array | None = None,
     precision: float = CONVERGED,
 ) -> Correction:
-    """As `correct`, the end points alone; precision: mm, last step of the iteration."""
+    """As `correct`, for the end points alone. precision: last step of the iteration, mm."""
     nominal, states = motions.machine_target, conditions.states(approach)
     shift = datum_shifts(motions, model, conditions)
     corrected = corrected_positions(
@@ -88,11 +88,10 @@ def corrected_positions(
     shift: Array | float = 0.0,
     precision: float = CONVERGED,
 ) -> Array:
-    """Axis positions `(n, axes)`, mm and rad, that put the tool where it nominally is at `nominal` `(n, axes)`.
+    """Axis positions `(n, axes)`, mm and rad, with the actual pose equal to the nominal pose at `nominal` `(n, axes)`.
 
-    By the model of the tool point and, for movable rotary axes, that of the orientation; tool `(n, 3)`, mm. shift
-    `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal position. precision: last step of the
-    iteration, mm.
+    models: of the tool point and, for movable rotary axes, of the orientation. tool `(n, 3)`, mm. shift `(n, 3)`, mm,
+    workpiece frame: displacement of the part from its nominal position. precision: last step of the iteration, mm.
     """
 
     def errors_of(which: ErrorModel) -> Errors:
@@ -104,7 +103,7 @@ def corrected_positions(
 
 
 class Missed(NamedTuple):
-    """Distances `(n,)` of the actual pose from the wanted one: tool point, um; tool axis, urad."""
+    """Pose errors `(n,)`: distance of the actual from the nominal tool point, um; angle of the tool axis, urad."""
 
     point_um: Array
     """Error relative to the datum, um: distance from the nominal tool point on the part at its actual position."""
@@ -126,10 +125,10 @@ def missed(
     states: States = State,
     shift: Array | float = 0.0,
 ) -> Missed:
-    """What the machine with errors at `q` misses of the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
+    """Pose errors of the machine at `q` against the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
-    tool `(n, 3)`, mm; exact matrix product. shift `(n, 3)`, mm, workpiece frame: how far the part lies from its nominal
-    position (`datum_shifts`).
+    By the exact matrix product. tool `(n, 3)`, mm. shift `(n, 3)`, mm, workpiece frame: displacement of the part from
+    its nominal position (`datum_shifts`).
     """
     actual, wanted = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
     there = wanted.apply(tool)
@@ -160,7 +159,7 @@ def _arc_middles(
 
 
 def _middles(motions: Motions) -> Array:
-    """Programmed positions `(n, axes)` in the middle of all moves, of arcs as `middle_share` has it."""
+    """Programmed positions `(n, axes)` in the middle of all moves; on arcs with whole turns, at `middle_share`."""
     middles = motions.along(0.5)
     for row, arc in motions.arcs.items():
         share = middle_share(arc_turned(motions, row)) if arc.turns else 0.5

@@ -1,13 +1,13 @@
-"""The datum: where it truly is, when its work offset was touched off on the machine with errors.
+"""The true position of a datum whose work offset was touched off on the machine with errors.
 
 A touch-off stores the commanded position W at which the tip was at the true datum D. So W = D - e(W) and
 D = W + e(W), where e is the deviation (actual minus nominal, tool relative to workpiece, workpiece frame) in the pose
-of the touch-off, with the probe's length. The part is fixed to the workpiece frame, so each of its points lies e(W)
-beside its nominal position, in whatever pose it is cut. A correction aims at the nominal tool point plus this shift,
-and an error relative to the datum is e(q) - e(W).
+of the touch-off, with the length of the probe. The part is fixed to the workpiece frame, so each of its points is
+displaced by e(W) from its nominal position, in every pose in which it is cut. A correction therefore aims at the
+nominal tool point plus this shift, and the error relative to the datum is e(q) - e(W).
 
-Axes with play are taken in the middle of it at a touch-off; time and temperatures are those of the run. Orientations
-are not shifted.
+At a touch-off, axes with backlash are assumed in the middle of it; time and temperatures are those of the run.
+Orientations are not shifted.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ class Poses(NamedTuple):
 
 
 def poses(machine: Machine, touch_offs: Sequence[TouchOff]) -> Poses:
-    """The poses of the machine in which the tip of the probe is at the position of each touch-off.
+    """Poses of the machine with the tip of the probe at the position of each touch-off.
 
-    X Y Z of a touch-off are the tip's coordinates in the machine's directions: those of the tool reference point for a
-    probe of length 0. Tables that turn do not move them.
+    X Y Z of a touch-off are the coordinates of the tip in the directions of the machine; for a probe of length 0, of
+    the tool reference point. The position of a rotary table does not change them.
     """
     given = np.array([there.position for there in touch_offs], float).reshape(-1, len(machine.axes)) * machine.scale
     tool = np.array([(0.0, 0.0, -there.length) for there in touch_offs]).reshape(-1, 3)
@@ -65,16 +65,16 @@ def sensitivities(machine: Machine, model: ErrorModel, touch_offs: Sequence[Touc
 
 
 class DatumPrediction(NamedTuple):
-    """What a model predicts of the datum of each row, to be taken off the deviations there."""
+    """Predicted shift of the datum of each row, to be subtracted from the deviations of the row."""
 
     shift: Array
     """True datum minus work offset `(n, 3)`, mm, workpiece frame."""
     sensitivity: Array
-    """Its derivatives by the parameters of the model `(n, 3, parameters)`."""
+    """Derivatives of the shift by the parameters of the model `(n, 3, parameters)`."""
 
 
 def datum_prediction(motions: Motions, model: ErrorModel, conditions: Conditions) -> DatumPrediction | None:
-    """The datum of every row of a chunk, with its sensitivity; 0 for true work offsets, None where all are true."""
+    """Predicted datum of every row of a chunk; 0 for true work offsets, None if all work offsets are true."""
     machine, (touch_offs, which) = motions.machine, touched(motions)
     if not touch_offs:
         return None
@@ -84,7 +84,7 @@ def datum_prediction(motions: Motions, model: ErrorModel, conditions: Conditions
 
 
 def touched(motions: Motions) -> tuple[list[TouchOff], np.ndarray]:
-    """The touch-offs of the rows of a chunk, each once, and which is that of each row `(n,)`; -1 for none."""
+    """The touch-offs of the rows of a chunk, each once, and the index of that of each row `(n,)`; -1 for none."""
     found: dict[TouchOff, int] = {}
     of_frame = [
         -1 if frame.touch_off is None else found.setdefault(frame.touch_off, len(found)) for frame in motions.frames

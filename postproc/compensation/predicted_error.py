@@ -1,4 +1,4 @@
-"""What a program is judged by: the part of a model that a program can put right, in the directions of its own moves."""
+"""Predicted errors of a program: the correctable part of a model, in the approach directions of the program."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from postproc.motion.reversals import (
 
 
 def in_a_program(effect: Effect) -> bool:
-    """True for effects of the machine that a corrected program, or less, puts right."""
+    """True for effects of the machine that a corrected program, or a simpler remedy, can correct."""
     return effect.ACTS_ON != "instrument" and effect.REMEDY != "none"
 
 
 def standing_notes(model: ErrorModel, conditions: Conditions) -> list[str]:
-    """What a user should know of a model under these conditions; UserError for what it needs and they do not give."""
+    """Notes for the user on a model under these conditions; UserError if a condition that it needs is missing."""
     beyond = [e.name for e in model.effects if e.ACTS_ON != "instrument" and not in_a_program(e)]
     left = [f"{', '.join(beyond)}: no program can put that right; left out, of what is predicted too"] if beyond else []
     return left + conditions.notes(model.part(in_a_program))
 
 
 class Judge:
-    """Follows the moves of one text, chunk after chunk, and says in which state the machine comes to their ends."""
+    """Follows the moves of one program text, chunk after chunk, and gives the state of the machine at their ends."""
 
     def __init__(
         self,
@@ -52,14 +52,14 @@ class Judge:
         self.axes = axes_with_play(model, machine)
         self.band = dead_band(machine, tolerance_um)
         if written:
-            # what was no reversal, there and on the way there, is none after rounding; a take-up is more than that
+            # moves below the dead band remain below it after rounding; a backlash take-up is longer
             self.band = 2 * self.band + dead_band(machine, 0.0)
         self._model, self._conditions = model, conditions
         self._directions = Directions(self.axes, self.band)
         self.approach: Array | None = None
-        """At the ends of the last chunk `(n, axes)`."""
+        """Directions `(n, axes)` at the ends of the moves of the last chunk."""
         self._along: Array | None = None
-        """Along its moves `(n, shares, axes)`, at INNER and the end, where an axis may turn back within one."""
+        """Directions `(n, shares, axes)` at INNER and the ends of its moves; None if only the ends are evaluated."""
 
     def datum_shifts(self, motions: Motions) -> Array:
         """Displacement of the part from its nominal position `(n, 3)`, mm, workpiece frame, at the rows of a chunk."""
@@ -72,14 +72,14 @@ class Judge:
         return self._follow(motions, ways(motions, (*INNER, 1.0)))
 
     def _follow(self, motions: Motions, positions: Array) -> Array:
-        """Directions at positions `(n, shares, axes)` of a chunk, of which the last are its ends."""
+        """Directions at positions `(n, shares, axes)` along the moves of a chunk; the last share is the end."""
         starts = motions.in_machine(motions.start)
         along = self._directions.follow_moves(motions, positions, starts, known_before(motions))
         self.approach, self._along = along[:, -1], along if along.shape[1] > 1 else None
         return along
 
     def states(self, motions: Motions, rows: NDArrayBool) -> States:
-        """The state at some rows of a chunk `(n,)`."""
+        """The state at the ends of rows of a chunk, by a mask `(n,)`."""
         if self.axes and len(motions):
             if turns_inside(motions, self.axes, self.band).any():
                 self.along(motions)
@@ -88,7 +88,7 @@ class Judge:
         return self.last_states(rows)
 
     def last_states(self, rows: np.ndarray, share: float = 1.0) -> States:
-        """The same for other rows of the last chunk, as a mask or by their numbers, at a share of their paths."""
+        """The state at rows of the last chunk, by a mask or by their numbers, at a share of their paths."""
         if self._along is not None:
             looked_at = bisect.bisect_left((*INNER, 1.0), share)
             return self._conditions.states(self._along[rows, looked_at])
@@ -96,5 +96,5 @@ class Judge:
 
 
 def where(approach: Array | None, share: int, rows: np.ndarray) -> Array | None:
-    """Directions at some rows and one share, of those along moves."""
+    """Directions at these rows and the share with this index, from directions along moves; None for None."""
     return None if approach is None else np.asarray(approach[rows, share])

@@ -1,4 +1,4 @@
-"""How sure the predicted improvement is: what of it stands above the uncertainty of the calibration."""
+"""Significance of the predicted improvement: its part above the uncertainty of the calibration."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from kinematics.transforms import Array
 from postproc.compensation.datum import DatumPrediction
 
 COVERAGE = 2.0
-"""k: an improvement, or a deviation, counts as significant above so many standard uncertainties."""
+"""Coverage factor k: improvements and deviations above k standard uncertainties are significant."""
 
 
 @dataclass
 class Significance:
-    """Gathers the improvement at block ends, um, and the part of it that is significant."""
+    """Sum of the improvements at block ends, um, and the significant part of it."""
 
     tolerance_um: float = 0.0
-    """A move with a smaller error before is not worth correcting."""
+    """Error before correction, um, below which a move is not worth correcting."""
     improvement: float = 0.0
     significant: float = 0.0
     uncertain: bool = False
-    """True once any uncertainty was met: a calibration without any says nothing of significance."""
+    """True if any standard uncertainty was above 0: without uncertainties there is no significance."""
     worthwhile: int = 0
-    """Moves with an error before above the tolerance, as many as were looked at."""
+    """Number of evaluated moves with an error before correction above the tolerance."""
     unsure: int = 0
     """Number of these moves whose improvement is not significant."""
 
     def add(self, before: Array, after: Array, u: Array) -> None:
-        """Predicted errors before and after `(n,)`, and standard uncertainties of the former, um."""
+        """Add predicted errors before and after `(n,)`, and standard uncertainties `(n,)` of those before, um."""
         gained = before - after
         self.improvement += float(gained.sum())
         self.significant += float(gained[gained > COVERAGE * u].sum())
@@ -45,7 +45,7 @@ class Significance:
 
     @property
     def share(self) -> float | None:
-        """Of the improvement, what is significant; None where there is nothing to be sure of, or no uncertainty."""
+        """Significant share of the improvement; None without an improvement or without uncertainties."""
         if not self.uncertain or self.improvement <= 0.0:
             return None
         return min(max(self.significant / self.improvement, 0.0), 1.0)
@@ -64,8 +64,9 @@ def uncertainties_um(
 ) -> tuple[Array, Array]:
     """Standard uncertainties `(n,)`, um, of the predicted deviation of the tool point, tool `(n, 3)`, mm.
 
-    First the root sum of squares over x, y and z; then that of its length, along its own direction. With a datum, of
-    the error relative to it, e(q) - e(W): both are predicted by the same parameters, and their common part cancels.
+    First the root sum of squares over x, y and z; then the uncertainty of the length of the deviation, along its own
+    direction. With a datum, both are of the error relative to it, e(q) - e(W): the same parameters predict e(q) and
+    e(W), so that their common part cancels.
     """
     transform = place_transform(machine, state.positions, tool)[:, :3]
     design = model.design(machine, state, transform)
@@ -73,7 +74,7 @@ def uncertainties_um(
     if datum is not None:
         design, deviation = design - datum.sensitivity, deviation - datum.shift
     length = np.linalg.norm(deviation, axis=1, keepdims=True)
-    # where nothing deviates any direction is as good as another
+    # a deviation of 0 has no direction: any will do
     unit = np.where(length > 0.0, deviation / np.where(length > 0.0, length, 1.0), [1.0, 0.0, 0.0])
     along = np.einsum("nk,nkp->np", unit, design)[:, None]
     transform = np.concatenate([transform, np.einsum("nk,nkp->np", unit, transform)[:, None]], axis=1)

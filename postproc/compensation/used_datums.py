@@ -22,12 +22,12 @@ from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
 
 TURNED = 1e-3
-"""degrees"""
+"""Difference of a rotary position, degrees, above which a note is given."""
 NOTE_TURNED = (
     "{name} is first used at {at} and taken as touched off elsewhere: --datum {name}=probed@{at} if it was there"
 )
 LISTED = 12
-"""Touch-offs that are listed; a program that sets its work offsets itself may have any number."""
+"""Largest number of listed touch-offs; a program that sets its work offsets itself may have any number."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class UsedDatum:
     touch_off: TouchOff
     machine: Machine
     tcp: bool
-    """X Y Z of the work offset are those of the tool point in the workpiece frame."""
+    """True if X Y Z of the work offset are of the tool point in the workpiece frame."""
     given: Datum
     """Datum entry from the user or the machine file."""
     by_default: bool
@@ -47,7 +47,7 @@ class UsedDatum:
 
     @property
     def instead(self) -> Array:
-        """The work offset `(3,)`, mm, with which the program cuts the same part when it is called true."""
+        """Work offset `(3,)`, mm, that gives the same part if it is entered as true."""
         offset = np.array(self.touch_off.offset)[list(cartesian(self.machine))]
         if self.shift is None:
             return offset
@@ -90,13 +90,13 @@ class UsedDatum:
 
 @dataclass
 class UsedDatums:
-    """Gathers the touch-offs of the moves of a program, chunk by chunk."""
+    """Touch-offs of the moves of a program, collected chunk by chunk."""
 
     setup: Setup
     used: list[UsedDatum] = field(default_factory=list)
     _known: set[TouchOff] = field(default_factory=set)
     _turned: dict[str, str] = field(default_factory=dict)
-    """Note, by work offset, on rotary axes with another position in its first move than at its touch-off; or none."""
+    """Note, by work offset, on rotary axes whose position in its first move differs from its touch-off; or empty."""
     _outside: list[str] = field(default_factory=list)
     """Notes on touch-offs outside the travel, or outside the range of the calibration."""
 
@@ -113,7 +113,7 @@ class UsedDatums:
             self.used.append(UsedDatum(there, motions.machine, frame.tcp, given, by_default))
 
     def _look_at_turned(self, motions: Motions) -> None:
-        """Look at the first move of each work offset whose rotary positions at the touch-off nobody has given."""
+        """Compare the rotary positions in the first move of each work offset with its assumed touch-off."""
         machine, judged = motions.machine, np.flatnonzero(motions.judged)
         for index in dict.fromkeys(motions.frame[judged].tolist()):
             frame = motions.frames[index]
@@ -132,13 +132,14 @@ class UsedDatums:
             )
 
     def notes(self) -> list[str]:
-        """Notes on touch-offs that the program makes doubtful."""
+        """Notes on doubtful touch-offs."""
         return [*filter(None, self._turned.values()), *self._outside]
 
     def predict(self, machine: Machine, model: ErrorModel, conditions: Conditions) -> None:
-        """Work out where the true datums are; without effects nothing is known of them.
+        """Compute the true datums; without effects they remain unknown.
 
-        A touch-off without a length, of moves before the first tool, is left out where the same has one.
+        A touch-off without a length, from moves before the first tool, is dropped if one of the same work offset has a
+        length.
         """
         lengths = {there.touch_off.name for there in self.used if there.touch_off.probe is not None}
         self.used = [u for u in self.used if u.touch_off.probe is not None or u.touch_off.name not in lengths]
@@ -165,14 +166,14 @@ class UsedDatums:
         ]
 
     def facts(self, offsets: Iterable[str]) -> list[tuple[str, str]]:
-        """All of them in words, and those of some work offsets that are true."""
+        """Texts for the user: all touch-offs, and those work offsets of `offsets` that are true."""
         rows = [fact for there in self.used[:LISTED] for fact in there.facts()]
         if len(self.used) > LISTED:
             rows.append(("datum", f"{len(self.used) - LISTED} more that the program sets"))
         return [*rows, *(("datum", f"{name}: true") for name in self._true(offsets))]
 
     def json(self, offsets: Iterable[str]) -> list[dict[str, Any]]:
-        """The machine-readable form of the same."""
+        """The machine-readable form of `facts`."""
         listed = [there.json() for there in self.used[:LISTED]]
         return [*listed, *({"work_offset": name, "obtained": "true"} for name in self._true(offsets))]
 

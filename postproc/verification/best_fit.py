@@ -9,14 +9,15 @@ import numpy as np
 from kinematics.transforms import Array, by_turn
 
 NULL = 1e-12
-"""Share of the largest singular value below which a turn changes nothing: points on one line."""
+"""Ratio to the largest singular value below which a rotation has no effect: points on one line."""
 
 
 class BestFit:
-    """Least squares of three shifts and three small turns over deviations at points, mm, that come in parts.
+    """Least squares of three shifts and three small rotations over deviations at points, mm, added in parts.
 
-    The sums of the normal equations are kept, about the first points and in units of their size: memory does not grow
-    with the program. They are solved about the mean of all points, so that the result does not depend on the parts.
+    Only the sums of the normal equations are kept, about the centre of the first points and scaled by their size, so
+    that memory does not grow with the program. They are solved about the mean of all points, so that the result does
+    not depend on the parts.
     """
 
     def __init__(self) -> None:
@@ -26,7 +27,7 @@ class BestFit:
         self._normal, self._right, self._squares, self._points = np.zeros((6, 6)), np.zeros(6), 0.0, np.zeros(3)
 
     def add(self, points: Array, deviations: Array) -> None:
-        """Take in points and deviations there, both `(n, 3)`, mm."""
+        """Add points and their deviations, both `(n, 3)`, mm."""
         if not len(points):
             return
         if self._centre is None:
@@ -44,10 +45,10 @@ class BestFit:
         self.count += len(points)
 
     def json(self) -> dict[str, Any]:
-        """RMS length left, um; shift, um, at `about_mm`, the mean of all points, and turn, urad, of the alignment."""
+        """RMS of the residuals, um; shift, um, and rotation, urad, of the fit about `about_mm`, the mean point."""
         if self._centre is None:
             return {"rms": 0.0, "shift_um": [0.0] * 3, "turn_urad": [0.0] * 3, "about_mm": [0.0] * 3, "count": 0}
-        away, size = self._points / self.count, self._size  # the mean of all points, from the first ones
+        away, size = self._points / self.count, self._size  # mean of all points minus the centre of the first ones
         squared = np.trace(self._normal[3:, 3:]) / 2.0 * size**2 / self.count - away @ away
         spread = np.sqrt(max(float(squared), 1.0))
         anew = np.eye(6)

@@ -1,7 +1,7 @@
 """Verification: the tool path of a program before and after correction, by the exact model.
 
-Works from the two texts alone, so it judges what was written and not what was meant. Block ends, and points along
-straight and circular feed moves, as the control interpolates them in programmed coordinates.
+It reads the two texts alone, so it evaluates the written program independently of the correction. It evaluates block
+ends and points along straight and circular feed moves, as the control interpolates them in programmed coordinates.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from postproc.verification.best_fit import BestFit
 from postproc.write.added_blocks import Tag, begin_of, tag_of
 
 CONTRIBUTION_ROWS = 2000
-"""Moves that the contributions of the error motions are worked out for."""
+"""Approximate number of moves, evenly spaced, from which the contributions of error motions are computed."""
 
 
 @dataclass(frozen=True)
 class Absolute:
-    """Errors of the tool point, um, with the work offsets taken for true."""
+    """Errors of the tool point, um, if the work offsets are true."""
 
     before: Statistic = field(default_factory=Statistic)
     after: Statistic = field(default_factory=Statistic)
@@ -52,7 +52,7 @@ class Absolute:
 class Verdict:
     """Errors of the tool point relative to the datum, um, before and after; contributions of error motions before.
 
-    Of work offsets that are true, both errors are absolute.
+    If the work offsets are true, errors relative to the datum are absolute errors.
     """
 
     moves: int
@@ -63,7 +63,7 @@ class Verdict:
     contributions: dict[str, Statistic]
     absolute: Absolute = field(default_factory=Absolute)
     relative: bool = False
-    """A work offset was touched off, so that errors relative to the datum are not the absolute ones."""
+    """True if a work offset was touched off: errors relative to the datum then differ from absolute errors."""
     best_fit: tuple[BestFit, BestFit] = field(default_factory=lambda: (BestFit(), BestFit()))
     """Best fit of the errors along feed moves, before and after, all aligned as one part."""
 
@@ -87,21 +87,21 @@ class Verdict:
 
 
 def read_motions(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> list[Motions]:
-    """All moves of a program, chunk by chunk; UserError, located, at the first block that isn't understood."""
+    """All moves of a program, chunk by chunk; UserError, located, at the first block that is not understood."""
     return run_motions(source, dialect, dialect.interpreter(machine, setup, Notes()))
 
 
 def run_motions(source: Source, dialect: Dialect, interpreter: Interpreter) -> list[Motions]:
-    """As `read_motions`, by an interpreter that contains the used set-up of the program afterwards."""
+    """As `read_motions`, with an interpreter that then holds the set-up that the program used."""
     motions = []
     for part in execution(source, dialect, interpreter).parts():
         chunk = _with_tags(part.motions)
-        motions.append(replace(chunk, blocks=[], words=[]))  # the columns are all that is looked at
+        motions.append(replace(chunk, blocks=[], words=[]))  # only the columns are used
     return motions
 
 
 def _with_tags(motions: Motions) -> Motions:
-    """The moves of a corrected program, with those of ncomp's own known as such."""
+    """The moves of a corrected program, with the added blocks marked."""
     tags = [tag_of(block.text) for block in motions.blocks]
     if not any(tags):
         return motions
@@ -115,10 +115,10 @@ def _with_tags(motions: Motions) -> Motions:
 def verify(
     nominal: Motions, commanded: Motions, model: ErrorModel, conditions: Conditions = COLD, tolerance_um: float = 1.0
 ) -> Verdict:
-    """Judge the moves of a corrected program against those of its original, which they must match one to one.
+    """Evaluate the moves of a corrected program against those of its original, which must match one to one.
 
-    Take-ups and pieces of arcs belong to the moves of the original; directions are those of each text's own moves,
-    in which half of the tolerance is no reversal.
+    Backlash take-ups and segments belong to the moves of the original. Directions are those of the moves of each text;
+    a travel below half of the tolerance is no reversal. UserError for programs with different moves.
     """
     moves, model = len(nominal), model.part(in_a_program)
     matched = like(nominal, commanded)
@@ -130,7 +130,7 @@ def verify(
     relative = bool(touched(nominal)[0])
     verdict = Verdict(moves, Statistic(), Statistic(), Statistic(), Statistic(), {}, relative=relative)
     ends: list[Array] = [np.empty((0, len(machine.axes)))]
-    starts = np.flatnonzero(~matched.added)[::CHUNK]  # no move is torn apart
+    starts = np.flatnonzero(~matched.added)[::CHUNK]  # segments of one move stay together
     for rows in np.split(np.arange(len(matched)), starts[1:]):
         _judge((matched.take(rows), commanded.take(rows)), (before, after), model, conditions, verdict)
         if before.approach is not None:
@@ -150,7 +150,7 @@ def _judge(
     conditions: Conditions,
     verdict: Verdict,
 ) -> None:
-    """Some rows of both texts, at their ends and along feed moves."""
+    """Add the errors at some rows of both texts, at their ends and along feed moves, to the verdict."""
     nominal, _ = texts
     machine, tool, absolute = nominal.machine, nominal.tool, verdict.absolute
     shift = datum_shifts(nominal, model, conditions)
@@ -175,9 +175,9 @@ def _judge(
 def _contributions(
     model: ErrorModel, conditions: Conditions, motions: Motions, state: State, into: dict[str, Statistic]
 ) -> None:
-    """What each error motion does to the tool point relative to the datum, first order, at the ends of some moves.
+    """Add the contribution of each error motion to the tool point error relative to the datum, first order.
 
-    Location errors count with their error motions. State of the same rows.
+    At the ends of `motions`; `state`: of the same rows. Location errors count with their error motions.
     """
     if not len(motions):
         return
@@ -193,6 +193,6 @@ def _contributions(
 
 
 def _parts(machine: Machine, model: ErrorModel, state: State, tool: Array) -> Array:
-    """What each error motion does to the tool point `(n, 3, error motions)`, mm, first order; tool `(n, 3)`, mm."""
+    """Displacement of the tool point by each error motion `(n, 3, error motions)`, mm, first order; tool `(n, 3)`."""
     errors = model.errors(machine, state).reshape(len(state), -1)
     return np.asarray(place_transform(machine, state.positions, tool)[:, :3] * errors[:, None])

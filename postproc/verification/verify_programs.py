@@ -28,15 +28,15 @@ class Models(NamedTuple):
     """Model of the correction."""
     earlier: ErrorModel | None = None
     true: ErrorModel | None = None
-    """Model that is taken for the true errors; None for `calibration`."""
+    """Model of the true errors; None for `calibration`."""
 
     @property
     def judge(self) -> ErrorModel:
-        """The model of the errors."""
+        """The model of the evaluated errors."""
         return self.true or self.calibration
 
     def by_key(self) -> dict[str, tuple[ErrorModel, str]]:
-        """Each model by its key in the results, with the name of its option; the first has no key."""
+        """Each model by its key in the results, with the name of its option; the key of the first is empty."""
         found = {"": (self.judge, "--align" if self.true else "")}
         if self.true:
             found["by_calibration"] = (self.calibration, "--calibration")
@@ -52,17 +52,17 @@ class Verification:
     models: Models
     setup: Setup
     verdicts: dict[str, Verdict]
-    """By key of `Models.by_key`."""
+    """Results by key of `Models.by_key`."""
     datums: UsedDatums
     classes: list[Left]
-    """Errors that each ISO/TR 16907 class would leave; empty unless asked for."""
+    """Errors that each ISO/TR 16907 class would leave; empty unless requested."""
     assumptions: tuple[str, ...]
     """Assumed parts of the set-up, as sentences."""
     notes: list[str]
 
     @property
     def verdict(self) -> Verdict:
-        """The errors by the model of the correction, or by the one taken for the true errors."""
+        """The errors by the model of the correction, or by the model of the true errors if there is one."""
         return self.verdicts[""]
 
     def json(self) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def verify_programs(
     """Verify the second program as a correction of the first, both run with the same set-up.
 
     accept: parts of the mark that may differ, separated by commas. UserError for a program that is not understood, for
-    two programs that make different moves, and for a mark of another set-up that is not accepted.
+    two programs with different moves, and for a mark of another set-up that is not accepted.
     """
     accepted = parse_accepted(accept, PARTS)
     notes = standing_notes(models.judge, conditions)
@@ -121,7 +121,7 @@ def verify_programs(
 def _mark_notes(
     name: str, mark: Mark | None, here: Mark, earlier: ErrorModel | None, accepted: frozenset[str]
 ) -> list[str]:
-    """Notes on the mark of a corrected program; UserError, by name, if its set-up differs from `here`."""
+    """Notes on the mark of a corrected program; UserError, with `name`, if its set-up differs from `here`."""
     if mark is None:
         return [f"{name} has no mark of ncomp: the calibration and the set-up of its correction are not known"]
     if earlier is not None and mark.calibration == earlier.id.upper():
