@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from support.backlash_paths import (
     ARC_RADIUS_UM,
@@ -188,6 +188,7 @@ def test_without_play_nothing_is_added():
 )
 @settings(max_examples=4)
 @given(seed=seeds, tcp=st.booleans())
+@example(seed=144, tcp=True)
 def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tcp):
     machine = load(name)
     tcp &= name != "gantry"
@@ -212,7 +213,10 @@ def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tc
     rotary = machine.rotary
     nominal, commanded = read(text, machine, **setup), read(whole.text, machine, **setup)
     own = like(nominal, commanded)
-    assert np.abs(own.machine_target - commanded.machine_target)[:, rotary].max(initial=0.0) < 1e-12
+    away = np.abs(own.machine_target - commanded.machine_target)[:, rotary]
+    inside = np.append(own.begin[1:] > 0.0, False)  # ends of segments inside a move are rounded to the resolution
+    steps = np.radians([axis.resolution for axis in machine.axes if axis.rotary])
+    assert (away <= np.where(inside[:, None], 0.5 * steps, 0.0) + 1e-12).all()
     assert np.abs(own.machine_target - commanded.machine_target).max() < 1.0
 
 
