@@ -40,7 +40,9 @@ PathMinutes = Annotated[
 ]
 GivenPath = Annotated[
     str | None,
-    typer.Option("--path", metavar="PATH.nc", rich_help_panel=PANEL, help="Judge this program instead of making one."),
+    typer.Option(
+        "--path", metavar="PATH.nc", rich_help_panel=PANEL, help="Evaluate this program instead of making one."
+    ),
 ]
 
 

@@ -34,7 +34,7 @@ HeaderLines = Annotated[
     typer.Option(
         "--header",
         metavar="KEY=VALUE",
-        help="What the data don't say, by header keys of the measurement file: u_um=0.3, axis=X, target.t1='0 0 -120'. "
+        help="Entries missing in the data, by keys of the measurement file: u_um=0.3, axis=X, target.t1='0 0 -120'. "
         "Repeatable.",
     ),
 ]

@@ -26,7 +26,7 @@ def check(
     no_travel_check: NoTravelCheck = False,
     json: JsonFile = None,
 ) -> None:
-    """Say what would be corrected in a program, what passes as it is, and every line that is refused, with the reason.
+    """List the lines of a program that would be corrected, that pass unchanged, and that are refused, with the reason.
 
     Needs no calibration. Exit status 2 when the program is refused.
     """

@@ -47,7 +47,7 @@ ClassNames = Annotated[
 ]
 Tolerance = Annotated[
     float,
-    typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would stray farther between their ends."),
+    typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would deviate more between their ends."),
 ]
 MaxCorrection = Annotated[
     float | None,
@@ -99,11 +99,11 @@ def correct(
         str | None, typer.Option("--report", metavar="FILE.html", help="Page with figures; - for standard output.")
     ] = None,
 ) -> None:
-    """Correct a program: every block end where it should be, by the machine's error model.
+    """Correct a program: every block ends at its nominal position, by the machine's error model.
 
-    Only coordinate words change; blocks are added where long moves are split and where play is taken up, and a
-    comment that names machine and calibration. What ncomp does not fully understand is refused: exit status 2, no
-    output.
+    Only coordinate words change; blocks are added where long moves are split and where backlash is taken up, and
+    a comment that names machine and calibration. A program that ncomp does not fully understand is refused: exit status
+    2, no output.
     """
     from postproc.commands.show.terminal import progress_of, show_report
     from postproc.correct.plausibility import parse_accepted
