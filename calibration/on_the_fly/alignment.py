@@ -1,7 +1,7 @@
-"""Fine alignment: points to the path, again and again, until the pose of a station rests (on-the-fly paper, 1.2.3).
+"""Fine alignment of points with the path, repeated until the pose of a station converges (on-the-fly paper, 1.2.3).
 
-Each step takes every point to the nearest place on the path and moves the pose by what is left *across* the path, in
-least squares with Huber's weights: what is left along it says nothing, and would hold the pose back.
+Each step takes every point to the nearest position on the path and changes the pose by least squares of the residuals
+*across* the path, with Huber weights. Residuals along the path carry no information and would slow the convergence.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from kinematics.transforms import Array, Pose, by_turn, rotation_vector_matrix, 
 from kinematics.user_error import UserError
 
 SOME = 20_000
-"""Points of a station that its pose is found by."""
+"""Largest number of points that determine the pose of a station."""
 ROUNDS = 30
 AT_REST = 1e-6
-"""mm: the pose rests when no point moves by more."""
+"""Step of the points, mm, below which the pose has converged."""
 ASIDE = (-2.0, -1.0, 0.0, 1.0, 2.0)
-"""Where the nearest place is looked for, in widths from the place that is expected."""
+"""Start values of the search for the nearest position, in widths from the expected position."""
 TIE = 1e-8
-"""Of two places as near, that counts which lies nearer to the expected one."""
+"""Weight of the squared distance from the expected position: it decides between two equally near positions."""
 NEWTON = 3
 ASTRAY_MM = 2.0
-"""Points that miss the path by more, in the median, did not follow it."""
+"""Median distance from the path, mm, above which the points did not follow it."""
 HUBER = 1.5
 AT_A_TIME = 65_536
 
@@ -38,9 +38,9 @@ class Pass(NamedTuple):
     points: Array
     """`(n, 3)`, mm."""
     way: Array
-    """`(n,)`, mm along the path, as it is known so far."""
+    """Distance along the path `(n,)`, mm, as estimated so far."""
     width: float
-    """How well, mm."""
+    """Uncertainty of `way`, mm."""
 
     def rows(self, index: np.ndarray) -> Pass:
         """Some of the points."""
@@ -48,7 +48,10 @@ class Pass(NamedTuple):
 
 
 def nearest(path: TargetPath, points: Array, expected: Array, width: float) -> Array:
-    """Ways `(n,)`, mm, of the places nearest to points `(n, 3)` in the path's frame, about where they are expected."""
+    """Distances along the path `(n,)`, mm, of the positions nearest to points `(n, 3)` in the path's frame.
+
+    The search covers 2 widths to both sides of the expected distances `(n,)`, mm.
+    """
     found = np.empty(len(points))
     for start in range(0, len(points), AT_A_TIME):
         rows = slice(start, start + AT_A_TIME)
@@ -70,7 +73,7 @@ def _nearest(path: TargetPath, points: Array, expected: Array, width: float) -> 
 
 
 def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
-    """The pose of a station after all its passes; UserError, naming `where`, when they did not follow the path."""
+    """The pose of a station, from all its passes; UserError, naming `where`, if they did not follow the path."""
     share = min(1.0, SOME / sum(len(each.way) for each in passes))
     some = []
     for each in passes:
@@ -104,13 +107,13 @@ def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
 
 
 def _across(path: TargetPath, points: Array, way: Array) -> tuple[Array, Array]:
-    """Projections `(n, 3, 3)` across the path, and what is left across it `(n, 3)`."""
+    """Projections `(n, 3, 3)` across the path, and the residuals across it `(n, 3)`, mm."""
     place = path.at(way)
     across = np.eye(3) - place.tangents[:, :, None] * place.tangents[:, None, :]
     return across, turn(across, points - place.points)
 
 
 def _turned(across: Array, passes: Sequence[Pass], pose: Pose, centre: Array) -> Array:
-    """Derivatives `(n, 3, 3)` of what is left by a turn of the path about the centre."""
+    """Derivatives `(n, 3, 3)` of the residuals with respect to a rotation of the path about the centre."""
     points = np.concatenate([pose.inverse().apply(each.points) for each in passes])
     return np.asarray(across @ by_turn(points - centre))

@@ -1,4 +1,4 @@
-"""From readings and a path to a measurement that every fit takes: alignment, exclusion, reduction."""
+"""From readings and a path to a measurement that every fit accepts: alignment, exclusion, reduction."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from kinematics.user_error import UserError
 
 CELL_MM, CORNER_MM = 4.0, 5.0
 MARGIN = 1
-"""Sizes by which bases are finer than the evidence asks for: dense readings see what it tolerates."""
+"""Steps by which the bases are refined beyond the evidence: dense readings resolve errors that it neglects."""
 MOST = 20_000
-"""Cells of a measurement; longer paths have longer ones."""
+"""Largest number of cells of a measurement; a longer path has longer cells."""
 
 
 @dataclass(frozen=True)
 class OnTheFly:
-    """A measurement in motion, and how it was made."""
+    """A measurement in motion, and its reduction from the readings."""
 
     measurement: Measurement
     reduction: Reduction
     ways: Mapping[str, TargetPath]
-    """Of each target, by name."""
+    """Path of each target, by name."""
 
 
 def on_path(
@@ -45,11 +45,11 @@ def on_path(
     corner_mm: float = CORNER_MM,
     progress: Callable[[str], None] = lambda _: None,
 ) -> OnTheFly:
-    """The readings as a measurement: one row a cell of the path, which counts across the path only.
+    """The readings as a measurement: one row per cell of the path, which counts only across the path.
 
-    Every pass is aligned roughly and each station finely (`rough`, `alignment`); readings near corners and at changing
-    speed are left out (`speed`), the others taken together (`cells`). Registration and errors are then fitted jointly,
-    like those of any measurement. UserError for readings that did not follow the path.
+    `rough` aligns every pass, then `aligned_pose` every station. Readings near corners and at changing speed are left
+    out (`steadiness`); the others are reduced to means over cells (`reduced`). A fit then estimates registration and
+    errors jointly, as for any measurement. UserError for readings that did not follow the path.
     """
     names = np.unique(readings.target).tolist()
     ways = {name: target_path(path, readings.targets[name], readings.stands_on) for name in names}
@@ -90,7 +90,7 @@ def on_path(
 
 
 class _Rows(NamedTuple):
-    """Columns of rows to be, one a cell."""
+    """Columns of the measurement, one row per cell `c`."""
 
     first: np.ndarray
     """Number of the first reading `(c,)`."""
@@ -103,7 +103,7 @@ class _Rows(NamedTuple):
     """`(c, sensors)`"""
     observed: Array
     directions: Array
-    """Across the path `(c, 2, 3)`."""
+    """Unit vectors `(c, 2, 3)` across the path."""
     readings: Array
     way: Array
 
@@ -111,7 +111,7 @@ class _Rows(NamedTuple):
 def _reduced_pass(
     readings: Readings, rows: slice, each: Pass, pose: Pose, cell_mm: float, corner_mm: float
 ) -> tuple[_Rows, np.ndarray, Cells]:
-    """The cells of one pass; numbers of readings left out near corners, at changing speed, astray."""
+    """The cells of one pass; numbers of readings left out near corners, at changing speed, as outliers."""
     way, deviation = _followed(each, pose)
     steady = steadiness(each.path, readings.time[rows], way, corner_mm, cell_mm)
     used = np.flatnonzero(~steady.corner & ~steady.unsteady)
@@ -160,10 +160,10 @@ def _measurement(taken: _Rows, readings: Readings, path: NominalPath) -> Measure
 
 
 def across_path(along: Array, observed: Array) -> Array:
-    """Directions `(n, 2, 3)` across the path: the beam's part across it, and what is square to both.
+    """Directions `(n, 2, 3)` across the path: the component of the beam across it, and the perpendicular to both.
 
-    On-the-fly paper (1) with its errata; along `(n, 3)` and the observed points `(n, 3)`, which the beam comes to from
-    zero, in the instrument's frame. Where the beam runs along the path any two do.
+    On-the-fly paper (1) with its errata. `along` `(n, 3)`: unit vectors along the path; `observed` `(n, 3)`: points,
+    mm; both in the instrument's frame, whose origin emits the beam. For a beam along the path, any two directions do.
     """
     beam = observed / np.maximum(np.linalg.norm(observed, axis=1, keepdims=True), 1e-12)
     second = _perpendicular(beam, along)
@@ -177,7 +177,7 @@ def across_path(along: Array, observed: Array) -> Array:
 
 
 def _followed(each: Pass, pose: Pose) -> tuple[Array, Array]:
-    """Ways `(n,)` and deviations across the path `(n, 3)`, mm, of the points of a pass."""
+    """Distances along the path `(n,)` and deviations across it `(n, 3)`, mm, of the points of a pass."""
     way, deviation = np.empty(len(each.way)), np.empty((len(each.way), 3))
     back = pose.inverse()
     for start in range(0, len(way), AT_A_TIME):
@@ -194,7 +194,7 @@ def _perpendicular(vectors: Array, along: Array) -> Array:
 
 
 def _approach(path: TargetPath, way: Array) -> Array:
-    """Direction of the last move of each axis `(n, axes)`; 0 where it has not moved yet."""
+    """Direction of the last move of each axis `(n, axes)`; 0 before its first move."""
     moves = np.sign(np.where(np.abs(path.slopes) > 1e-9, path.slopes, 0.0))
     moved = np.where(moves != 0.0, np.arange(len(moves))[:, None], 0)
     last = np.take_along_axis(moves, np.maximum.accumulate(moved, axis=0), axis=0)

@@ -1,8 +1,8 @@
-"""Reduction: the readings of one pass along the path, in cells of the path, as one mean each.
+"""Reduction: the readings of one pass along the path, as one mean per cell of the path.
 
-A cell is a few mm of a straight move, so short that error motions are straight lines in it: the mean of the deviations
-across the path is then that of its middle, and with the number of readings all that a fit can learn from it. Readings
-that lie far from the median of their cell are left out.
+A cell is a segment of a straight move, a few mm long, so short that error motions are linear in it. The mean of the
+deviations across the path then holds at the middle of the cell; with the number of readings it is all the information
+for a fit. Readings far from the median of their cell are left out.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from kinematics.transforms import Array
 FAR = 7.0
 """Robust standard deviations from the median of its cell beyond which a reading is left out."""
 ENOUGH = 5
-"""Readings of a cell that have a median worth the name."""
+"""Least number of readings of a cell for a meaningful median."""
 CHANCE = 1.1
-"""Ratios below come by chance."""
+"""Ratio of variances below which an excess is random."""
 QUARTER = 3
-"""Readings in each quarter of the cells that tell how noise goes on in time."""
+"""Least number of readings in each quarter of a cell from which the correlation of noise in time is estimated."""
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Means over cells `c`, in the order of the way."""
+    """Means over cells `c`, in the order of the path."""
 
     way: Array
-    """`(c,)`, mm along the path."""
+    """Distance along the path `(c,)`, mm."""
     deviation: Array
-    """`(c, 3)`, mm, from the place on the path."""
+    """Deviation from the position on the path `(c, 3)`, mm."""
     count: Array
-    """Readings `(c,)`."""
+    """Number of readings `(c,)`."""
     first: np.ndarray
-    """Number `(c,)` of the first reading."""
+    """Index `(c,)` of the first reading."""
     columns: Array
-    """Means `(c, k)` of what else is known of the readings."""
+    """Means `(c, k)` of the other columns of the readings."""
     astray: int
-    """Readings left out for lying far from the rest of their cell."""
+    """Number of readings left out because they lie far from the median of their cell."""
     correlation: float
-    """Variance of means of a quarter of a cell, in terms of that which independent readings would have; 1 or more."""
+    """Ratio, 1 or more, of the variance of means over a quarter of a cell to that of independent readings."""
 
 
 def cell_numbers(path: TargetPath, way: Array, cell_mm: float) -> np.ndarray:
-    """Number `(n,)` of the cell at `way` mm of the path; cells begin anew at corners and are nearly `cell_mm` long."""
+    """Number `(n,)` of the cell at `way` mm along the path; every corner starts a cell, of nearly `cell_mm` length."""
     lengths = np.diff(path.corners)
     parts = np.maximum(np.round(lengths / cell_mm), 1).astype(int)
     first = np.cumsum(parts) - parts
@@ -56,7 +56,7 @@ def cell_numbers(path: TargetPath, way: Array, cell_mm: float) -> np.ndarray:
 
 
 def reduced(cell: np.ndarray, way: Array, deviation: Array, columns: Array) -> Cells:
-    """Means over the cells `(n,)` of readings in the order of time."""
+    """Means over the cells; `cell` `(n,)` numbers the cell of each reading, in the order of time."""
     order = np.argsort(cell, kind="stable")
     cell, way, deviation, columns = cell[order], way[order], deviation[order], columns[order]
     near = _near(cell, deviation)
@@ -77,11 +77,11 @@ def reduced(cell: np.ndarray, way: Array, deviation: Array, columns: Array) -> C
 
 
 def correlation(deviation: Array, start: np.ndarray, count: Array) -> float:
-    """Ratio, 1 or more, of the variance that means of readings have to that of independent ones.
+    """Ratio, 1 or more, of the variance of means of readings to that of independent readings.
 
-    deviation `(n, 3)`: in cells that begin at the rows `start` `(c,)`, each with `count` `(c,)` rows in the order of
-    time. Of the means m1 ... m4 of the quarters of a cell, m1 - m2 - m3 + m4 is free of a straight course along it; its
-    square is held against what the scatter inside the quarters makes of independent readings.
+    `deviation` `(n, 3)`, mm, sorted by cells: a cell begins at row `start` `(c,)` and has `count` `(c,)` rows in the
+    order of time. With the means m1 ... m4 over the quarters of a cell, m1 - m2 - m3 + m4 is free of a linear trend
+    along it. Its square is compared with the value that the scatter inside the quarters gives for independent readings.
     """
     mine = np.repeat(np.arange(len(start)), count.astype(int))
     rank = np.arange(len(deviation)) - start[mine]
@@ -100,7 +100,7 @@ def correlation(deviation: Array, start: np.ndarray, count: Array) -> float:
 
 
 def _near(cell: np.ndarray, deviation: Array) -> np.ndarray:
-    """True `(n,)` for readings, sorted by cells, near the median of their cell."""
+    """Mask `(n,)` of the readings, sorted by cells, that lie near the median of their cell."""
     start = np.flatnonzero(np.append(True, cell[1:] != cell[:-1])) if len(cell) else np.zeros(0, int)
     count = np.diff(np.append(start, len(cell)))
     if not len(count) or count.max() < ENOUGH:

@@ -1,9 +1,9 @@
-"""Rough alignment: where the instrument stood, and which point belongs where on the path, from nothing but the points.
+"""Rough alignment: pose of the instrument and position of each point along the path, from the points alone.
 
-Points and path are compared at equal shares of their lengths: start, end and centroid, which the on-the-fly paper
-aligns by (1.2.3), and everything between. So a path that is symmetric, or ends where it began, is no trap, and a place
-that the path passes twice is told by the order. Points are then assigned to the path in order (dynamic time warping),
-and both steps repeated.
+Points and path are compared at equal shares of their lengths. The on-the-fly paper (1.2.3) aligns by start, end and
+centroid; here all positions between contribute. A symmetric or closed path is therefore unambiguous, and the order
+distinguishes the passes through a position that the path crosses twice. Dynamic time warping then assigns the points
+to the path in order, and both steps are repeated.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 
 BLOCKS = 8000
-"""Points are taken together to so many medians."""
+"""Largest number of medians, apart from a last incomplete one, to which the points are reduced."""
 SAMPLES = 3000
-"""Places on the path that the order is made by."""
+"""Number of positions on the path for the assignment in order."""
 BAND = 0.05
-"""Share of the way by which an assignment may differ from equal shares; of which the lengths may differ."""
+"""Largest difference of an assignment from equal shares, and of the two lengths, as a share of the path length."""
 ROUNDS = 4
 
 
 class Rough(NamedTuple):
-    """Of one pass along the path."""
+    """Rough alignment of one pass along the path."""
 
     pose: Pose
-    """From the frame that the instrument stands on to its own."""
+    """Pose from the frame that the instrument stands on to its own."""
     way: Array
-    """`(n,)`, mm along the path, of each point."""
+    """Distance along the path `(n,)`, mm, of each point."""
 
 
 def rough(path: TargetPath, points: Array, where: str) -> Rough:
-    """Alignment of points `(n, 3)`, mm, in the order of time, with the path; UserError, naming `where`, without one."""
+    """Alignment of points `(n, 3)`, mm, in the order of time, with the path; UserError, naming `where`, if it fails."""
     if len(points) < 10:
         raise UserError(f"{where}: {len(points)} points are too few to follow a path")
     centre, medians = _medians(points)
@@ -65,7 +65,10 @@ def rough(path: TargetPath, points: Array, where: str) -> Rough:
 
 
 def in_order(observed: Array, nominal: Array) -> np.ndarray:
-    """Partners `(n,)` among nominal `(n, 3)` of observed `(n, 3)`: never back, never past two, least sum of squares."""
+    """Index `(n,)` of the nominal point `(n, 3)` assigned to each observed point `(n, 3)`, by the least sum of squares.
+
+    Indices never decrease, and increase by 2 at most from one point to the next.
+    """
     n = len(observed)
     band = int(BAND * n) + 5
     offsets = np.arange(-band, band + 1)
@@ -76,7 +79,7 @@ def in_order(observed: Array, nominal: Array) -> np.ndarray:
         inside = (column >= 0) & (column < n)
         away = np.where(inside, np.sum((nominal[np.clip(column, 0, n - 1)] - observed[i]) ** 2, axis=1), np.inf)
         if i:
-            # offsets count from the diagonal, which itself goes on by one a row
+            # offsets count from the diagonal, which advances by one per row
             steps = np.stack([np.append(best[1:], np.inf), best, np.append(np.inf, best[:-1])])
             came[i] = np.argmin(steps, axis=0)
             best = steps[came[i], np.arange(len(offsets))]
@@ -90,7 +93,7 @@ def in_order(observed: Array, nominal: Array) -> np.ndarray:
 
 
 def _medians(points: Array) -> tuple[Array, Array]:
-    """Numbers `(b,)` of the middle rows, and medians `(b, 3)`, of points taken together."""
+    """Index `(b,)` of the middle row, and median `(b, 3)`, of each block of points."""
     size = -(-len(points) // BLOCKS)
     whole = len(points) // size * size
     medians = np.median(points[:whole].reshape(-1, size, 3), axis=1)
@@ -102,7 +105,7 @@ def _medians(points: Array) -> tuple[Array, Array]:
 
 
 def _moved(points: Array, least: float) -> np.ndarray:
-    """Rows of those that lie further from the one before among them: standing still is no way."""
+    """Indices of the points at least `least` mm from the last point kept, so that a standstill adds no length."""
     listed = points.tolist()
     kept, last = [0], listed[0]
     for i, point in enumerate(listed):

@@ -1,9 +1,8 @@
-"""Which readings count: those on feed moves, away from corners, at constant speed.
+"""Selection of the readings that count: on feed moves, away from corners, at constant speed.
 
-The rule: a reading is left out within `corner_mm` of a corner (the path turns by more than 1 degree, stops, or goes on
-in rapid), and where the speed along the program differs by more than 5 % from that of its stretch between two corners.
-The speed is counted as the feed is, by what the program says, so that a target swung by a rotary axis is no faster than
-the axis turns.
+A reading is left out within `corner_mm` of a corner (the path turns by more than 1 degree, stops, or continues in
+rapid), and where the feed differs by more than 5 % from that of its segment between two corners. The feed is evaluated
+as the control programs it: a rotary axis that moves a target in a circle at constant rate counts as constant.
 """
 
 from __future__ import annotations
@@ -16,30 +15,30 @@ from calibration.on_the_fly.nominal_path import TargetPath
 from kinematics.transforms import Array
 
 STEADY = 0.05
-"""Share by which the speed may differ from that of the stretch."""
+"""Largest relative difference of the feed from that of the segment."""
 PLATEAU = 0.7
-"""Quantile of the speeds on a stretch that its speed is: above what is lost in speeding up and slowing down."""
+"""Quantile of the feeds on a segment that is taken for its constant feed: acceleration and braking lie below it."""
 
 
 class Steadiness(NamedTuple):
-    """Of readings `n`."""
+    """Evaluation of readings `n`."""
 
     corner: np.ndarray
-    """True `(n,)` close to a corner, or in rapid."""
+    """Mask `(n,)` of readings close to a corner or in rapid."""
     unsteady: np.ndarray
-    """True `(n,)` where the speed is not constant."""
+    """Mask `(n,)` of readings at changing speed."""
     speed: Array
-    """`(n,)`, mm/s along the way of the target."""
+    """Speed along the path of the target `(n,)`, mm/s."""
     feed: Array
-    """`(n,)`, mm/min, or deg/min where rotary axes move alone."""
+    """Feed `(n,)`, mm/min, or deg/min where only rotary axes move."""
 
 
 def steadiness(path: TargetPath, time: Array, way: Array, corner_mm: float, cell_mm: float) -> Steadiness:
-    """How readings at `time` `(n,)`, s, and `way` `(n,)`, mm, count."""
+    """Evaluation of readings at `time` `(n,)`, s, and `way` `(n,)`, mm along the path."""
     stretch = path.stretch(way)
     distance = np.minimum(way - path.corners[stretch], path.corners[stretch + 1] - way)
     corner = (distance < corner_mm) | ~path.usable[stretch]
-    # over so many readings that noise is no speed
+    # the speed is taken over enough readings to suppress noise
     span = max(1, round(len(way) * cell_mm / path.length / 2.0))
     after, before = np.minimum(np.arange(len(way)) + span, len(way) - 1), np.maximum(np.arange(len(way)) - span, 0)
     lasted = time[after] - time[before]

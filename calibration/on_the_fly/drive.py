@@ -1,4 +1,4 @@
-"""How a control drives along a path: at constant feed, stopping at corners, with limited acceleration."""
+"""Motion of a control along a path: at constant feed, stopping at corners, with limited acceleration."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from kinematics.transforms import Array
 
 
 class Manner(NamedTuple):
-    """How it drives and how often it is watched."""
+    """Dynamics of the motion, and the rate of the readings."""
 
     feed: float
-    """mm/min, deg/min where rotary axes move alone."""
+    """Feed, mm/min; deg/min where only rotary axes move."""
     acceleration: float = 1000.0
-    """mm/s2 (deg/s2) along the path."""
+    """Acceleration along the path, mm/s2 (deg/s2)."""
     rate: float = 500.0
     """Readings per second."""
     pause_s: float = 1.0
-    """Standing at the start and at the end."""
+    """Standstill at the start and at the end, s."""
     rapid: float = 15_000.0
-    """mm/min, of rapid moves."""
+    """Feed of rapid moves, mm/min."""
 
 
 class Driven(NamedTuple):
@@ -39,25 +39,25 @@ class Driven(NamedTuple):
 
 
 class _Stretches(NamedTuple):
-    """Between two stops."""
+    """Segments `k` of the path, each between two stops."""
 
     stops: Array
-    """`(k + 1,)`, of the way."""
+    """Distance along the path `(k + 1,)` of the stops, mm or deg."""
     peak: Array
-    """Greatest speeds `(k,)`."""
+    """Largest speed `(k,)`, mm/s or deg/s."""
     ramp: Array
-    """How long it takes to reach them `(k,)`, s."""
+    """Time `(k,)` to reach it, s."""
     lasting: Array
-    """`(k,)`, s."""
+    """Duration `(k,)`, s."""
 
 
 def duration(path: NominalPath, manner: Manner) -> float:
-    """How long a pass takes, s."""
+    """Duration of a pass, s."""
     return float(_stretches(path, manner).lasting.sum()) + 2.0 * manner.pause_s
 
 
 def driven(path: NominalPath, manner: Manner) -> Driven:
-    """The axes along the path, from standing at its start to standing at its end."""
+    """Motion of the axes along the path, from standstill at its start to standstill at its end."""
     stops, peak, ramp, lasting = _stretches(path, manner)
     lengths = np.diff(stops)
     begins = manner.pause_s + np.concatenate([[0.0], np.cumsum(lasting)])
@@ -91,7 +91,7 @@ def _stretches(path: NominalPath, manner: Manner) -> _Stretches:
 
 
 def _stops(path: NominalPath) -> np.ndarray:
-    """Vertices where the machine stops: the ends, corners in axis positions, and where feed gives way to rapid."""
+    """Vertices where the machine stops: ends, corners in axis positions, and changes between feed and rapid."""
     moves = np.diff(path.positions, axis=0) / np.where(path.machine.rotary, path.machine.scale, 1.0)
     directions = moves / np.maximum(np.linalg.norm(moves, axis=1, keepdims=True), 1e-12)
     turns = np.sum(directions[1:] * directions[:-1], axis=1) < np.cos(np.radians(CORNER_DEG))

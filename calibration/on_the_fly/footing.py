@@ -1,7 +1,8 @@
-"""Where on the path a reading was taken: not at its foot, but as far from it as the machine is ahead or behind there.
+"""Correction of the axis positions of readings on the fly for the deviation along the path.
 
-A deviation along the path moves the foot of a point and shows in nothing else; yet the errors across it are those of
-the place where the axes stood. With 0.1 mm along the path and errors that change by 2 um per mm that is 0.2 um.
+A reading is assigned to the foot of its perpendicular on the path. A deviation along the path shifts this foot and has
+no other effect; but the errors across the path are those at the true axis positions. A deviation of 0.1 mm along the
+path, where errors change by 2 um/mm, causes an error of 0.2 um.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from kinematics.error_model.model import Observation
 from kinematics.transforms import blocks
 
 NODES, HARMONICS = 12, 4
-"""Of the fit that says how far the machine is ahead."""
+"""Size of the bases in the fit that estimates the deviation along the path."""
 
 
 def with_footing(taken: OnTheFly) -> Measurement:
-    """The measurement with positions where a first fit has the axes stand; its rows are otherwise the same."""
+    """The measurement with axis positions corrected by a first fit; all other columns stay the same."""
     measurement = taken.measurement
     assert measurement.across is not None
     bases = {

@@ -1,4 +1,4 @@
-"""The path that the machine was told to take: as columns of axis positions, and as the way of one target."""
+"""The programmed path: as columns of axis positions, and as the path of one target."""
 
 from __future__ import annotations
 
@@ -17,72 +17,72 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 PIECE_DEG = 0.25
-"""Rotary axes turn by no more between two points that the way of a target is measured by."""
+"""Largest rotation between two points by which the path length of a target is measured, degrees."""
 STEPS, SHORTEST = 40_000, 0.2
-"""The way of a target is known at so many equal steps, mm, none shorter than this."""
+"""Number of equal steps in which the path of a target is stored; shortest step, mm."""
 CORNER_DEG = 1.0
-"""A path that turns by more has a corner there."""
+"""Change of direction, degrees, above which a path has a corner."""
 STANDS = 1e-6
-"""mm: a target that moves less stands."""
+"""Distance, mm, below which a target does not move."""
 
 
 @dataclass(frozen=True)
 class NominalPath:
-    """Vertices `m` in the order of the way; between two of them axis positions run straight."""
+    """Vertices `m` in the order of the path; axis positions are linear between two of them."""
 
     machine: Machine
     positions: Array
     """`(m, axes)`, mm and rad."""
     way: Array
-    """What the feed counts `(m,)`, from 0: mm of the linear axes together, degrees where rotary ones move alone."""
+    """Distance that the feed refers to `(m,)`, from 0: mm of the linear axes together, degrees of rotary axes alone."""
     counts: np.ndarray
-    """True `(m,)` where the move to the vertex is a feed move; of rapid ones nobody knows the way between."""
+    """True `(m,)` where the move to the vertex is a feed move; the path of a rapid move is unknown."""
     source: str = ""
     fingerprint: str = ""
 
     @property
     def ends(self) -> Array:
-        """Least and greatest positions `(2, axes)`, mm and rad."""
+        """Smallest and largest positions `(2, axes)`, mm and rad."""
         return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
 
 
 class Located(NamedTuple):
-    """Places on the way of a target."""
+    """Positions on the path of a target."""
 
     points: Array
     """`(n, 3)`, mm, in the frame that the instrument stands on."""
     tangents: Array
-    """`(n, 3)`, of length 1."""
+    """Unit vectors `(n, 3)`."""
 
 
 @dataclass(frozen=True)
 class TargetPath:
-    """The way of one target, at `k` equal steps of its length."""
+    """The path of one target, at `k` equal steps of its length."""
 
     step: float
-    """mm"""
+    """Length of a step, mm."""
     positions: Array
     """`(k, axes)`, mm and rad."""
     slopes: Array
-    """Of the positions `(k, axes)`, per mm of the way, behind each step."""
+    """Derivatives of the positions `(k, axes)`, mm and rad per mm of the path, of the segment after each step."""
     points: Array
     """`(k, 3)`, mm, in the frame that the instrument stands on."""
     tangents: Array
-    """`(k, 3)`, of length 1."""
+    """Unit vectors `(k, 3)`."""
     way: Array
-    """What the feed counts `(k,)`."""
+    """Distance that the feed refers to `(k,)`, mm, or degrees where only rotary axes move."""
     corners: Array
-    """Where the path turns, stops or goes on in rapid `(c,)`, mm, with its two ends."""
+    """Distances along the path `(c,)`, mm, at which it turns, stops or continues in rapid, with its two ends."""
     usable: np.ndarray
-    """True `(c - 1,)` for stretches between corners that are feed moves."""
+    """Mask `(c - 1,)` of the segments between corners that are feed moves."""
 
     @cached_property
     def length(self) -> float:
-        """mm"""
+        """Length of the path, mm."""
         return self.step * (len(self.points) - 1)
 
     def at(self, s: Array) -> Located:
-        """Points and tangents at `(n,)` mm of the way; between two steps a cubic."""
+        """Points and tangents at `(n,)` mm along the path; points are cubic between two steps."""
         i, u = self._place(s)
         u = u[:, None]
         p, q, a, b = self.points[i], self.points[i + 1], self.tangents[i], self.tangents[i + 1]
@@ -93,21 +93,21 @@ class TargetPath:
         return Located(points, tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-12))
 
     def positions_at(self, s: Array) -> Array:
-        """Axis positions `(n, axes)`, mm and rad."""
+        """Axis positions `(n, axes)`, mm and rad, at `(n,)` mm along the path."""
         i, u = self._place(s)
         return np.asarray(self.positions[i] + u[:, None] * (self.positions[i + 1] - self.positions[i]))
 
     def slopes_at(self, s: Array) -> Array:
-        """Of the positions `(n, axes)`, per mm of the way."""
+        """Derivatives of the axis positions `(n, axes)`, mm and rad per mm of the path."""
         return np.asarray(self.slopes[self._place(s)[0]])
 
     def way_at(self, s: Array) -> Array:
-        """What the feed counts `(n,)`."""
+        """Distance that the feed refers to `(n,)`, mm, or degrees where only rotary axes move."""
         i, u = self._place(s)
         return np.asarray(self.way[i] + u * (self.way[i + 1] - self.way[i]))
 
     def stretch(self, s: Array) -> np.ndarray:
-        """Number `(n,)` of the stretch between two corners."""
+        """Index `(n,)` of the segment between two corners."""
         return np.clip(np.searchsorted(self.corners, s, side="right") - 1, 0, len(self.usable) - 1)
 
     def _place(self, s: Array) -> tuple[np.ndarray, Array]:
@@ -117,7 +117,7 @@ class TargetPath:
 
 
 def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece", "bed"] = "workpiece") -> TargetPath:
-    """The way of a target along a path, by exact kinematics; UserError where it hardly moves."""
+    """The path of a target, by exact kinematics; UserError for a target that hardly moves."""
     vertices, places = _pieces(path)
 
     def at(positions: Array) -> Measurement:
@@ -149,12 +149,12 @@ def target_path(path: NominalPath, target: Target, stands_on: Literal["workpiece
 
 
 def _places_of(piece: np.ndarray, arc: Array, s: Array, lengths: Array) -> Array:
-    """Places `(n,)` among the vertices, whole numbers at them, of `s` mm of the way."""
+    """Fractional index `(n,)` of the vertices at `s` mm along the path; whole numbers at the vertices."""
     return np.asarray(piece + np.clip((s - arc[piece]) / lengths[piece], 0.0, 1.0))
 
 
 def _pieces(path: NominalPath) -> tuple[Array, np.ndarray]:
-    """Vertices `(v, axes)` between which rotary axes turn by little, and the move `(v - 1,)` of each piece."""
+    """Vertices `(v, axes)` between which rotary axes turn by PIECE_DEG at most; move `(v - 1,)` of each segment."""
     moves = np.diff(path.positions, axis=0)
     turned = np.degrees(np.abs(moves[:, path.machine.rotary]).max(axis=1, initial=0.0))
     counts = np.maximum(np.ceil(turned / PIECE_DEG), 1).astype(int)
@@ -166,7 +166,7 @@ def _pieces(path: NominalPath) -> tuple[Array, np.ndarray]:
 
 
 def _way(path: NominalPath, places: np.ndarray) -> Array:
-    """What the feed counts, at the vertices of the pieces."""
+    """Distance that the feed refers to `(v,)`, at the vertices of the segments."""
     counts = np.bincount(places, minlength=len(path.way) - 1)
     first = np.cumsum(counts) - counts
     share = (np.arange(len(places)) - first[places] + 1) / counts[places]
@@ -174,7 +174,10 @@ def _way(path: NominalPath, places: np.ndarray) -> Array:
 
 
 def _corners(chords: Array, lengths: Array, arc: Array, counts: np.ndarray) -> tuple[Array, np.ndarray]:
-    """Where the path turns, the target stands, or feed gives way to rapid; and which stretches are feed moves."""
+    """Corners `(c,)`, mm along the path, and the mask `(c - 1,)` of the segments between them that are feed moves.
+
+    A corner lies where the path turns, the target stops, or feed and rapid change.
+    """
     moving = np.flatnonzero(lengths)
     directions = chords[moving] / lengths[moving][:, None]
     turns = np.sum(directions[1:] * directions[:-1], axis=1) < np.cos(np.radians(CORNER_DEG))

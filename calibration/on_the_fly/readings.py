@@ -1,4 +1,4 @@
-"""Points of a tracker that followed the machine: rows `time_s,x,y,z[,target]` of a measurement file (contract 4.2)."""
+"""Points of a tracker that follows the machine: rows `time_s,x,y,z[,target]` of a measurement file (contract 4.2)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from kinematics.user_error import UserError
 
 COLUMNS = ("time_s", "x", "y", "z", "target", "station", "run", "temp_<name>")
 ONLY = "1"
-"""Station and run of a file that names none."""
+"""Station and run if the file names none."""
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,9 @@ class Readings:
     run: np.ndarray
     """Name `(n,)`."""
     temperatures: Mapping[str, Array]
-    """By sensor `(n,)`, K from 20 degC."""
+    """Temperature `(n,)` by sensor, K from 20 degC."""
     lines: np.ndarray
-    """Line in the file `(n,)`."""
+    """Line number in the file `(n,)`."""
     source: str
     fingerprint: str
     notes: tuple[str, ...] = ()
@@ -59,7 +59,7 @@ class Readings:
         return len(self.time)
 
     def passes(self) -> Iterator[slice]:
-        """Rows of one station, run and target after the other: each time the program runs once."""
+        """Rows of each pass: consecutive rows of one station, run and target, for which the program runs once."""
         changes = np.zeros(max(len(self) - 1, 0), bool)
         for column in (self.station, self.run, self.target):
             changes |= column[1:] != column[:-1]
@@ -67,7 +67,7 @@ class Readings:
         return (slice(a, b) for a, b in pairwise(ends))
 
     def where(self, rows: slice) -> str:
-        """A pass, for messages."""
+        """Name of a pass, for messages."""
         at = rows.start
         said = [("station", self.station), ("run", self.run), ("target", self.target)]
         several = [
@@ -77,7 +77,7 @@ class Readings:
 
 
 def read_readings(table: Table, machine: Machine) -> Readings:
-    """The readings in a table; UserError with line and column for what can't be used."""
+    """The readings in a table; UserError with line and column for a value that cannot be used."""
     notes: list[str] = []
     instrument = read_instrument(table)
     if not isinstance(instrument, LaserTracker):

@@ -1,4 +1,4 @@
-"""What became of the readings of a path, in numbers and in words."""
+"""Statistics of the reduction of readings on the fly, as numbers and as text."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Reduction:
-    """What became of the readings, for people."""
+    """Numbers of readings used and left out, for the report."""
 
     readings: int
     corners: int
-    """Left out close to corners, or in rapid."""
+    """Number of readings left out close to corners or in rapid."""
     unsteady: int
-    """Left out for changing speed."""
+    """Number of readings left out because of changing speed."""
     astray: int
-    """Left out for lying far from the rest of their cell."""
+    """Number of readings left out because they lie far from the median of their cell."""
     rows: int
     cell_mm: float
     corner_mm: float
     passes: int
     feeds: tuple[float, ...]
-    """mm/min, of each pass."""
+    """Feed of each pass, mm/min."""
     length_m: float
-    """Of the path."""
+    """Length of the path, m."""
     correlation: float
-    """Variance of means in terms of that of independent readings, the worst of all passes."""
+    """Largest ratio, over all passes, of the variance of means to that of independent readings."""
 
     @property
     def used(self) -> int:
-        """Readings that count."""
+        """Number of readings that count."""
         return self.readings - self.corners - self.unsteady - self.astray
 
     def __str__(self) -> str:

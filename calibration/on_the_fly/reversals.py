@@ -1,7 +1,6 @@
-"""Backlash on the fly: what differs between going forward and backward (the outlook of the on-the-fly paper).
+"""Backlash on the fly: difference of errors between forward and backward motion (outlook of the on-the-fly paper).
 
-Either one number for each error motion, or a curve for each: as the paper has it, a few unknowns more or about twice as
-many.
+Either one number or one curve for each error motion: the fit has a few more unknowns, or about twice as many.
 """
 
 from __future__ import annotations
@@ -18,11 +17,11 @@ from kinematics.user_error import UserError
 
 MODES = ("none", "constant", "curves")
 NODES = 5
-"""Of a curve."""
+"""Number of nodes of a curve."""
 
 
 def reversals(measurement: Measurement, mode: str) -> list[Effect]:
-    """The effects to be fitted besides, all zero, of every axis that moves; UserError for another mode than MODES."""
+    """Additional effects to fit, all zero, for every axis that moves; UserError for a mode that is not in MODES."""
     if mode not in MODES:
         raise UserError(f"--reversal {mode}: expected one of {', '.join(MODES)}")
     if mode == "none":

@@ -1,4 +1,4 @@
-"""Virtual readings: what a tracker sees of a machine with known errors that follows a path."""
+"""Virtual readings: the observations by a tracker of a machine with known errors that follows a path."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from kinematics.state import REFERENCE, State
 from kinematics.transforms import Array, Pose
 
 BETWEEN_S = 60.0
-"""From the end of one pass to the start of the next."""
+"""Time from the end of one pass to the start of the next, s."""
 
 
 @dataclass(frozen=True)
 class Vibration:
-    """What shakes the target besides: a wave in each direction, of random phase in each pass."""
+    """Vibration of the target: a sine wave in each direction (RMS in um, Hz), of random phase in each pass."""
 
     rms_um: float = 0.0
     hertz: float = 40.0
@@ -34,13 +34,13 @@ class Vibration:
 
 @dataclass(frozen=True)
 class Session:
-    """Passes along a path, one after the other: with every target, at every feed, from every station."""
+    """Consecutive passes along a path: with every target, at every feed, from every station."""
 
     path: NominalPath
     manners: Sequence[Manner]
     targets: Mapping[str, Target]
     poses: Mapping[str, Pose]
-    """By station, from what the tracker stands on to its own frame."""
+    """Pose of each station, from the frame that the tracker stands on to its own."""
     stands_on: Literal["workpiece", "bed"] = "workpiece"
     vibration: Vibration = Vibration()
 
@@ -55,10 +55,10 @@ def readings_of(
     temperatures: Mapping[str, tuple[float, float]] | None = None,
     progress: Callable[[int], None] = lambda _: None,
 ) -> Measurement:
-    """The readings, with the positions at which the axes really were, which no file of them has.
+    """The readings, with the true axis positions, which a file of readings does not contain.
 
-    Exact kinematics and the tracker's full covariance (`calibration.simulation.simulate`); temperatures, K from
-    20 degC, change linearly over the whole session.
+    Exact kinematics and the full covariance of the tracker (`calibration.simulation.simulate`). Temperatures, start and
+    end in K from 20 degC by sensor, change linearly over the whole session.
     """
     rides = [driven(session.path, manner) for manner in session.manners]
     state, run = _states(session, rides)
@@ -72,7 +72,7 @@ def readings_of(
 
 
 def write_readings(readings: Measurement, file: BinaryIO) -> None:
-    """Write the readings as a tracker would: time and points; target, station and run where there are several."""
+    """Write the readings in the form of a tracker: time and points; target, station and run if there are several."""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     for line in header_lines(readings):
         text.write(f"# {line}\n")
@@ -93,7 +93,7 @@ def write_readings(readings: Measurement, file: BinaryIO) -> None:
 
 
 def _states(session: Session, rides: Sequence[Driven]) -> tuple[State, np.ndarray]:
-    """The states of all passes, and their runs: one for each feed, the targets and stations apart from that."""
+    """The states of all passes, and their runs: one per feed, numbered anew for each target and station."""
     parts, names, begin = [], [], 0.0
     for station in session.poses:
         for target in session.targets:
@@ -121,7 +121,7 @@ def _states(session: Session, rides: Sequence[Driven]) -> tuple[State, np.ndarra
 
 
 def _shaken(session: Session, state: State, run: np.ndarray, rng: np.random.Generator) -> Array:
-    """Displacements `(n, 3)`, mm."""
+    """Displacement by vibration `(n, 3)`, mm."""
     assert state.time is not None
     if not session.vibration.rms_um:
         return np.zeros((len(state), 3))

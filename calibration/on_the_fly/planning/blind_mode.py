@@ -1,8 +1,8 @@
-"""A blind mode: what deviations across a path can't show, whatever their noise and number.
+"""A blind mode: an error that deviations across a path cannot show, whatever their noise and number.
 
-Let the linear axes err along themselves by L_i g(u_i), u_i the position from -1 to 1 over a travel of 2 L_i, one g
-for all that is odd and zero at the ends. A line through the centre of the volume or of one of its faces along their
-diagonals, or along an edge, is shifted by that along itself only: lines of these kinds alone never show it.
+Let each linear axis i have the positioning error L_i g(u_i), with u_i its position scaled to -1 ... 1 over a travel of
+2 L_i, and one odd function g for all axes that is zero at the ends. This error shifts a line along itself if the line
+is an edge, or a diagonal through the centre of the volume or of one of its faces. Such lines alone cannot show it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from kinematics.error_model.model import no_errors
 from kinematics.transforms import blocks
 
 UNSEEN = 0.01
-"""Share of the displacement across the path, below which the mode is not seen."""
+"""Share of the displacement across the path below which the mode is unidentifiable."""
 SHAPES = ((0.0, 1.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0, 0.0, -1.0))
 """u (1 - u2) and u3 (1 - u2), as coefficients of powers of u."""
 
 
 def common_odd_mode(measurement: Measurement, registration: Registration) -> str | None:
-    """The blind mode in words, where the rows of a measurement on the fly do not see it; None where they do."""
+    """A description of the blind mode if a measurement on the fly cannot identify it; otherwise None."""
     assert measurement.across is not None
     machine = measurement.machine
     ends = (measurement.across.ends / machine.scale).T.tolist()
@@ -52,9 +52,9 @@ def common_odd_mode(measurement: Measurement, registration: Registration) -> str
 def _share_across(
     measurement: Measurement, registration: Registration, axes: dict[str, Interval], shape: tuple[float, ...]
 ) -> float:
-    """RMS of the displacement across the path, in terms of the whole, by a mode of this shape."""
+    """Ratio of the RMS displacement across the path to that of the whole displacement, for a mode of this shape."""
     machine, effects = measurement.machine, []
-    # from powers of u in -1..1 to those of the basis, which counts from 0 to 1
+    # from powers of u in -1..1 to powers of the basis variable in 0..1
     powers = np.asarray(np.polynomial.Polynomial(shape)(np.polynomial.Polynomial([-1.0, 2.0])).coef, float)
     for axis, (low, high) in axes.items():
         basis = Polynomial((low, high), len(powers) - 1)

@@ -1,8 +1,8 @@
-"""How well deviations across a path tell the errors in the volume: the noise gain, and what stays hidden.
+"""Identifiability of the errors in the volume from deviations across a path: noise gain and hidden directions.
 
-Noise gain: RMS over the volume of the error of a coordinate of the deviation, after rigid alignment, by noise of 1 um
-(k = 1) in both directions across the path in each cell of it. All six error motions of every axis that moves are
-fitted, the pose of the instrument along with them.
+Noise gain: RMS over the volume of the error of one coordinate of the deviation, after rigid alignment, for noise of
+1 um (k = 1) in both directions across the path in each of its cells. The fit estimates all six error motions of every
+axis that moves, together with the pose of the instrument.
 """
 
 from __future__ import annotations
@@ -25,40 +25,40 @@ from kinematics.state import State
 from kinematics.transforms import Array, by_turn
 
 NODE_MM = 50.0
-"""Of the table that error motions of linear axes are written in, at least; long axes have MOST_NODES."""
+"""Node spacing of the error motions of linear axes, mm; larger on long axes, which have MOST_NODES nodes."""
 MOST_NODES, HARMONICS = 13, 2
 PRIOR = 200.0
-"""um, urad: what error motions may be, so that what a path does not see counts."""
+"""Prior standard deviation of the error motions, um and urad, so that unidentifiable directions count."""
 SAMPLE_MM = 12.0
-"""Places on a move that stand for its cells."""
+"""Largest distance, mm, of the positions on a move that represent its cells."""
 GRID, SCATTERED = 9, 600
-"""Places in the volume: a grid of three axes; of more, so many at random."""
+"""Positions in the volume: grid points per axis for up to three axes; number of random positions for more axes."""
 UNSEEN = 1e-9
-"""Share of the best seen direction below which one is not seen."""
+"""Information in a direction, relative to the best direction, below which it is unidentifiable."""
 FELT = 1e-3
-"""um in the volume by a prior standard deviation along a hidden direction, below which it is the frame's."""
+"""Deviation in the volume, um, by one prior standard deviation of a hidden direction; below, only the frame moves."""
 
 
 class Gain(NamedTuple):
-    """What a path tells of the volume."""
+    """Identifiability of the errors in the volume from a path."""
 
     noise: float
-    """um per um, RMS over the volume, of what is seen."""
+    """Noise gain of the identifiable directions, RMS over the volume, um per um."""
     worst: float
-    """The same where it is worst."""
+    """Noise gain at the worst position, um per um."""
     hidden: int
-    """Directions of the errors that matter in the volume and are not seen."""
+    """Number of unidentifiable directions that cause deviations in the volume."""
     score: float
-    """As `noise`, with what is hidden in the size of its prior: what a planner makes small."""
+    """As `noise`, with hidden directions at the size of their prior; planning minimises it."""
 
 
 class Volume:
-    """The errors of a machine in a part of its travel, as one target or several show them along moves."""
+    """The errors of a machine in a part of its travel, as observed on one or several targets along moves."""
 
     def __init__(
         self, machine: Machine, ends: Array, targets: Mapping[str, Target], cell_mm: float, corner_mm: float
     ) -> None:
-        """ends `(2, axes)`, mm and rad; axes whose ends are one position stand there."""
+        """ends `(2, axes)`, mm and rad; an axis whose two ends are equal does not move."""
         self.machine, self.ends, self.cell_mm, self.corner_mm = machine, ends, cell_mm, corner_mm
         self.tools = [target.position for target in targets.values()]
         self.model = msgspec.structs.replace(no_errors(machine), effects=tuple(_motions(machine, ends)))
@@ -69,9 +69,9 @@ class Volume:
         self._grid, self._squares = self._felt()
 
     def information(self, start: Array, end: Array) -> Array:
-        """J' J `(6 + p, 6 + p)` of a straight move between two positions `(axes,)`, mm and rad, by all targets.
+        """J' J `(6 + p, 6 + p)` of a straight move between two positions `(axes,)`, mm and rad, with all targets.
 
-        Registration first, then the parameters in terms of their prior; cells with 1 um of noise.
+        Registration first, then the parameters in units of their prior; noise of 1 um in each cell.
         """
         total = np.zeros((6 + self.size, 6 + self.size))
         for tool in self.tools:
@@ -88,28 +88,28 @@ class Volume:
         return total
 
     def gain(self, information: Array) -> Gain:
-        """What moves tell that have this information together `(6 + p, 6 + p)`."""
+        """Identifiability from moves whose information adds up to `(6 + p, 6 + p)`."""
         inner = _without_registration(information)
         root, null, _ = pseudo_inverse(inner, UNSEEN)
         felt = np.linalg.eigvalsh(null.T @ self._squares @ null)
         covariance = root @ root.T
-        # aligned rows of a place, um, and their variances
+        # variances of the aligned coordinates, um2
         variances = np.einsum("nip,pq,niq->n", self._grid, covariance, self._grid, optimize=True) / 3.0
         hidden = int(np.count_nonzero(np.sqrt(np.maximum(felt, 0.0)) > FELT))
         return Gain(float(np.sqrt(variances.mean())), float(np.sqrt(variances.max())), hidden, self.score(information))
 
     def score(self, information: Array) -> float:
-        """`Gain.score` alone, which is quick."""
+        """`Gain.score` alone, at less cost."""
         return float(np.linalg.norm(Posterior(_without_registration(information), 1.0).whitened(self._root)))
 
     def length(self, start: Array, end: Array) -> float:
-        """mm that the feed counts; degrees where rotary axes move alone."""
+        """Distance that the feed refers to, mm; degrees where only rotary axes move."""
         move = (end - start) / self.machine.scale
         linear = float(np.linalg.norm(move[~self.machine.rotary]))
         return linear or float(np.linalg.norm(move))
 
     def _across(self, positions: Array, direction: Array, tool: tuple[float, float, float]) -> Array:
-        """Rows `(3 n, 6 + p)`, um across the way of a target, by motions of the frame and priors of parameters."""
+        """Rows `(3 n, 6 + p)`, um across the path of a target, per motion of the frame and per prior of a parameter."""
         machine, n = self.machine, len(positions)
         points = tool_point(machine, positions, tool)
         step = direction * (1e-4 / max(float(np.abs(direction).max()), 1e-12))
@@ -123,7 +123,7 @@ class Volume:
         return np.concatenate([frame, design * (PRIOR * 1e3)], axis=2).reshape(3 * n, -1)
 
     def _felt(self) -> tuple[Array, Array]:
-        """Aligned deviations `(n, 3, p)`, um, at places in the volume by a prior of each parameter; their squares."""
+        """Aligned deviations `(n, 3, p)`, um, in the volume per prior of a parameter; their mean products `(p, p)`."""
         machine = self.machine
         positions = _places(machine, self.ends)
         points = tool_point(machine, positions, self.tools[0])
@@ -141,7 +141,7 @@ class Volume:
 
 
 def _without_registration(information: Array) -> Array:
-    """The information `(p, p)` on the parameters of an instrument whose pose is unknown."""
+    """The information `(p, p)` on the parameters when the pose of the instrument is unknown."""
     eliminated = information[6:, :6] @ pseudo_inverse(information[:6, :6], 1e-12).root
     return np.asarray(information[6:, 6:] - eliminated @ eliminated.T)
 
@@ -159,7 +159,7 @@ def _motions(machine: Machine, ends: Array) -> list[ErrorMotion]:
 
 
 def _places(machine: Machine, ends: Array) -> Array:
-    """Positions `(n, axes)` all over the volume."""
+    """Positions `(n, axes)`, mm and rad, that cover the volume."""
     moving = np.flatnonzero(np.ptp(ends, axis=0) > 0.0)
     if len(moving) > 3:
         share = np.random.default_rng(0).uniform(size=(SCATTERED, len(machine.axes)))

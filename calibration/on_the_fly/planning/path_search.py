@@ -1,8 +1,8 @@
-"""A path whose deviations across it tell the errors in the volume best: straight moves from boundary to boundary.
+"""Search for a path that identifies the errors in the volume best: straight moves from boundary to boundary.
 
-Of several random ones of the length that is given, the best is made better by moving, adding and exchanging its
-corners, as long as the noise gain to the volume (`gain`) falls. Corners lie on the boundary of the volume: long moves
-spend little on corners, and the ends of the axes are seen.
+Of several random paths of the given length, the best is improved by moving, replacing and adding corners as long as
+`Gain.score` falls. Corners lie on the boundary of the volume: long moves have few corners, whose readings are left
+out, and reach the ends of the axes.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 STARTS, TRIES = 12, 1500
-"""Random paths, and changes of the best of them that are tried."""
+"""Number of random paths, and number of attempts to improve the best of them."""
 LARGEST_STEP, SMALLEST_STEP = 0.5, 0.05
-"""Of a corner that is moved, in terms of the travel; from the first try to the last."""
+"""Standard deviation of a corner's shift, as a share of the travel: at the first and at the last attempt."""
 DECIMALS = 3
-"""Corners are whole um, and thousandths of a degree."""
+"""Decimals of the corners, in mm and degrees."""
 SHORTEST = 3
-"""Moves that a path has at least."""
+"""Least number of moves of a path."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A path `m` and what it tells."""
+    """A path of `m` corners, and its identifiability."""
 
     corners: Array
     """Positions `(m, axes)`, mm and rad."""
@@ -40,11 +40,11 @@ class Planned:
 
 
 class _Draft(NamedTuple):
-    """A path while it is worked on."""
+    """A path during the search."""
 
     corners: list[Array]
     moves: Counter[bytes]
-    """How often each move is made, by its two ends."""
+    """Number of times that each move occurs, by its two ends."""
     parts: dict[bytes, Array]
     """Information of each move."""
     total: Array
@@ -53,9 +53,9 @@ class _Draft(NamedTuple):
 def planned(
     volume: Volume, length_mm: float, rng: np.random.Generator, progress: Callable[[int], None] = lambda _: None
 ) -> Planned:
-    """The best path found, no longer than `length_mm`; the same generator makes the same path.
+    """The best path found, no longer than `length_mm`; the same generator gives the same path.
 
-    `progress` is told of every try. UserError for a length that no path of a few moves has.
+    `progress` is called once per attempt. UserError if no path of SHORTEST moves has this length.
     """
     maker = _Maker(volume, length_mm, rng)
     best, score = None, np.inf
@@ -77,7 +77,7 @@ def planned(
 
 
 class _Maker:
-    """Makes paths, and others like them."""
+    """Generates random paths and variants of them."""
 
     def __init__(self, volume: Volume, length_mm: float, rng: np.random.Generator) -> None:
         self._volume, self._length, self._rng = volume, length_mm, rng
@@ -89,11 +89,11 @@ class _Maker:
             raise UserError(f"machine {machine.name}: no linear axis is left to move along a path")
 
     def length(self, corners: list[Array]) -> float:
-        """mm"""
+        """Length of the path, mm."""
         return sum(self._volume.length(a, b) for a, b in pairwise(corners))
 
     def random(self) -> _Draft:
-        """A path as long as may be."""
+        """A random path, nearly of the largest length."""
         corners, length, misses = [self._place()], 0.0, 0
         while misses < 20:
             place = self._place()
@@ -110,9 +110,9 @@ class _Maker:
         return self._draft(corners, None)
 
     def changed(self, draft: _Draft, size: float) -> _Draft:
-        """The path with one corner moved by about `size` of the travel, put elsewhere or added.
+        """The path with one corner shifted by about `size` of the travel, replaced or added.
 
-        Where that makes it too long, corners are taken out at random.
+        If this makes the path too long, random corners are removed.
         """
         rng, corners = self._rng, list(draft.corners)
         k, how = int(rng.integers(len(corners))), rng.random()
@@ -127,7 +127,7 @@ class _Maker:
         return self._draft(corners, draft)
 
     def _draft(self, corners: list[Array], like: _Draft | None) -> _Draft:
-        """The path through these corners; what it shares with another is not worked out again."""
+        """The path through these corners; the moves that it shares with `like` are not computed again."""
         ends = {a.tobytes() + b.tobytes(): (a, b) for a, b in pairwise(corners)}
         moves = Counter(a.tobytes() + b.tobytes() for a, b in pairwise(corners))
         known = {} if like is None else like.parts
@@ -141,13 +141,13 @@ class _Maker:
         return _Draft(corners, moves, parts, np.asarray(total))
 
     def _place(self) -> Array:
-        """A random place on the boundary `(axes,)`, mm and rad."""
+        """A random position on the boundary `(axes,)`, mm and rad."""
         share = self._rng.uniform(size=len(self._low))
         share[self._rng.choice(self._linear)] = float(self._rng.integers(2))
         return self._rounded(share)
 
     def _near(self, place: Array, size: float) -> Array:
-        """A place near another, on the boundary."""
+        """A position on the boundary near another `(axes,)`, mm and rad."""
         span = np.where(self._high > self._low, self._high - self._low, 1.0)
         share = (place / self._volume.machine.scale - self._low) / span
         share = np.clip(share + size * self._rng.standard_normal(len(share)), 0.0, 1.0)

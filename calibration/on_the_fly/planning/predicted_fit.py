@@ -1,4 +1,4 @@
-"""What data along a path would see, before they are taken: noise gain, blind mode, all that is not visible, by name."""
+"""Prediction for data along a path before they are taken: noise gain, blind mode, unidentifiable parameters."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 AWAY_MM = 2000.0
-"""From the path to a tracker in thought, in each direction of space."""
+"""Distance of the assumed tracker from the path in each coordinate, mm."""
 
 
 class Judged(NamedTuple):
-    """Of one path."""
+    """Evaluation of one path."""
 
     gain: Gain
     feed_mm: float
-    """Length of the feed moves, as the feed counts."""
+    """Length of the feed moves, as the feed counts it, mm."""
     blind_mode: str | None
     not_visible: tuple[Unidentifiable, ...]
 
 
 def judged(path: NominalPath, targets: Mapping[str, Target]) -> Judged:
-    """A path as it is, run once for each target, in the volume between its own ends.
+    """Evaluation of a path that is run once for each target, in the volume between the path's own ends.
 
-    UserError for one without a feed move that is long enough.
+    UserError for a path without a feed move that is long enough.
     """
     volume = Volume(path.machine, path.ends, targets, CELL_MM, CORNER_MM)
     moves = np.flatnonzero(path.counts[1:])
@@ -56,7 +56,7 @@ def judged(path: NominalPath, targets: Mapping[str, Target]) -> Judged:
 
 
 def _ideal(path: NominalPath, targets: Mapping[str, Target]) -> Measurement:
-    """What a tracker would see of the machine without errors, a row every cell."""
+    """The observations by a tracker of the machine without errors, one row per cell."""
     parts: list[tuple[Array, Array, Array, Array, np.ndarray]] = []
     for name, target in targets.items():
         way = target_path(path, target)
