@@ -1,14 +1,14 @@
-"""Curves through the six error motions of an axis, and its location errors taken out of them.
+"""Curves through the six error motions of an axis, and the separation of its location errors from them.
 
 The curves are fitted to all six at once, weighted by the joint covariance of the points. Degrees of polynomials are
-given, or weighted by Akaike's information criterion (AIC): the Bayesian criterion neglects errors that are smaller than
-the noise of a point, and u would not contain them. The curve is the mean of the curves of all degrees by their weights,
-and their spread is in its u (Buckland, Burnham and Augustin, Biometrics 53, 1997, 603-618).
+given, or weighted by Akaike's information criterion (AIC): the Bayesian criterion neglects errors smaller than the
+noise of a point, and u would not contain them. The curve is the weighted mean of the curves of all degrees, and its u
+contains their spread (Buckland, Burnham and Augustin, Biometrics 53, 1997, 603-618).
 
-The gauge of the points (`rigid_motions`) removes from a rotary axis the first harmonic that turns along with the
-component. A polynomial does not contain this harmonic, so polynomials of a rotary axis have such a wobble beside them,
-and both are written as one polynomial of sufficient degree. A rotary axis that turns fully, and was measured over the
-whole turn, has harmonics of the turn instead of polynomials.
+The gauge of the points (`rigid_motions`) removes from a rotary axis the first harmonic that rotates with the component.
+A polynomial does not contain this harmonic. Polynomials of a rotary axis therefore have an additional wobble, and both
+are written as one polynomial of sufficient degree. A rotary axis that turns fully and was measured over the whole turn
+has harmonics of the turn instead of polynomials.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ from kinematics.turn import columns_of, gap_of, measured_arc
 from kinematics.user_error import UserError
 
 HIGHEST_DEGREE = 15
-"""That is tried, if the positions take it."""
+"""Highest degree in the selection, if the number of positions allows it."""
 STEADY = 2.45
-"""Least squares polynomials swing between n evenly spaced positions from a degree of about 2 sqrt(n) on (Dahlquist and
-Bjorck, Numerical Methods, 4.4.3): 8 for 11, 11 for 21."""
+"""Factor of sqrt(n) for the highest degree: least-squares polynomials through n evenly spaced positions oscillate from
+a degree of about 2 sqrt(n) on (Dahlquist and Bjorck, Numerical Methods, 4.4.3): 8 for 11, 11 for 21."""
 LEAST_WEIGHT = 0.01
 """Weight of a degree, among those of one curve, below which it is left out."""
 MISFIT = 1e-3
-"""Chance of a chi2 below which a curve is said to miss its points."""
+"""Probability of a chi2 below which a curve deviates significantly from its points."""
 NO_SCATTER = 1e-6
 """Share of the largest variance below which a combination of residuals has none."""
 LARGEST_WOBBLE = 100.0
-"""um and urad: no rotary axis in use wobbles by more. Without a bound, a wobble that the polynomials nearly hold grows
-against them."""
+"""Largest wobble of a rotary axis in use, um and urad. Without a bound, a wobble that the polynomials nearly represent
+grows against them."""
 HOLDS = (1e3, 300.0, 100.0, 30.0, 10.0, 3.0, 1.0)
-"""Standard deviations of the wobble, um and urad, that are tried until it keeps within LARGEST_WOBBLE."""
+"""Prior standard deviations of the wobble, um and urad, tried in order until it is within LARGEST_WOBBLE."""
 HOLDS_A_WOBBLE = 20
-"""Degree of a polynomial that holds one wave of a turn to 1e-9 of its size."""
+"""Degree of a polynomial that represents one period of a turn within 1e-9 of its amplitude."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What is fitted to one axis."""
+    """Functions of the six curves of one axis."""
 
     axis: Axis
     bases: tuple[Basis, ...]
-    """By component X Y Z A B C."""
+    """Basis of each component X Y Z A B C."""
 
     @property
     def parts(self) -> list[slice]:
@@ -66,12 +66,12 @@ class Shape:
 
     @property
     def degrees(self) -> tuple[int | None, ...]:
-        """Degrees of the polynomials, or numbers of harmonics; None for tables."""
+        """Degree of each polynomial, or number of harmonics; None for a table."""
         return tuple(_degree(basis) for basis in self.bases)
 
     @property
     def wobbles(self) -> tuple[Wobble, ...]:
-        """Radial and tilt wobble that turns with the component; none for tables and harmonics, which contain it."""
+        """Radial and tilt wobble that rotates with the component; none for tables and harmonics, which contain it."""
         if not self.axis.rotary or not isinstance(self.bases[0], Legendre):
             return ()
         letter = self.axis.error_frame[:, "ABC".index(self.axis.name[0])]
@@ -107,19 +107,20 @@ class Curves:
 
     shape: Shape
     parameters: Array
-    """`(p,)`, one curve after the other, then the wobble."""
+    """Parameters `(p,)`: curve by curve, then the wobble."""
     estimator: Array
-    """`(p, 6n)`: from the error motions at the positions, um and urad, to the parameters."""
+    """Matrix `(p, 6n)` from the error motions at the positions, um and urad, to the parameters."""
     best: Curves | None = None
-    """Those of the degrees that AIC finds best, where these curves are a mean over degrees."""
+    """Curves of the degrees with the lowest AIC, if these curves are a mean over degrees."""
     spread: Array = field(default_factory=lambda: np.zeros((0, 1, 1)))
-    """`(m, p, 6n)`: each curve less their mean, by the root of its weight, from the error motions at the positions."""
+    """Matrices `(m, p, 6n)` from the error motions at the positions to each curve minus the mean, times the square root
+    of its weight."""
     unresolved: tuple[int, ...] = ()
-    """Curves that have waves about as short as the positions resolve, and so probably shorter ones as well."""
+    """Components whose curves contain wavelengths near the resolution of the positions, and probably shorter ones."""
 
     @property
     def degrees(self) -> tuple[int | None, ...]:
-        """Degrees of the polynomials, or numbers of harmonics: given or best by AIC; None of tables."""
+        """Degree of each polynomial, or number of harmonics: given or of the lowest AIC; None for a table."""
         return (self.best or self).shape.degrees
 
     def choice_covariance(self, errors: Array, covariance: Array) -> Array:
@@ -129,50 +130,50 @@ class Curves:
         return np.asarray(spread + away.T @ away)
 
     def design(self, positions: Array) -> Array:
-        """Matrix `(6n, p)` from parameters to the error motions at positions `(n,)`."""
+        """Matrix `(6n, p)` from the parameters to the error motions at positions `(n,)`."""
         return self.shape.design(positions)
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Shapes whose degrees differ, and their weights by AIC."""
+    """Shapes of different degrees, and their weights by AIC."""
 
     best: Shape
     others: tuple[tuple[tuple[Shape, float], ...], ...] = ()
-    """For each curve without a given degree, its degrees with their weights; the other curves as in the best."""
+    """For each curve without a given degree: shapes of its degrees with their weights, other curves as in `best`."""
     unresolved: tuple[int, ...] = ()
-    """See `Curves.unresolved`: curves of which no degree below the highest two has weight."""
+    """See `Curves.unresolved`: curves for which only the two highest degrees have weight."""
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """How far a curve misses its points, by the covariance of these."""
+    """Deviation of a curve from its points, evaluated with their covariance."""
 
     chi2: float
     freedom: int
 
     @property
     def significant(self) -> bool:
-        """More than the points scatter."""
+        """True if the deviation exceeds the scatter of the points."""
         return self.freedom > 0 and float(special.chdtrc(self.freedom, self.chi2)) < MISFIT
 
     @property
     def widening(self) -> float:
-        """Factor of the curve's standard uncertainty (Birge); 1 where the curve holds its points."""
+        """Factor of the curve's standard uncertainty (Birge); 1 if the deviation is not significant."""
         return float(np.sqrt(max(self.chi2 / self.freedom, 1.0))) if self.significant else 1.0
 
 
 @dataclass(frozen=True)
 class AxisModel:
-    """Effects of one axis, and how their parameters come from those of its curves."""
+    """Effects of one axis, and the matrix from the parameters of its curves to theirs."""
 
     effects: tuple[Effect, ...]
     matrix: Array
-    """`(parameters of the effects, p)`."""
+    """Matrix `(parameters of the effects, p)`."""
 
 
 def tables(axis: Axis, positions: Array, arc: Interval) -> Shape:
-    """Interpolated tables with the measured positions as nodes, closed where the whole turn was measured."""
+    """Interpolated tables with the measured positions as nodes; periodic if the whole turn was measured."""
     nodes = np.unique(positions)
     if axis.turns_fully:
         nodes = arc[0] + np.unique(np.round(np.mod(positions - arc[0], TURN), 6) % TURN)
@@ -183,10 +184,10 @@ def tables(axis: Axis, positions: Array, arc: Interval) -> Shape:
 def polynomials(
     axis: Axis, positions: Array, motions: RigidMotions, given: Mapping[str, int], arc: Interval
 ) -> Candidates:
-    """Polynomials of the degrees that are given by name of the component (XY: E_XY), the others weighted by AIC.
+    """Polynomials of the degrees given by name of the component (XY: E_XY); other degrees are weighted by AIC.
 
-    A straightness is a line at least, for its slope is the orientation of the axis. Of an axis that turns fully and was
-    measured all round, harmonics: a degree is their number.
+    A straightness is at least a line, because its slope is the orientation of the axis. An axis that turns fully and
+    was measured over the whole turn has harmonics; a degree is their number. UserError for a degree out of range.
     """
     least, most = _fewest(axis, arc), _most(axis, arc, len(positions))
     degrees = least.copy()
@@ -208,7 +209,7 @@ def polynomials(
 
 @dataclass(frozen=True)
 class _Criterion:
-    """Akaike's information criterion of six curves, of degrees up to the highest."""
+    """Akaike's information criterion of six curves, for degrees up to the highest."""
 
     axis: Axis
     arc: Interval
@@ -216,7 +217,7 @@ class _Criterion:
     motions: RigidMotions
     highest: int
     known: dict[tuple[int, ...], float] = field(default_factory=dict)
-    """Values that were worked out, by degrees."""
+    """Values computed so far, by degrees."""
 
     def shape(self, degrees: Array) -> Shape:
         """The six curves of some degrees."""
@@ -225,7 +226,7 @@ class _Criterion:
 
     @cached_property
     def widest(self) -> tuple[Shape, Array, Array]:
-        """The curves of the highest degrees, their rows and the right side of these."""
+        """The curves of the highest degrees, their equations, and the right-hand side of these."""
         weights, shape = self.motions.whitening, self.shape(np.full(6, self.highest))
         rows = _rows(shape, self.positions, weights, HOLDS[0])
         return shape, rows, np.append(weights @ self.motions.errors.reshape(-1), np.zeros(len(rows) - len(weights)))
@@ -252,7 +253,7 @@ class _Criterion:
 
 
 def _by_aic(criterion: _Criterion, degrees: Array, open_: list[int], least: Array, highest: int) -> Candidates:
-    """The shape that no change of one degree makes better, and beside it those of one other degree."""
+    """The shape that no change of a single degree improves, and the shapes that differ from it in one degree."""
     best, changed = criterion(degrees), True
     while changed:
         changed = False
@@ -279,7 +280,7 @@ def _with_degree(degrees: Array, component: int, degree: int) -> Array:
 
 
 def _weighted(criterion: _Criterion, trials: list[Array]) -> tuple[tuple[Shape, float], ...]:
-    """Shapes with their Akaike weights, which add to one."""
+    """Shapes with their Akaike weights, of sum one."""
     values = np.array([criterion(trial) for trial in trials])
     weights = np.exp(-0.5 * (values - values.min()))
     weights = np.where(weights < LEAST_WEIGHT * weights.sum(), 0.0, weights)
@@ -293,12 +294,12 @@ def arc_of(axis: Axis, positions: Array) -> Interval:
 
 
 def _closed(axis: Axis, arc: Interval) -> bool:
-    """True where the whole turn was measured."""
+    """True if the whole turn was measured."""
     return axis.turns_fully and not gap_of(arc)
 
 
 def _fewest(axis: Axis, arc: Interval) -> np.ndarray:
-    """Least degree of each of the six curves; across a line that turns, the harmonic that the gauge closes."""
+    """Least degree of each of the six curves; 1 across a rotary axis measured all round, for the gauge's harmonic."""
     if axis.rotary:
         return np.array([int(_closed(axis, arc) and _across(axis, j)) for j in range(6)])
     return np.array([int(name in _sideways(axis)) for name in COMPONENTS])
@@ -310,7 +311,7 @@ def _most(axis: Axis, arc: Interval, n: int) -> int:
 
 
 def _across(axis: Axis, component: int) -> bool:
-    """True of shifts along, and turns about, the two directions across the line of a rotary axis."""
+    """True for shifts along, and rotations about, the two directions across a rotary axis."""
     return component % 3 != "ABC".index(axis.name[0])
 
 
@@ -321,7 +322,7 @@ def _degree(basis: Basis) -> int | None:
 
 
 def fit(shape: Shape, positions: Array, motions: RigidMotions) -> Curves:
-    """The curves of least squares through the error motions at positions `(n,)`, mm or degrees; gauge closed."""
+    """Least-squares curves through the error motions at positions `(n,)`, mm or degrees, with the gauge fixed."""
     weights, wobble = motions.whitening, slice(shape.parts[-1].stop, None)
     for hold in HOLDS:
         rows = _rows(shape, positions, weights, hold)
@@ -357,7 +358,7 @@ def _widest(candidates: Candidates) -> Shape:
 
 
 def _placed(curves: Curves, shape: Shape) -> Array:
-    """The estimator `(p, 6n)` of curves as one of a shape whose bases begin with theirs."""
+    """The estimator `(p, 6n)` of curves, extended to a shape whose bases begin with theirs."""
     placed = np.zeros((shape.size, curves.estimator.shape[1]))
     for part, own in zip(shape.parts, curves.shape.parts, strict=True):
         placed[part.start : part.start + own.stop - own.start] = curves.estimator[own]
@@ -366,7 +367,7 @@ def _placed(curves: Curves, shape: Shape) -> Array:
 
 
 def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance: Array) -> tuple[Misfit, ...]:
-    """Of each curve at positions `(n,)`, mm or degrees; covariance `(6n, 6n)` of the error motions there."""
+    """Misfit of each curve at positions `(n,)`, mm or degrees; covariance `(6n, 6n)` of the error motions there."""
     curves, n = curves.best or curves, len(positions)
     missing = np.eye(6 * n) - curves.design(positions) @ curves.estimator
     residuals, scatter = missing @ motions.errors.reshape(-1), missing @ covariance @ missing.T
@@ -384,8 +385,8 @@ def misfits(curves: Curves, positions: Array, motions: RigidMotions, covariance:
 def widening(axis: Axis, effects: tuple[Effect, ...], found: tuple[Misfit, ...]) -> Array:
     """Factors of the standard uncertainties of all parameters of an axis' effects.
 
-    A location error has that of the worst of the curves across the line. A wobble and the polynomials beside it are
-    widened together, as one error motion: they may be large and cancel.
+    A location error has the largest factor of the curves across the axis. A wobble and its polynomials have one factor
+    together, as one error motion: both may be large and cancel.
     """
     located = [_across(axis, j) if axis.rotary else name in _sideways(axis) for j, name in enumerate(COMPONENTS)]
     worst = max(one.widening for one, across in zip(found, located, strict=True) if across)
@@ -403,10 +404,10 @@ def _rows(shape: Shape, positions: Array, weights: Array, hold: float) -> Array:
 
 
 def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotions) -> AxisModel:
-    """Location errors and error motions of an axis; all parameters zero, they are `matrix` times the curves' own.
+    """Location errors and error motions of an axis, with zero parameters, and the matrix that gives their parameters.
 
-    A linear axis' orientation is that of the least squares reference lines of its straightness curves; a rotary axis'
-    location that of its axis average line. Both are taken over the measured positions.
+    The orientation of a linear axis is that of the least-squares reference lines of its straightness curves; the
+    location of a rotary axis is its axis average line. Both refer to the measured positions.
     """
     values = curves.design(positions)
     rows, names, left = _linear(axis, positions, values) if not axis.rotary else _rotary(axis, values, motions)
@@ -424,9 +425,9 @@ def axis_model(axis: Axis, positions: Array, curves: Curves, motions: RigidMotio
 
 
 def _with_wobble(shape: Shape) -> tuple[tuple[Basis, ...], Array]:
-    """Bases that hold each curve together with its wobble, and the matrix to their parameters from those of the curves.
+    """Bases for each curve with its wobble in one function, and the matrix from the curves' parameters to theirs.
 
-    A wobble beside polynomials would go on where these are held, outside the measured positions.
+    A separate wobble would continue outside the measured positions, where the polynomials are held constant.
     """
     if not shape.wobbles:
         return shape.bases, np.eye(shape.size)
@@ -453,12 +454,12 @@ def constants_design(curves: Curves) -> Array:
 def _linear(
     axis: Axis, positions: Array, values: Array
 ) -> tuple[Array, list[Component], dict[int, tuple[Array, Array]]]:
-    """Rows from the curves to the location errors, their names, and what leaves each curve for them."""
+    """Rows from the curves to the location errors, their names, and the parts to remove from each curve for them."""
     centred = positions - positions.mean()
     slope_of = centred / (centred @ centred)
     along = axis.error_frame.T @ axis.unit_direction
     slopes = np.einsum("n,njp->jp", slope_of, values.reshape(len(positions), 6, -1)[:, :3])
-    # the line leaves d by angle x d per mm, so angle = d x slope; um/mm are 1000 urad
+    # the line deviates from direction d by angle x d per mm, so angle = d x slope; 1 um/mm is 1000 urad
     turns = np.cross(along, slopes.T).T * 1e3
     across = [j for j in range(3) if abs(along[j]) < 0.5]
     names = [cast(Component, "ABC"[j]) for j in across]

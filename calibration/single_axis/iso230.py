@@ -1,8 +1,8 @@
 """ISO 230-2:2014: positioning of one axis at a time, from repeated runs to target positions in both directions.
 
-At each target i, of n runs in a direction: the mean deviation x_i, the estimator s_i of the standard uncertainty (with
-n - 1), the reversal value B_i = x_i forward - x_i backward, the repeatability R_i = 4 s_i, and that of both directions,
-max(2 s_i forward + 2 s_i backward + |B_i|, R_i forward, R_i backward). Of the axis:
+Values at each target i, from n runs in a direction: the mean deviation x_i, the estimator s_i of the standard
+uncertainty (with n - 1), the reversal value B_i = x_i forward - x_i backward, the repeatability R_i = 4 s_i, and that
+of both directions, max(2 s_i forward + 2 s_i backward + |B_i|, R_i forward, R_i backward). Values of the axis:
 
 | | |
 |---|---|
@@ -12,15 +12,15 @@ max(2 s_i forward + 2 s_i backward + |B_i|, R_i forward, R_i backward). Of the a
 | R forward, backward, both | largest R_i |
 | A forward, backward, both | largest x_i + 2 s_i minus smallest x_i - 2 s_i (coverage factor 2) |
 
-The uncertainty of these values from the instrument, U with k = 2, in the way of ISO/TR 230-9, is propagated to first
-order (GUM) from its sheet: u in um of each reading, independent, and u_m in um per m, one scale for the whole test
-(wavelength, alignment, thermal expansion). Each value is a sum of a_c x_c + b_c s_c over cells c (a target in a
-direction, with n_c readings, at p_c in m), those that make the extremes; so
+The uncertainty of these values from the instrument, U with k = 2, follows ISO/TR 230-9. It is propagated to first order
+(GUM) from the instrument specification: u in um of each reading, independent, and u_m in um per m, one scale for the
+whole test (wavelength, alignment, thermal expansion). Each value is a sum of a_c x_c + b_c s_c over the cells c that
+form the extremes (a target in a direction, with n_c readings, at p_c in m). Therefore
 
     U = 2 sqrt(u^2 sum(a_c^2 / n_c + b_c^2 / (n_c - 1)) + (u_m sum(a_c p_c))^2)
 
-since a reading moves s by (x - mean) / ((n - 1) s) of its own change. The scale drops out of B and R. What drifts
-between runs is in the s_i and not in U: a sheet does not say it, it takes a drift test.
+because a reading changes s by (x - mean) / ((n - 1) s) of its own change. The scale cancels in B and R. Drift between
+runs is contained in the s_i and not in U; the specification does not give it, and a drift test is needed for it.
 """
 
 from __future__ import annotations
@@ -43,80 +43,80 @@ from kinematics.user_error import UserError
 FORWARD, BACKWARD = 0, 1
 WAYS = ("forward", "backward")
 ORDER = ("B", "mean", "E", "M", "R", "A")
-"""Of values, by the first word of their symbols."""
+"""Order of the values, by the first word of their symbols."""
 DIGITS = 6
-"""Decimals of a target position, mm or degrees, by which rows belong to one target."""
+"""Decimals, mm or degrees, to which target positions are rounded; equal ones are one target."""
 RUNS, TARGETS = 5, 5
-"""What ISO 230-2 asks for at least, up to 2 m: runs in each direction, target positions."""
+"""Least numbers by ISO 230-2 for axes up to 2 m: runs in each direction, target positions."""
 
 
 class Value(NamedTuple):
-    """A value of the axis with the expanded uncertainty that the instrument gives it."""
+    """A value of the axis with its expanded uncertainty from the instrument."""
 
     symbol: str
     title: str
     value: float
     U: float
-    """k = 2."""
+    """Expanded uncertainty, k = 2."""
 
 
 class TableRow(NamedTuple):
     """One row of an error table."""
 
     position: float
-    """mm or degrees."""
+    """Target position, mm or degrees."""
     error: float
     """Mean deviation, um or urad."""
     u: float
-    """Its standard uncertainty (k = 1): sqrt((s^2 + u^2) / n + (u_m p)^2), s pooled over the axis, p from its first
-    target."""
+    """Standard uncertainty of the error (k = 1): sqrt((s^2 + u^2) / n + (u_m p)^2), s pooled over the axis, p from its
+    first target."""
     n: int
 
 
 @dataclass(frozen=True)
 class AxisTest:
-    """The readings of one axis by cells, `(2, m)`: forward and backward, and target; um, of a rotary axis urad."""
+    """The readings of one axis in cells `(2, m)` of direction and target, forward first; um, urad for a rotary axis."""
 
     axis: str
     rotary: bool
     positions: Array
-    """`(m,)`, mm or degrees, ascending."""
+    """Target positions `(m,)`, mm or degrees, ascending."""
     count: np.ndarray
     mean: Array
-    """NaN where there is no reading."""
+    """Mean deviation `(2, m)`; NaN without a reading."""
     spread: Array
-    """Estimator s; NaN of fewer than two readings."""
+    """Estimator s `(2, m)`; NaN for fewer than two readings."""
     first: float
-    """Target that was measured first, mm or degrees."""
+    """First measured target, mm or degrees."""
     u: float
     """Standard uncertainty of a reading (k = 1)."""
     u_per_m: float
-    """Of the scale, um per m (k = 1); 0 of a rotary axis."""
+    """Standard uncertainty of the scale, um per m (k = 1); 0 for a rotary axis."""
     notes: tuple[str, ...]
 
     @property
     def unit(self) -> str:
-        """Of deviations."""
+        """Unit of deviations."""
         return unit_of(self.axis)[0]
 
     @property
     def position_unit(self) -> str:
-        """Of targets."""
+        """Unit of targets."""
         return "deg" if self.rotary else "mm"
 
     @property
     def both(self) -> NDArrayBool:
-        """Targets `(m,)` with readings in both directions."""
+        """Mask `(m,)` of the targets with readings in both directions."""
         return np.asarray((self.count > 0).all(axis=0))
 
     @property
     def reversal(self) -> Array:
-        """B_i `(m,)`, forward minus backward; NaN where a direction is missing."""
+        """Reversal values B_i `(m,)`, forward minus backward; NaN without readings in both directions."""
         return np.asarray(self.mean[FORWARD] - self.mean[BACKWARD])
 
     @property
     def values(self) -> tuple[Value, ...]:
-        """The values of the axis, as far as the readings give them."""
+        """The values of the axis that the readings allow."""
         found = []
         for way, name in enumerate(WAYS):
             cells = np.zeros((2, len(self.positions)), bool)
@@ -136,9 +136,9 @@ class AxisTest:
         )
 
     def effects(self, machine: Machine) -> tuple[ErrorMotion | Backlash, ...]:
-        """As effects of the machine: a table of the mean of both directions, and the lost motion between them.
+        """Effects of the machine: a table of the mean of both directions, and the backlash between them.
 
-        Of one direction only, its table. Uncertainties as in the tables, k = 1.
+        For one direction only: its table. Standard uncertainties as in the tables, k = 1.
         """
         ways = [way for way in (FORWARD, BACKWARD) if self.count[way].any()]
         used = (self.count[ways] > 0).all(axis=0)
@@ -161,7 +161,7 @@ class AxisTest:
         return motion, Backlash(axis=self.axis, width=width, u=(u_width,), note="ISO 230-2, minus mean B")
 
     def json(self) -> dict[str, Any]:
-        """For programs; units in the keys."""
+        """The test as JSON; keys contain the units."""
         p, e = self.position_unit, self.unit
         return {
             "axis": self.axis,
@@ -202,7 +202,7 @@ class AxisTest:
         ]
 
     def _ranges(self, cells: np.ndarray, name: str, title: str) -> list[Value]:
-        """E, R and A over a choice of cells `(2, m)`."""
+        """E, R and A over the cells of a mask `(2, m)`."""
         found = []
         measured = cells & (self.count > 0)
         if measured.any():
@@ -223,7 +223,7 @@ class AxisTest:
         return found
 
     def _span(self, cells: np.ndarray, high: Array, low: Array) -> Array:
-        """Factors `(2, m)` of the means in the highest minus the lowest."""
+        """Factors `(2, m)` of the means in the difference of the highest and the lowest."""
         mean = np.zeros(cells.shape)
         mean[_highest(cells, high)] += 1.0
         mean[_highest(cells, -low, last=True)] -= 1.0
@@ -243,7 +243,7 @@ class AxisTest:
         return self._value(f"R {name}".strip(), f"repeatability{title}", mean, spread)
 
     def _value(self, symbol: str, title: str, mean: Array, spread: Array) -> Value:
-        """The value with these factors `(2, m)` of the means and of the s, and its U."""
+        """The value with these factors `(2, m)` of the means and of the s_i, and its U."""
         used_means, used_spreads = mean != 0, spread != 0
         value = np.sum(mean[used_means] * self.mean[used_means]) + np.sum(
             spread[used_spreads] * self.spread[used_spreads]
@@ -255,22 +255,22 @@ class AxisTest:
         return Value(symbol, title, float(value) + 0.0, U)
 
     def _pooled(self) -> float:
-        """s of all cells together; 0 where nothing was repeated."""
+        """Pooled s of all cells; 0 without repeated readings."""
         freedom = np.maximum(self.count - 1, 0)
         squares = np.where(freedom > 0, np.nan_to_num(self.spread) ** 2 * freedom, 0.0).sum()
         return float(np.sqrt(squares / max(freedom.sum(), 1)))
 
     def _random(self) -> Array:
-        """Standard uncertainties of the means `(2, m)` from what differs between readings."""
+        """Standard uncertainties of the means `(2, m)` from the independent errors of readings."""
         return np.asarray(np.sqrt((self._pooled() ** 2 + self.u**2) / np.maximum(self.count, 1)))
 
     def _scale(self) -> Array:
-        """Standard uncertainties `(m,)` from the scale, counted from the first target."""
+        """Standard uncertainties `(m,)` from the scale, relative to the first target."""
         return np.asarray(self.u_per_m * 1e-3 * np.abs(self.positions - self.first))
 
 
 def evaluate(measurement: Measurement) -> tuple[AxisTest, ...]:
-    """The tests of all axes in interferometer data, in the order of the machine's axes."""
+    """The tests of all axes in interferometer data, in the order of the machine's axes; UserError for other data."""
     if not isinstance(measurement.instrument, Interferometer) or measurement.axis is None:
         raise UserError(f"{measurement.source}: ISO 230-2 takes data of an interferometer (axis by axis)")
     measurement = measurement.rows(np.flatnonzero(measurement.positioning))
@@ -315,7 +315,7 @@ def _axis_test(measurement: Measurement, name: str) -> AxisTest:
 
 
 def _remarks(name: str, unit: str, positions: Array, count: np.ndarray) -> list[str]:
-    """In what the test is not, or not all of, one of ISO 230-2."""
+    """Notes on deviations of the test from ISO 230-2."""
     ways = [way for way in (FORWARD, BACKWARD) if count[way].any()]
     remarks = []
     if len(ways) == 1:
@@ -346,7 +346,7 @@ def _listed(positions: Sequence[float] | Array) -> str:
 
 
 def _highest(cells: np.ndarray, values: Array, last: bool = False) -> tuple[int, int]:
-    """The cell with the highest value among some; of equal ones the first, or the last."""
+    """The cell with the highest value in a mask; the first, or the last, of equal ones."""
     chosen = np.where(cells, values, -np.inf).reshape(-1)
     place = len(chosen) - 1 - np.argmax(chosen[::-1]) if last else np.argmax(chosen)
     way, target = np.unravel_index(place, cells.shape)
@@ -354,12 +354,12 @@ def _highest(cells: np.ndarray, values: Array, last: bool = False) -> tuple[int,
 
 
 def _last_least(values: Array) -> int:
-    """The place of the smallest value; of equal ones the last, so that a range of none still is one of two readings."""
+    """Index of the smallest value; the last of equal ones, so that a range of zero also has two different readings."""
     return len(values) - 1 - int(np.argmin(values[::-1]))
 
 
 def _size(reversal: float) -> Array:
-    """Factors `(2,)` of the means in |B_i|; of one that is zero as well, which noise alone would make differ."""
+    """Factors `(2,)` of the means in |B_i|; not zero for B_i = 0, because noise alone makes it differ from zero."""
     return np.array([1.0, -1.0]) * (-1.0 if reversal < 0 else 1.0)
 
 

@@ -1,7 +1,7 @@
 """Reference straight lines of ISO 230-1: least squares, end point and minimum zone; each in one plane.
 
-A straightness in space has one line in each of the two planes that hold the axis. Every line is linear in the readings
-(the minimum zone's in its three points of contact), so that uncertainties carry through.
+A straightness in space has one line in each of the two planes through the axis. Every line is linear in the readings
+(the minimum zone's in its three points of contact), so that uncertainties propagate linearly.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ Kind = Literal["least-squares", "end-point", "minimum-zone"]
 
 @dataclass(frozen=True)
 class ReferenceLine:
-    """value = offset + slope position, as functions of the readings `(n,)`."""
+    """value = offset + slope * position; offset and slope are linear functions of the readings `(n,)`."""
 
     kind: Kind
     slope_of: Array
     """Weights `(n,)` of the readings in the slope, per unit of position."""
     offset_of: Array
-    """Weights `(n,)` in the value at position 0."""
+    """Weights `(n,)` of the readings in the value at position 0."""
 
     def residual_of(self, positions: Array) -> Array:
         """Matrix `(n, n)` from readings to deviations from the line."""
@@ -35,14 +35,14 @@ class ReferenceLine:
 
 @dataclass(frozen=True)
 class Straightness:
-    """Deviations from a reference line, and what ISO 230-1 calls straightness: their range; units of the readings."""
+    """Deviations from a reference line, and their range, the straightness of ISO 230-1; units of the readings."""
 
     line: ReferenceLine
     slope: float
-    """Per unit of position."""
+    """Slope of the line, per unit of position."""
     u_slope: float
     deviations: Array
-    """`(n,)`."""
+    """Deviations `(n,)` from the line."""
     value: float
     u_value: float
 
@@ -58,7 +58,7 @@ def straightness(kind: Kind, positions: Array, values: Array, covariance: Array)
 
 
 def reference_line(kind: Kind, positions: Array, values: Array) -> ReferenceLine:
-    """The line of a kind through readings `(n,)` at positions `(n,)`."""
+    """The line of a kind through readings `(n,)` at positions `(n,)`; UserError for fewer than two positions."""
     if len(positions) < 2 or np.ptp(positions) == 0:
         raise UserError("a reference straight line needs readings at two positions or more")
     if kind == "least-squares":
@@ -80,10 +80,10 @@ def _through(kind: Kind, positions: Array, a: int, b: int) -> ReferenceLine:
 
 
 def _minimum_zone(positions: Array, values: Array) -> ReferenceLine:
-    """The middle of the narrowest pair of parallel lines that holds all readings.
+    """The middle of the narrowest pair of parallel lines that encloses all readings.
 
-    One of the two lies on an edge of the convex hull, the other on the reading farthest from it (across the axis).
-    Where several zones are equally narrow, the first of them.
+    One of the two lies on an edge of the convex hull, the other on the reading farthest from it (across the axis). Of
+    several equally narrow zones the first is used.
     """
     best: tuple[float, ReferenceLine] | None = None
     for side in (1.0, -1.0):
@@ -103,7 +103,7 @@ def _minimum_zone(positions: Array, values: Array) -> ReferenceLine:
 
 
 def _hull(positions: Array, values: Array) -> list[int]:
-    """Numbers of the readings on the lower convex hull, by rising position (Andrew's monotone chain)."""
+    """Indices of the readings on the lower convex hull, by ascending position (Andrew's monotone chain)."""
     hull: list[int] = []
     for i in np.lexsort((values, positions)).tolist():
         if hull and positions[hull[-1]] == positions[i]:
@@ -115,5 +115,5 @@ def _hull(positions: Array, values: Array) -> list[int]:
 
 
 def _left(x: Array, y: Array, a: int, b: int, c: int) -> float:
-    """Above zero when c lies left of the way from a to b."""
+    """Positive if c lies to the left of the line from a to b."""
     return float((x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]))

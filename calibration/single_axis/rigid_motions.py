@@ -1,16 +1,16 @@
-"""The six error motions of one axis at each of its positions, from three or more points on what it moves.
+"""The six error motions of one axis at each of its positions, from three or more points on the component that it moves.
 
 Thesis (3.5): at each position the displacements of P, Q and K are nine equations for six error motions. All nine are
-solved, weighted by what the instrument knows of each point, and by the exact kinematics of the axis rather than to
-first order. The places of the points on the component are estimated with them, from all positions: taken from the
-first position alone, as in the thesis, its noise would be in every other.
+solved, weighted by the instrument's information on each point, with the exact kinematics of the axis instead of first
+order. The positions of the points on the component are estimated as well, from all positions of the axis. The thesis
+takes them from the first position alone, whose noise would then affect all others.
 
-Points that sit on the component as they like leave six directions open, the *gauge*: a displacement of all points on
-it. It is closed so that
+Points at arbitrary positions on the component leave six directions undetermined, the *gauge*: a displacement of all
+points on it. The gauge is fixed so that
 
-- of a linear axis, each of the six has mean zero over the positions;
-- of a rotary axis, the six hold no more than is needed of what turns along with the component: its axis average line
-  (ISO 230-1) is the one that a least squares fit of the circles and of the planes of all points has.
+- for a linear axis, each of the six error motions has mean zero over the positions;
+- for a rotary axis, the six contain as little as possible of the motion that rotates with the component: its axis
+  average line (ISO 230-1) is that of a least-squares fit of the circles and of the planes of all points.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from kinematics.transforms import Array, Pose, by_turn, read_only
 
 ROUNDS = 20
 CONVERGED = 1e-11
-"""mm and rad."""
+"""Step, mm and rad, below which the iteration ends."""
 UNITS = read_only(np.array([1e-3] * 3 + [1e-6] * 3))
-"""um and urad in mm and rad."""
+"""Factors from um and urad to mm and rad."""
 
 
 @dataclass(frozen=True)
@@ -36,23 +36,23 @@ class RigidMotions:
     """Error motions in the axis' error frame, tool relative to workpiece; um and urad throughout."""
 
     errors: Array
-    """`(n, 6)`."""
+    """Error motions `(n, 6)`."""
     estimator: Array
-    """Derivatives `(6n, 3kn)` by the points' coordinates in mm, positions first, then points."""
+    """Derivatives `(6n, 3kn)` of the errors with respect to the points' coordinates in mm, by position, then point."""
     information: Array
-    """`(6n, 6n)`: what the points say of the errors; zero along the gauge."""
+    """Information of the points on the errors `(6n, 6n)`; zero along the gauge."""
     gauge: Array
-    """`(6, 6n)`: conditions that close the gauge."""
+    """Conditions `(6, 6n)` that fix the gauge."""
     location: Array
-    """`(6, 6n)`: of a rotary axis the constants of the axis average line (zero along the axis); else zero."""
+    """Matrix `(6, 6n)` to the constants of a rotary axis' average line, 0 along the axis; zero for a linear axis."""
     body: Array
     """Points `(k, 3)`, mm, on the component at position zero."""
     body_estimator: Array
-    """Its derivatives `(3k, 3kn)`."""
+    """Derivatives `(3k, 3kn)` of `body` with respect to the points' coordinates."""
 
     @cached_property
     def whitening(self) -> Array:
-        """Matrix `(6n + 6, 6n)` that whitens the error motions, and below it the conditions that close the gauge."""
+        """Matrix `(6n + 6, 6n)` that whitens the error motions, and below it the conditions that fix the gauge."""
         values, vectors = np.linalg.eigh(self.information)
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
         conditions = self.gauge / np.linalg.norm(self.gauge, axis=1, keepdims=True)
@@ -60,16 +60,16 @@ class RigidMotions:
 
 
 def outward(axis: Axis, q: Array, errors: Array) -> Pose:
-    """Poses `(n,)` of what the axis carries, as seen from the side of the bed; errors `(n, 6)`, mm and rad."""
+    """Poses `(n,)` of the component that the axis moves, from the side of the bed; errors `(n, 6)`, mm and rad."""
     link, error = axis_pose(axis, q), error_pose(axis, q, errors)
     return error @ link if axis.side == "tool" else (link @ error).inverse()
 
 
 def error_design(axis: Axis, q: Array, points: Array) -> Array:
-    """Derivatives `(n, k, 3, 6)` of points `(n, k, 3)` that the axis carries by its error motions, at none.
+    """Derivatives `(n, k, 3, 6)` of points `(n, k, 3)` on the moved component by its error motions, at zero errors.
 
     F e + (F w) x arm is linear in translations e and rotations w: the closed form is the derivation. The modules of
-    `kinematics.derived` are for the tool point of a whole chain, this is for any point on one axis.
+    `kinematics.derived` are for the tool point of a whole chain; this function is for any point on one axis.
     """
     arms = points - error_centre(axis, q)[:, None, :]
     design = np.empty((*points.shape, 6))
@@ -113,12 +113,12 @@ def solve(axis: Axis, q: Array, points: Array, weights: Array) -> RigidMotions:
 
 
 def _carried(pose: Pose, body: Array) -> Array:
-    """Points `(n, k, 3)`."""
+    """Points of the body `(n, k, 3)`, mm, at each pose."""
     return np.stack([pose.apply(point) for point in body], axis=1)
 
 
 def _free(axis: Axis, q: Array, carried: Array, nominal: Pose) -> Array:
-    """The gauge `(6n, 6)`: error motions, um and urad, that displace the points as a displacement on the component."""
+    """The gauge `(6n, 6)`: error motions, um and urad, equivalent to a displacement of all points on the component."""
     n, k = carried.shape[:2]
     back = nominal.inverse()
     centre = back.apply(carried.mean(axis=1))[:, None, :]
@@ -130,7 +130,7 @@ def _free(axis: Axis, q: Array, carried: Array, nominal: Pose) -> Array:
 
 
 def _conditions(axis: Axis, free: Array) -> tuple[Array, Array]:
-    """Functions `(6, 6n)` of the errors: what closes the gauge, and the location errors of a rotary axis."""
+    """Linear functions `(6, 6n)` of the errors: conditions of the gauge, and location errors of a rotary axis."""
     n = len(free) // 6
     location = np.zeros((6, 6 * n))
     if not axis.rotary:
@@ -144,7 +144,7 @@ def _conditions(axis: Axis, free: Array) -> tuple[Array, Array]:
 
 
 def _constrained(normal: Array, conditions: Array) -> Array:
-    """The inverse of a normal matrix that is singular but for these conditions."""
+    """The inverse of a normal matrix that is singular without these conditions."""
     size, k = len(normal), len(conditions)
     spread = 1.0 / np.sqrt(np.diag(normal))
     scaled = normal * np.outer(spread, spread)

@@ -1,14 +1,14 @@
-"""Points seen from one or several stations of a tracker, in one frame, with their covariance.
+"""Points observed from one or several stations of a tracker, in one frame, with their covariance.
 
-Every point that is seen more than once, in another round or from another station, stands once among the unknowns beside
-the poses of the stations: observed = pose(point), weighted least squares (a bundle adjustment with full covariance).
-From stations at different sides the sharp ranges take the place of the blunt angles.
+Every point that is observed more than once, in another round or from another station, is one unknown besides the poses
+of the stations: observed = pose(point), weighted least squares (a bundle adjustment with full covariance). With
+stations on different sides, the accurate ranges replace the less accurate angles.
 
-Uncertainty by the GUM: the tracker's sheet (Type B) is carried through the equations. The sheet and the scatter of the
-rounds describe the same readings, so they are not added (GUM 4.3.10); but the scatter may hold more than the sheet
-knows of: the machine does not come back to the same place. If the scatter is significantly too large, the variance of
-that repeatability is found from it (Type A): the variance that, added to every reading, brings chi2 down to its degrees
-of freedom (Mandel and Paule).
+Uncertainty by the GUM: the instrument specification (Type B) is propagated through the equations. Specification and
+scatter of the rounds describe the same readings, so they are not added (GUM 4.3.10). But the scatter may also contain
+the machine's repeatability, which the specification does not include. If the scatter is significantly too large, the
+variance of that repeatability is estimated from it (Type A): the variance that, added to every reading, reduces chi2 to
+its degrees of freedom (Mandel and Paule).
 """
 
 from __future__ import annotations
@@ -27,39 +27,40 @@ from kinematics.user_error import UserError
 
 ROUNDS = 20
 CONVERGED = 1e-9
-"""mm and rad."""
+"""Step, mm and rad, below which the iteration ends."""
 SETTLED = 1e-3
-"""Relative change of the repeatability's variance that ends its search."""
+"""Relative change of the repeatability's variance below which its search ends."""
 SIGNIFICANT = 0.95
-"""Share of honest measurements whose scatter stays below the limit."""
+"""Probability that the scatter of a measurement within the specification stays below the limit."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """Points in the frame that the instrument's registration leads from; mm."""
+    """Points in the frame of the anchors; mm."""
 
     positions: Array
-    """`(n, 3)`."""
+    """Coordinates `(n, 3)`."""
     covariance: Array
-    """`(3n, 3n)`, mm2: of sheet and repeatability together."""
+    """Covariance `(3n, 3n)`, mm2, from specification and repeatability together."""
     repeatability_covariance: Array
-    """The part of it `(3n, 3n)` that comes from the machine's repeatability (Type A)."""
+    """Part of the covariance `(3n, 3n)`, mm2, from the machine's repeatability (Type A)."""
     information: Array
-    """`(n, 3, 3)`, 1/mm2: what the readings of a point alone say of it, at known poses of the stations."""
+    """Information `(n, 3, 3)`, 1/mm2, on each point from its own readings alone, for known poses of the stations."""
     registration: Registration
     repeatability_um: float
-    """Standard uncertainty of each coordinate of one reading beyond the sheet; 0 where the sheet explains the scatter.
-    """
+    """Standard uncertainty of each coordinate of one reading in addition to the specification; 0 if that explains the
+    scatter."""
     chi2: float
-    """Of the readings about the points, by the sheet alone."""
+    """chi2 of the readings about the points, with the specification alone."""
     freedom: int
-    """Degrees of freedom that the scatter is judged on; 0: every point was seen once."""
+    """Degrees of freedom of the scatter; 0 if every point was observed once."""
 
 
 def locate(measurement: Measurement, point: np.ndarray, anchors: Mapping[int, Array]) -> Points:
-    """All points of a measurement; `point` `(rows,)` is the number of the point that a row sees.
+    """All points of a measurement; `point` `(rows,)` is the number of the point observed in a row.
 
-    anchors: given positions `(3,)`, mm, by point. The frame is the one in which the anchors lie nearest to them.
+    `anchors`: given positions `(3,)`, mm, by point. In the resulting frame the points lie nearest to their anchors.
+    UserError if the anchors do not determine the frame.
     """
     numbers, nominal = _anchors(measurement, anchors)
     poses = _first_poses(measurement, point, numbers, nominal)
@@ -73,9 +74,9 @@ class _Bundle:
     measurement: Measurement
     point: np.ndarray
     anchors: np.ndarray
-    """Numbers `(m,)` of the points."""
+    """Numbers `(m,)` of the anchored points."""
     nominal: Array
-    """`(m, 3)`."""
+    """Given positions `(m, 3)` of the anchored points, mm."""
 
     @property
     def size(self) -> int:
@@ -96,7 +97,7 @@ def _anchors(measurement: Measurement, anchors: Mapping[int, Array]) -> tuple[np
 
 
 def _first_poses(measurement: Measurement, point: np.ndarray, numbers: np.ndarray, nominal: Array) -> Registration:
-    """Each station laid on the anchors that it sees; UserError when they are too few."""
+    """Pose of each station from the anchors that it observes; UserError if these are too few."""
     place = np.searchsorted(numbers, point).clip(max=len(numbers) - 1)
     anchored = numbers[place] == point
     poses, centres = {}, {}
@@ -114,7 +115,7 @@ def _first_poses(measurement: Measurement, point: np.ndarray, numbers: np.ndarra
 
 
 def _solve(bundle: _Bundle, poses: Registration) -> Points:
-    """Gauss-Newton, then the repeatability, then once more with it."""
+    """Gauss-Newton adjustment, then the repeatability, then adjustment again with it, until the variance converges."""
     sheet = covariance(bundle.measurement)
     weights = _inverses(sheet)
     positions, registration = _adjust(bundle, weights, _seen_from(bundle, poses), poses)
@@ -143,7 +144,7 @@ def _solve(bundle: _Bundle, poses: Registration) -> Points:
 
 
 def _seen_from(bundle: _Bundle, poses: Registration) -> Array:
-    """First positions `(n, 3)`: means of what the stations see."""
+    """Initial positions `(n, 3)`, mm: means of the observations from all stations."""
     rotation = poses.rotations(bundle.measurement)
     shift = np.array([poses.poses[group].translation[0] for group in bundle.measurement.groups.tolist()])
     back = Pose(rotation, shift).inverse().apply(bundle.measurement.observed)
@@ -153,7 +154,7 @@ def _seen_from(bundle: _Bundle, poses: Registration) -> Array:
 
 
 def _adjust(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> tuple[Array, Registration]:
-    """Positions `(n, 3)` and poses of the least squares, the anchors nearest to their nominal places."""
+    """Least-squares positions `(n, 3)`, mm, and poses, with the anchors nearest to their nominal positions."""
     size = 3 * bundle.size
     for _ in range(ROUNDS):
         misfit = _misfit(bundle, positions, poses)
@@ -184,7 +185,7 @@ def _chi2(bundle: _Bundle, weights: Array, positions: Array, poses: Registration
 
 
 def _repeatability(bundle: _Bundle, sheet: Array, positions: Array, poses: Registration, freedom: int) -> float:
-    """Variance, mm2, of each coordinate beyond the sheet with which chi2 is its degrees of freedom at these points."""
+    """Variance, mm2, of each coordinate, added to the specification, for which chi2 equals its degrees of freedom."""
     from scipy.optimize import brentq
 
     def excess(variance: float) -> float:
@@ -195,7 +196,7 @@ def _repeatability(bundle: _Bundle, sheet: Array, positions: Array, poses: Regis
 
 
 def _designs(bundle: _Bundle, positions: Array, poses: Registration) -> list[tuple[np.ndarray, Array]]:
-    """Columns `(rows, k)` of the unknowns that a row depends on, and its derivatives `(rows, 3, k)`: point, pose."""
+    """Columns `(rows, k)` of the unknowns of each row, and its derivatives `(rows, 3, k)`: first point, then pose."""
     measurement = bundle.measurement
     names = np.array(list(poses.poses))
     station = np.argsort(names)[np.searchsorted(np.sort(names), measurement.groups)]
@@ -210,7 +211,7 @@ def _designs(bundle: _Bundle, positions: Array, poses: Registration) -> list[tup
 
 
 def _normal(bundle: _Bundle, weights: Array, positions: Array, poses: Registration) -> Array:
-    """Normal matrix of points, and of poses where these are free."""
+    """Normal matrix of points and poses."""
     designs = _designs(bundle, positions, poses)
     normal = np.zeros((3 * bundle.size + 6 * len(poses.poses),) * 2)
     for left, first in designs:
@@ -221,7 +222,7 @@ def _normal(bundle: _Bundle, weights: Array, positions: Array, poses: Registrati
 
 
 def _frame(bundle: _Bundle, positions: Array, width: int) -> Array:
-    """Conditions `(6, width)` that hold the frame: no mean shift of the anchors, no mean turn."""
+    """Conditions `(6, width)` that fix the frame: no mean shift and no mean rotation of the anchors."""
     count = len(bundle.anchors)
     arms = positions[bundle.anchors] - positions[bundle.anchors].mean(axis=0)
     arms = arms / np.sqrt(np.mean(arms**2))
@@ -234,7 +235,7 @@ def _frame(bundle: _Bundle, positions: Array, width: int) -> Array:
 
 
 def _bordered(normal: Array, frame: Array) -> tuple[Array, float]:
-    """The normal matrix with its conditions, which are scaled alike; and that scale."""
+    """The normal matrix bordered by its scaled conditions, and the scale."""
     scale = float(np.mean(np.diag(normal)))
     k = len(frame)
     return np.block([[normal, scale * frame.T], [scale * frame, np.zeros((k, k))]]), scale

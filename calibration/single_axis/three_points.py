@@ -1,14 +1,14 @@
-"""Three-point identification: the error motions of each axis from three points P, Q, K on what it moves.
+"""Three-point identification: the error motions of each axis from three points P, Q, K on the component that it moves.
 
-Ellingsdalen (NTNU 2021) 3.1-3.3: three reflectors sit on the spindle for the linear axes, on the table for the rotary
-ones; the tracker stands on the bed; one axis moves at a time. Here, from the bed outward:
+Ellingsdalen (NTNU 2021) 3.1-3.3: three reflectors are on the spindle for the linear axes and on the table for the
+rotary axes; the tracker is on the bed; one axis moves at a time. Here, from the bed outward:
 
     readings -> points in one frame (stations) -> six error motions at each position (rigid_motions)
              -> curves and location errors (error_curves) -> error model
 
-What lies between the bed and an axis is taken off with the errors found before it, at the positions where it stands;
-so angular errors of X do not end up as squareness of Y. Uncertainties of all parameters come from the points through
-the same equations, with all covariances.
+The motion of the axes between the bed and an axis is removed with their errors, which are identified before, at the
+positions where they are held. Angular errors of X therefore do not appear as squareness of Y. The uncertainties of all
+parameters follow from the points through the same equations, with all covariances.
 """
 
 from __future__ import annotations
@@ -49,50 +49,51 @@ from kinematics.transforms import IDENTITY, Array, Pose
 from kinematics.user_error import UserError
 
 LEAST_POSITIONS = 3
-"""Of a series."""
+"""Least number of positions of a series."""
 SAME = 1e-7
-"""mm and rad: commanded positions this near are one."""
+"""Difference of commanded positions, mm and rad, below which they are the same."""
 IN_LINE = 0.02
-"""Points whose triangle is flatter than this share of its length are taken for one line."""
+"""Flatness of the points' triangle, as a share of its length, below which they count as one line."""
 
 Kind = Literal["polynomial", "table"]
 Places = dict[tuple[str, tuple[int, ...]], int]
-"""Numbers of points by target and position of all axes, in steps of SAME; axes that do not move it at zero."""
+"""Numbers of points by target and positions of all axes, in steps of SAME; 0 for axes that do not move the target."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """How error motions are written."""
+    """Representation of the error motions."""
 
     kind: Kind = "polynomial"
     """Polynomials, or tables interpolated between the measured positions."""
     degrees: Mapping[str, int] = field(default_factory=dict)
-    """Degrees of polynomials, by name: {"XX": 4}; others weighted by AIC."""
+    """Degrees of polynomials, by name: {"XX": 4}; other degrees are weighted by AIC."""
     arcs: Mapping[str, Interval] = field(default_factory=dict)
-    """Measured ranges by axis, mm or degrees; default: between the end positions, of a turn all but its widest gap."""
+    """Measured ranges by axis, mm or degrees; default: between the end positions, or a turn without its widest gap."""
 
 
 @dataclass(frozen=True)
 class AxisResult:
-    """What was found of one axis; error motions in um and urad, tool relative to workpiece, in its error frame."""
+    """Result for one axis; error motions in um and urad, tool relative to workpiece, in its error frame."""
 
     axis: Axis
     positions: Array
-    """`(n,)`, mm or degrees, ascending."""
+    """Positions `(n,)`, mm or degrees, ascending."""
     targets: tuple[str, ...]
     standing: Mapping[str, float]
-    """Where the axes on the same side stood, mm or degrees."""
+    """Positions at which the other axes on the same side were held, mm or degrees."""
     errors: Array
-    """`(n, 6)`, at the positions alone: mean zero of a linear axis, about the axis average line of a rotary one."""
+    """Error motions `(n, 6)` at each position: of mean zero for a linear axis, about the axis average line for a rotary
+    one."""
     covariance: Array
-    """`(6n, 6n)`."""
+    """Covariance of the error motions `(6n, 6n)`."""
     covariance_a: Array
-    """The part of it from the machine's repeatability (Type A)."""
+    """Part of the covariance from the machine's repeatability (Type A)."""
     location: Array
-    """`(6,)`: location errors of a rotary axis; zero of a linear one."""
+    """Location errors `(6,)` of a rotary axis; zero for a linear axis."""
     curves: Curves
     misfits: tuple[Misfit, ...]
-    """Of the six curves from the points."""
+    """Deviations of the six curves from the points."""
 
     @property
     def arc(self) -> Interval:
@@ -101,12 +102,12 @@ class AxisResult:
 
     @property
     def u(self) -> Array:
-        """Standard uncertainties `(n, 6)`."""
+        """Standard uncertainties of the error motions `(n, 6)`."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).reshape(-1, 6)
 
     @property
     def u_a(self) -> Array:
-        """Their part `(n, 6)` from repeatability."""
+        """Part of the standard uncertainties `(n, 6)` from repeatability."""
         return np.sqrt(np.maximum(np.diag(self.covariance_a), 0.0)).reshape(-1, 6)
 
     def block(self, component: int) -> Array:
@@ -116,46 +117,46 @@ class AxisResult:
 
 @dataclass(frozen=True)
 class ThreePoints:
-    """All axes that were measured, and their error model."""
+    """All measured axes, and their error model."""
 
     axes: Mapping[str, AxisResult]
-    """By name, from the bed outward, those of the tool first."""
+    """Result of each axis by name, from the bed outward, axes of the tool side first."""
     model: ErrorModel
     points: stations.Points
     notes: tuple[str, ...]
     significant_share: float
     """Share of the measured states at which the correction exceeds twice its standard uncertainty."""
     datums: Mapping[str, Array]
-    """Targets on the bed by name `(3,)`, mm, machine frame: they hold the frame for a later measurement."""
+    """Positions of the targets on the bed `(3,)`, mm, machine frame, by name: frame of a later measurement."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """One axis moving alone."""
+    """Positions of one axis that moves alone."""
 
     column: int
     positions: Array
-    """`(n,)`, mm or rad, ascending."""
+    """Positions `(n,)`, mm or rad, ascending."""
     standing: Array
-    """`(axes,)`, mm and rad."""
+    """Positions of all axes at the first position `(axes,)`, mm and rad."""
     targets: tuple[str, ...]
     numbers: np.ndarray
-    """Numbers `(n, k)` of its points."""
+    """Numbers `(n, k)` of the points."""
 
 
 @dataclass(frozen=True)
 class _Found:
-    """One axis, and how it depends on all points."""
+    """One axis, and its dependence on all points."""
 
     series: Series
     motions: RigidMotions
     curves: Curves
     by_points: Array
-    """Derivatives `(3kn, 3 points)` of the axis' points, in the frame at its foot, by all points."""
+    """Derivatives `(3kn, 3 points)` of the axis' points, in the frame at its foot, with respect to all points."""
 
     @property
     def parameters_by_points(self) -> Array:
-        """Derivatives `(p, 3 points)` of the curves' parameters."""
+        """Derivatives `(p, 3 points)` of the curves' parameters with respect to all points."""
         return np.asarray(self.curves.estimator @ self.motions.estimator @ self.by_points)
 
 
@@ -164,8 +165,8 @@ def identify(
 ) -> ThreePoints:
     """Identify every axis that moves alone through three or more positions with three targets on it.
 
-    The frame is the one in which the targets on the tool lie nearest to where the machine without errors would have
-    them; with `datums`, of an earlier measurement, the one in which the targets on the bed lie nearest to theirs.
+    In the resulting frame, the targets on the tool lie nearest to their positions on the machine without errors; with
+    `datums` of an earlier measurement, the targets on the bed lie nearest to these. UserError for unsuitable data.
     """
     _check(measurement)
     odd = [finding.says for finding in usable(measurement)]
@@ -175,7 +176,7 @@ def identify(
 def identified(
     measurement: Measurement, choice: Choice, datums: Mapping[str, Array] | None = None, odd: Sequence[str] = ()
 ) -> ThreePoints:
-    """As `identify`, for usable data; `odd`: notes on their anomalies."""
+    """As `identify`, for data already checked; `odd`: notes on their anomalies."""
     places, number = physical_points(measurement)
     series = all_series(measurement, places, number)
     on_bed = {name: number for (name, _), number in places.items() if measurement.targets[name].carrier == "bed"}
@@ -222,7 +223,7 @@ def _side(machine: Machine, carrier: str) -> np.ndarray:
 
 
 def physical_points(measurement: Measurement) -> tuple[Places, np.ndarray]:
-    """Points by target and position of the axes that move it, and the number `(rows,)` of the one that a row sees."""
+    """Points by target and position of the axes that move it, and the number `(rows,)` of the point of each row."""
     assert measurement.state.target is not None
     names = measurement.state.target.astype(str).tolist()
     rounded = np.round(measurement.state.positions / SAME).astype(int)
@@ -236,7 +237,7 @@ def physical_points(measurement: Measurement) -> tuple[Places, np.ndarray]:
 
 
 def all_series(measurement: Measurement, places: Places, number: np.ndarray) -> list[Series]:
-    """The series of all axes: of the tool's side, then of the table's, from the bed outward."""
+    """The series of all axes: of the tool side, then of the table side, from the bed outward; UserError if none."""
     machine = measurement.machine
     columns = range(len(machine.axes))
     outward_order = [
@@ -255,7 +256,7 @@ def all_series(measurement: Measurement, places: Places, number: np.ndarray) -> 
 
 
 def _series(measurement: Measurement, column: int, places: Places, positions: Array) -> Series | None:
-    """The positions of one axis while the others on its side stand still; None when there are none."""
+    """The positions of one axis with the others on its side at standstill; None if there are none."""
     machine = measurement.machine
     carrier = "tool" if machine.axes[column].side == "tool" else "table"
     lines: dict[tuple[int, ...], dict[int, dict[str, int]]] = {}
@@ -316,7 +317,7 @@ def _refuse_unknown(choice: Choice, found: Mapping[str, _Found]) -> None:
 
 
 def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
-    """Nominal positions of the points on the tool."""
+    """Nominal positions `(3,)` of the points on the tool, mm, by number."""
     nominal = seen_points(measurement, None, measurement.tool)
     carrier = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
     return {int(number[row]): nominal[row] for row in np.flatnonzero(carrier == "tool")}
@@ -325,7 +326,7 @@ def _on_tool(measurement: Measurement, number: np.ndarray) -> dict[int, Array]:
 def _identify(
     machine: Machine, series: Series, points: stations.Points, before: Mapping[str, _Found], choice: Choice
 ) -> _Found:
-    """One axis, given those between it and the bed."""
+    """Identification of one axis, given the axes between it and the bed."""
     axis = machine.axes[series.column]
     at_bed = points.positions[series.numbers.reshape(-1)]
     feet, foot = _feet(machine, series, before)
@@ -351,7 +352,7 @@ def _candidates(axis: Axis, positions: Array, motions: RigidMotions, choice: Cho
 
 
 def _feet(machine: Machine, series: Series, before: Mapping[str, _Found]) -> tuple[dict[str, Pose], Pose]:
-    """Poses, seen from the bed, at the feet of the axes in between that are known, and at the foot of this one."""
+    """Poses from the bed to the feet of the identified axes in between, and to the foot of this axis."""
     tool_side = machine.axes[series.column].side == "tool"
     inner = range(series.column) if tool_side else range(len(machine.axes) - 1, series.column, -1)
     feet, pose = {}, IDENTITY
@@ -369,7 +370,7 @@ def _feet(machine: Machine, series: Series, before: Mapping[str, _Found]) -> tup
 
 
 def _by_foot(machine: Machine, inner: _Found, series: Series, pose: Pose, at_bed: Array, back: Pose) -> Array:
-    """How far all points move `(3kn, 3 points)` at the foot of this axis by what is known of one further in."""
+    """Derivatives `(3kn, 3 points)` of the points at the foot of this axis through an axis nearer to the bed."""
     axis, i = machine.axes[inner.series.column], inner.series.column
     q = series.standing[[i]]
     moved = error_design(axis, q, pose.inverse().apply(at_bed)[None])[0] * UNITS
@@ -393,7 +394,7 @@ def _missed(results: Mapping[str, AxisResult]) -> list[str]:
 
 
 def _unresolved(results: Mapping[str, AxisResult]) -> Iterator[str]:
-    """A sentence for each axis with error motions that its positions do not resolve."""
+    """A note for each axis with error motions that its positions do not resolve."""
     for name, result in results.items():
         names = [f"E_{COMPONENTS[j]}{name}" for j in result.curves.unresolved]
         if names:
@@ -466,10 +467,10 @@ def _model(
 
 
 def _tool_shift(measurement: Measurement, found: _Found) -> tuple[Array, Array]:
-    """Constants `(6,)`, um and urad, of the linear axis next to the tool, and derivatives `(6, 3k)` by its body.
+    """Constants `(6,)`, um and urad, of the linear axis next to the tool, and derivatives `(6, 3k)` by its body points.
 
-    With all error motions zero in the mean the tool still stands where the targets show it, not where the nominal
-    machine has it; to a rotary table that difference is not one of the zero point.
+    With all error motions zero in the mean, the tool is at the position of its targets, which differs from that on the
+    nominal machine. Relative to a rotary table this difference is not a shift of the zero point.
     """
     machine, series = measurement.machine, found.series
     pose = IDENTITY

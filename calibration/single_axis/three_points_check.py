@@ -1,8 +1,8 @@
-"""Does a three-point identification predict positions that it has not seen, and better than the nominal machine does?
+"""Cross-validation of a three-point identification: prediction of positions left out, against the nominal machine.
 
 Positions between the ends of each axis are left out in turn, in all rounds and with all targets, and predicted by an
-identification of the others: neighbours on either side remain, as between the positions of the whole measurement. The
-stations, and the positions of all targets on their carriers, are registered on the others for either model.
+identification from the others. Neighbours on either side remain, as between the positions of the whole measurement. For
+both models, the stations and the positions of all targets on their carriers are registered on the others.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 
 APART = 4
-"""Number of blocks of the positions of an axis, in turn: the positions on either side of each one remain."""
+"""Number of blocks into which the positions of an axis are divided in turn, so that neighbours of each one remain."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """Residuals of the readings, of the model and of the nominal machine."""
+    """Residuals of the readings with the model and with the nominal machine."""
 
     fit: Fit
-    """The model as it is, registered on all readings."""
+    """The unchanged model, registered on all readings."""
     before: Array
     """Residuals `(kept, 3)`, mm, of the nominal machine, registered on its own."""
     cross_validation: CrossValidation | None
-    """None where too few positions lie between others."""
+    """Result of the cross-validation; None if too few positions lie between others."""
 
     @property
     def before_rms_um(self) -> float:
@@ -49,12 +49,12 @@ class Check:
 
     @property
     def before_max_um(self) -> float:
-        """Largest residual of the nominal machine."""
+        """Largest residual of the nominal machine, um."""
         return 1e3 * float(np.linalg.norm(self.before, axis=1).max())
 
 
 def check(measurement: Measurement, found: ThreePoints, choice: Choice) -> Check:
-    """The check of an identification of a measurement with this choice; UserError where it is no gain."""
+    """The check of an identification of a measurement with this choice; UserError if it is no improvement."""
     free = replace(measurement, targets={name: replace(t, free=True) for name, t in measurement.targets.items()})
     same = replace(choice, arcs={name: axis.arc for name, axis in found.axes.items()})
 
@@ -69,17 +69,17 @@ def check(measurement: Measurement, found: ThreePoints, choice: Choice) -> Check
 
 
 def _registered(measurement: Measurement, model: ErrorModel) -> Fit:
-    """Stations and targets fitted to the model as it is."""
+    """Fit of stations and targets with the model unchanged."""
     return fit(measurement, model, prior=np.full(len(model.parameters), HELD))
 
 
 def _blocks(measurement: Measurement) -> np.ndarray:
-    """Numbers `(rows,)` of blocks of positions: of each axis every fourth one, its ends in none (below zero)."""
+    """Number `(rows,)` of the block of each position: every fourth one of an axis; -1 for the ends, which stay."""
     places, number = physical_points(measurement)
     block, seen = np.full(len(places), -1), np.zeros(len(places), int)
     for series in all_series(measurement, places, number):
         seen[series.numbers] += 1
         if len(series.positions) > LEAST_POSITIONS:
             block[series.numbers[1:-1]] = np.arange(len(series.positions) - 2)[:, None] % APART
-    # a point on two lines is needed by the other one
+    # a point that belongs to the series of two axes always stays
     return np.asarray(np.where(seen > 1, -1, block)[number])

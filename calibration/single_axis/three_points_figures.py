@@ -1,4 +1,4 @@
-"""The figures of ISO 230-1 out of a three-point identification: straightness, squareness, motions of a rotary axis."""
+"""The figures of ISO 230-1 from a three-point identification: straightness, squareness, motions of a rotary axis."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Figure:
 
 
 def kind_of(result: AxisResult, component: int) -> str:
-    """What ISO 230-1 calls an error motion."""
+    """Term of ISO 230-1 for an error motion."""
     own = component % 3 == COMPONENTS.index(own_component(result.axis.name)) % 3
     if result.axis.rotary:
         return ("axial" if own else "radial") if component < 3 else ("angular positioning" if own else "tilt")
@@ -47,7 +47,7 @@ def ranges(result: AxisResult) -> list[Figure]:
 
 
 def straightnesses(result: AxisResult) -> dict[str, list[Straightness]]:
-    """By error motion, its straightness about each of the reference lines, um (slopes um/mm); none of a rotary axis."""
+    """Straightness about each reference line, um (slopes um/mm), by error motion; empty for a rotary axis."""
     found = {}
     for component, letter in enumerate(COMPONENTS):
         if kind_of(result, component) == "straightness":
@@ -69,7 +69,7 @@ def locations(found: ThreePoints) -> list[Figure]:
 
 
 def squarenesses(found: ThreePoints) -> list[Figure]:
-    """Squareness of Y to X (E_C0Y - E_C0X), Z to X and Z to Y, right-handed, with their uncertainty."""
+    """Squareness of Y to X (E_C0Y - E_C0X), Z to X and Z to Y, right-handed, with standard uncertainties."""
     model = found.model
     located = zip(model.effects, model.slices, strict=True)
     place = {effect.name: part.start for effect, part in located if isinstance(effect, LocationError)}
