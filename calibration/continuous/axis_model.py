@@ -38,35 +38,35 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 NODE_UM, NODE_U = 0.05, 0.5
-"""Straight lines between the nodes stay so close to the estimate: um, and as a share of its median uncertainty."""
+"""Largest deviation of the linear interpolation from the estimate: um, and as a share of its median uncertainty."""
 MOST_NODES = 600
 """Largest number of nodes of a table, because the file contains their covariance."""
 CHANGES = 3.0
 """Least difference of the reversal at a position from its mean that counts as a change, in standard uncertainties."""
 JUMP_MM = 0.05
-"""Distance of the nodes beside a jump from it at least."""
+"""Least distance of the nodes beside a jump from it, mm."""
 SAME = 1e-6
-"""Positions, mm or degrees, and targets, mm, that are the same."""
+"""Difference, mm or degrees, up to which two positions or targets are the same."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """The measured line: the other axes stood still, and the tool carried one target."""
+    """The measured line: the positions of the other axes at standstill, and the target on the tool."""
 
     positions: Array
-    """`(axes,)`, mm and rad; that of the measured axis does not count."""
+    """Axis positions `(axes,)`, mm and rad; that of the measured axis is ignored."""
     target: Array
-    """`(3,)`, mm, from the tool reference point."""
+    """Position of the target `(3,)`, mm, from the tool reference point."""
 
     def text(self, machine: Machine, axis: str) -> str:
-        """For people."""
+        """Description for reports."""
         stood = zip(machine.axes, self.positions / machine.scale, strict=True)
         others = " ".join(f"{each.name} {position:g}" for each, position in stood if each.name != axis)
         return f"{others}, target {' '.join(f'{value:g}' for value in self.target)} mm from the tool reference point"
 
 
 def line_of(measurements: Sequence[Measurement], axis: str) -> Line:
-    """The one line of all quasi-static readings of the axis; UserError where there are several."""
+    """The line of all quasi-static readings of the axis; UserError for more than one line."""
     stood, targets = [], []
     for measurement in measurements:
         assert measurement.axis is not None
@@ -91,7 +91,7 @@ class AxisModel:
 
     model: ErrorModel
     effects: tuple[str, ...]
-    """Names of those that the estimate made."""
+    """Names of the effects from the estimate."""
     nodes: int
     """Number of nodes of its table."""
     notes: tuple[str, ...]
@@ -102,7 +102,7 @@ def axis_model(
 ) -> AxisModel:
     """The estimate as a calibration; with `base`, that calibration with its errors along this axis replaced.
 
-    quasi: the readings that the estimate was made from.
+    `quasi`: the quasi-static readings of the estimate.
     """
     both = found.both
     curves = _curves(_with_jumps(found, data, quasi))
@@ -126,7 +126,7 @@ def axis_model(
 
 @dataclass(frozen=True)
 class _Curves:
-    """Error and, where both directions are known, reversal at positions `(n,)`, mm, forward."""
+    """Error, and reversal if both directions are known, at positions `(n,)`, mm; positive along a positive command."""
 
     positions: Array
     values: Array
@@ -145,7 +145,7 @@ class _Curves:
 
 
 def _with_jumps(found: Estimate, data: Data, quasi: QuasiStatic) -> Estimate:
-    """The estimate with rows close to both sides of each jump."""
+    """The estimate with additional rows close to both sides of each jump."""
     low, high = found.segment
     places = [
         jump + side * max(each.shape.grain, JUMP_MM)
@@ -187,8 +187,8 @@ def _curves(found: Estimate) -> _Curves:
 def _unseen(table: TableRows, row: int) -> float:
     """Standard uncertainty, um, of a target outside the segment for the unknown error between it and its neighbours.
 
-    No run shows the error there. Twice the RMS by which the curve inside strays from the middles of straight lines as
-    long as the gap, for in the middle of the gap half of it is left.
+    No run shows the error there. The value is twice the RMS deviation of the curve inside the segment from the middles
+    of straight lines as long as the gap, because in the middle of the gap half of the value remains.
     """
     x, error = table.position[table.continuous], table.error[table.continuous]
     around = table.position[max(row - 1, 0) : row + 2]
@@ -201,7 +201,7 @@ def _unseen(table: TableRows, row: int) -> float:
 
 
 def _thinned(curves: _Curves) -> tuple[_Curves, float]:
-    """The curves at the fewest positions that hold them, and how far they stray between, um."""
+    """The curves at the fewest positions that represent them, and the tolerance between these, um."""
     n = len(curves.positions)
     u = np.sqrt(np.maximum(np.diag(curves.covariance), 0.0))
     tolerance = min(NODE_UM, NODE_U * float(np.median(u)))
@@ -217,7 +217,7 @@ def _thinned(curves: _Curves) -> tuple[_Curves, float]:
 
 
 def _nodes(x: Array, columns: Array, tolerance: float) -> np.ndarray:
-    """Rows between which straight lines stay within a tolerance of columns `(n, k)` (Douglas and Peucker 1973)."""
+    """Rows from which linear interpolation gives columns `(n, k)` within a tolerance (Douglas and Peucker 1973)."""
     kept, open_ = {0, len(x) - 1}, [(0, len(x) - 1)]
     while open_:
         first, last = open_.pop()
@@ -234,7 +234,7 @@ def _nodes(x: Array, columns: Array, tolerance: float) -> np.ndarray:
 
 
 def _effects(machine: Machine, axis: str, curves: _Curves, both: bool) -> tuple[list[Effect], Array]:
-    """The effects without values, and the matrix that makes their parameters of the curves' values."""
+    """The effects without values, and the matrix that gives their parameters from the values of the curves."""
     n, component = len(curves.positions), own_component(axis)
     basis = BSpline(tuple(curves.positions.tolist()), 1)
     mean = mean_line(basis).mean
@@ -273,7 +273,7 @@ def _with_values(
 def _joined(
     own: ErrorModel, base: ErrorModel, machine: Machine, axis: str, line: Line, both: bool
 ) -> tuple[list[str], ErrorModel]:
-    """Names of the replaced effects of `base`, and `base` with the effects of the axis instead."""
+    """Names of the replaced effects of `base`, and `base` with the effects of the axis in their stead."""
     gives_way = _gives_way(axis, both)
     rest = base.part(lambda effect: not gives_way(effect))
     motion = own.effects[0]
@@ -304,7 +304,7 @@ def _variances(model: ErrorModel) -> Array:
 
 
 def _gives_way(axis: str, both: bool) -> Callable[[Effect], bool]:
-    """Effects of the estimate: the positioning error of the axis, and its reversal if that is known."""
+    """Condition for the effects to replace: the positioning error of the axis, and its reversal if that is known."""
     own = own_component(axis)
 
     def gives_way(effect: Effect) -> bool:
@@ -320,7 +320,7 @@ def _gives_way(axis: str, both: bool) -> Callable[[Effect], bool]:
 
 
 def _along(machine: Machine, axis: str, nodes: Array, line: Line) -> Measurement:
-    """The laser's readings at nodes, approached from neither side."""
+    """A laser measurement at the nodes, without a direction of approach."""
     n, i = len(nodes), machine.index(axis)
     positions = np.tile(line.positions, (n, 1))
     positions[:, i] = nodes

@@ -1,7 +1,8 @@
-"""When samples were taken: as stamped, or by the even clock behind stamps that scatter.
+"""Times of the samples: the time stamps, or the uniform clock behind stamps that scatter.
 
-At 10,000 mm/min a stamp that is 1 ms late is an error of 167 um. A laser samples by a clock of its own; where stamps
-scatter about an even clock by less than half a sample, its times are the better ones, if they make the motion smoother.
+At 10,000 mm/min a stamp that is 1 ms late is an error of 167 um. A laser samples with its own clock. If the median
+deviation of the stamps from a uniform clock is at most a quarter of its period, the times of this clock are used,
+provided that they make the motion smoother.
 """
 
 from __future__ import annotations
@@ -15,16 +16,16 @@ from calibration.continuous.segment import noise_of
 from kinematics.transforms import Array
 
 FIRST, GROWS, TRIED, WIDEST = 32, 4, 17, 0.1
-"""Stamps that the period is first looked for in, how their number grows, periods tried, and how far off the first."""
+"""Search for the period: first number of stamps, its growth factor, number of trial periods, first relative width."""
 AROUND = 15
-"""Neighbours whose median tells a lost sample from a late stamp."""
+"""Number of neighbours whose median distinguishes a lost sample from a late stamp."""
 SMOOTHER = 0.8
-"""Times the noise by the stamps, below which the even clock is better."""
+"""Ratio of the noise with the uniform clock to that with the stamps, below which the clock is used."""
 FEW = 20
 
 
 def clocked(record: Record) -> tuple[Record, list[str]]:
-    """The record with the better times, and a note where they are not those of the stamps."""
+    """The record with the better times, and a note if these are not the time stamps."""
     time, way = record.time, record.displacement
     if len(time) < FEW:
         return record, []
@@ -43,7 +44,7 @@ def clocked(record: Record) -> tuple[Record, list[str]]:
 
 
 def raster(time: Array) -> tuple[np.ndarray, float]:
-    """Places `(n,)` of samples in an even raster of time, from 0, and its period, s."""
+    """Indices `(n,)` of the samples in a uniform time raster, from 0, and its period, s."""
     period = _period(time)
     lost = (time - time[0]) / period - np.arange(len(time))
     lost -= np.angle(np.mean(np.exp(2j * np.pi * lost))) / (2.0 * np.pi)  # the first stamp scatters too
@@ -53,7 +54,7 @@ def raster(time: Array) -> tuple[np.ndarray, float]:
 
 
 def _period(time: Array) -> float:
-    """The period, s, that most stamps keep to, lost samples or not: first over a few of them, at last over all."""
+    """The period, s, that fits the stamps best even if samples are lost: over a few stamps first, over all at last."""
     period, size = float(np.median(np.diff(time))), FIRST
     width = WIDEST
     while True:

@@ -1,9 +1,9 @@
-"""How Miller et al. 2017 give a continuous run its straight line back: the three methods that theirs is compared with.
+"""The three methods of Miller et al. 2017 that restore the straight line of a continuous run, for comparison.
 
-Each takes the errors of single samples about their own straight line of least squares (3, 4), gives them a slope, and
-shifts them onto the readings inside the segment (step 5). The slope is that of the quasi-static errors at the ends of
-the travel (Fig. 7), of two of them inside the segment (Fig. 8), or the one of least squares between the run and all
-readings inside (5, Fig. 9), found there by a simplex search.
+Each takes the errors of single samples about their own least-squares line (3, 4), adds a slope, and shifts them onto
+the readings inside the segment (step 5). The slope is that of the quasi-static errors between the ends of the travel
+(Fig. 7), or between two targets inside the segment (Fig. 8), or the least-squares slope between the run and all
+readings inside (5, Fig. 9), which the paper finds by a simplex search.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from kinematics.transforms import Array
 
 
 class Line(NamedTuple):
-    """What is added to the errors about their own line: um, and um per mm from position 0."""
+    """Line to add to the errors about their own line: um, and um per mm from position 0."""
 
     offset: float
     slope: float
@@ -62,7 +62,7 @@ def _means(quasi: QuasiStatic) -> tuple[Array, Array]:
 
 
 def _slope(targets: Array, values: Array) -> float:
-    """From the first to the last."""
+    """Slope from the first to the last value, um per mm."""
     return float((values[-1] - values[0]) / (targets[-1] - targets[0]))
 
 

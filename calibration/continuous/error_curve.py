@@ -1,10 +1,9 @@
-"""From displacement against time to error against position, up to a straight line; blocks of samples of even length.
+"""From displacement against time to error against position, up to a straight line; blocks of equal length in time.
 
-Inside the segment the command is a straight line in time, x = x0 + v t. Where it lies along the axis is known from
-rest: the axis stood at `start`, or `end`, with the error that the quasi-static curve has there (Miller et al. 2017,
-4.4). x0 and v are those of least squares after that curve is taken away, so that positions are right to its own
-uncertainty. What is left, displacement minus x, is the error of the axis up to a straight line, which this run can't
-show.
+Inside the segment the command is linear in time, x = x0 + v t. Its position along the axis follows from the standstill
+at `start` or `end`, where the axis has the error of the quasi-static curve (Miller et al. 2017, 4.4). x0 and v are
+those of least squares after subtraction of that curve, so that positions are as accurate as the curve. The difference,
+displacement minus x, is the error of the axis up to a straight line, which this run cannot show.
 """
 
 from __future__ import annotations
@@ -21,49 +20,49 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 BLOCKS = 16_384
-"""At most so many blocks of samples; nothing finer than the travel over a quarter of that is looked for."""
+"""Largest number of blocks of samples; the finest detail is the travel over a quarter of it."""
 SPIKE = 8.0
-"""Robust standard deviations from the median of neighbours, beyond which a sample is a fault of the beam."""
+"""Robust standard deviations from the median of its neighbours beyond which a sample is a fault of the beam."""
 NEIGHBOURS = 7
 STILL = 0.01
-"""Share of the feed below which the axis rests."""
+"""Share of the feed below which the axis is at rest."""
 REST_S = 0.1
-"""Least length of a rest."""
+"""Least duration of a rest, s."""
 AGREE_MM = 0.2
-"""By which the two rests may disagree about where the run lay."""
+"""Largest difference, mm, of the positions of the run that follow from the two rests."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """One traverse at constant velocity, ready to be fitted."""
+    """One traverse at constant velocity, prepared for the fit."""
 
     record: Record
     segment: Segment
     x: Array
     """Commanded positions `(n,)` of blocks, mm, ascending or descending with the motion."""
     error: Array
-    """`(n,)`, um, up to a straight line in x."""
+    """Error `(n,)`, um, up to a straight line in x."""
     slot: np.ndarray
-    """Place `(n,)` of each block in an even raster of time; gaps are places without block."""
+    """Index `(n,)` of each block in a uniform time raster; a gap is an index without a block."""
     period_s: float
-    """Time between places of the raster."""
+    """Period of the raster, s."""
     samples: np.ndarray
     """Number of samples `(n,)` in each block."""
     raw_x: Array
-    """Commanded positions of the samples used, mm, and their errors, um, up to the same line."""
+    """Commanded positions of the samples used, mm; `raw_error`: their errors, um, up to the same line."""
     raw_error: Array
     feed: float
-    """Mean feed, mm/min, after the quasi-static scale is taken away."""
+    """Mean feed, mm/min, corrected for the quasi-static scale."""
     dropped: int
-    """Samples left out as faults of the beam."""
+    """Number of samples left out as faults of the beam."""
     missing: int
-    """Samples that the raster of time expects and the record lacks."""
+    """Number of samples that are missing in the time raster."""
     notes: tuple[str, ...]
 
     def moved(self, offset: float, slope: float) -> Course:
-        """The course whose errors are larger by a line, um and um per mm: its positions are smaller by as much.
+        """The course with errors larger by a line, um and um per mm, and positions smaller by the same amount.
 
-        Displacement is position and error together.
+        Displacement is the sum of position and error.
         """
         line, raw = offset + slope * self.x, offset + slope * self.raw_x
         return replace(
@@ -77,7 +76,7 @@ class Course:
 
     @property
     def speed(self) -> float:
-        """mm/s, positive."""
+        """Speed, mm/s, positive."""
         return self.feed / 60.0
 
     def __len__(self) -> int:
@@ -85,7 +84,7 @@ class Course:
 
 
 def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
-    """The course of a record in its segment; UserError where it can't be placed along the axis."""
+    """The course of a record in its segment; UserError if its position along the axis is unknown."""
     curve = quasi.curve(record.direction)
     shift, notes = _shift(record, segment, curve)
     rows = slice(segment.first, segment.stop)
@@ -119,7 +118,7 @@ def course_of(record: Record, segment: Segment, quasi: QuasiStatic) -> Course:
 
 
 def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tuple[float, list[str]]:
-    """What is added to the displacement to make it a position, mm: from the rests at both ends, or one."""
+    """Offset from displacement to position, mm, from the rests at both ends or at one; notes."""
     found = []
     for rest, place in zip(_rests(record, segment), (record.start, record.end), strict=True):
         if rest is not None:
@@ -143,7 +142,7 @@ def _shift(record: Record, segment: Segment, curve: tuple[Array, Array]) -> tupl
 
 
 def _rests(record: Record, segment: Segment) -> tuple[float | None, float | None]:
-    """Mean displacement, mm, where the axis stands before and after its motion; None where it is not seen standing."""
+    """Displacement, mm, at rest before and after the motion; None if the record shows no rest."""
     least = max(round(REST_S / segment.sample_s), 3)
     still = STILL * segment.speed * segment.sample_s * least
     found: list[float | None] = []
@@ -157,7 +156,7 @@ def _rests(record: Record, segment: Segment) -> tuple[float | None, float | None
 
 
 def _spikes(time: Array, place: Array) -> np.ndarray:
-    """Samples `(n,)` far off the median of their neighbours."""
+    """Mask `(n,)` of the samples far from the median of their neighbours."""
     level = place - np.polyval(np.polyfit(time - time.mean(), place, 1), time - time.mean())
     around = np.lib.stride_tricks.sliding_window_view(np.pad(level, NEIGHBOURS // 2, mode="edge"), NEIGHBOURS)
     off = np.abs(level - np.median(around, axis=1))

@@ -1,4 +1,4 @@
-"""Continuous runs and a quasi-static measurement of one axis: one error table, and what else they show."""
+"""Continuous runs and a quasi-static measurement of one axis: the joint error table, cyclic errors and jumps."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from kinematics.user_error import UserError
 Direction = Literal["auto", "forward", "backward", "mean"]
 DIRECTIONS: tuple[Direction, ...] = ("auto", "forward", "backward", "mean")
 ROWS = 500
-"""Of a table, about, unless a spacing is given."""
+"""Approximate number of rows of a table without a given spacing."""
 MOST_ROWS = 4000
 LEAST_TARGETS = 2
-"""Inside the segment: a straight line is to be found."""
+"""Least number of targets inside the segment, because the fit estimates a straight line."""
 PASSES, MATTERS = 8, 0.05
-"""Positions follow from errors and errors from positions: how often at most, and what is near enough, um."""
+"""Iteration of positions from errors and errors from positions: largest number of rounds, and tolerance, um."""
 FEED_OFF = 0.05
-"""Share by which the feed may differ from the programmed one without a word."""
+"""Relative difference of the feed from the programmed one above which a note is given."""
 AGREES = 1.5
-"""Times the sheet of the instrument, above which the quasi-static readings scatter for other reasons."""
+"""Ratio of the scatter of quasi-static readings to the instrument specification, above which other causes act."""
 
 NO_BETTER = 0.9
-"""Share of their scatter about straight lines, above which the continuous runs don't explain the readings."""
+"""Ratio of the scatter of the readings to that about straight lines, above which the runs do not explain them."""
 
 
 class Wave(NamedTuple):
@@ -46,7 +46,7 @@ class Wave(NamedTuple):
     amplitude_um: float
     u_amplitude_um: float
     frequency_hz: float
-    """At the feed of the run."""
+    """Frequency at the feed of the run, Hz."""
 
 
 class Jumps(NamedTuple):
@@ -54,15 +54,15 @@ class Jumps(NamedTuple):
 
     places_mm: tuple[float, ...]
     sizes_um: tuple[float, ...]
-    """Positive where the error rises in the axis' positive direction."""
+    """Sizes, um; positive if the error rises in the positive direction of the axis."""
     u_um: tuple[float, ...]
     pitch: tuple[float, float] | None
-    """Pitch and its standard uncertainty, mm, where they lie on a lattice."""
+    """Pitch and its standard uncertainty, mm, if the jumps are equally spaced."""
 
 
 @dataclass(frozen=True)
 class OneWay:
-    """What the continuous runs of one direction show."""
+    """Result of the continuous runs of one direction."""
 
     courses: tuple[Course, ...]
     noises: tuple[Noise, ...]
@@ -79,21 +79,21 @@ class TableRows(NamedTuple):
     error: Array
     u: Array
     continuous: np.ndarray
-    """False at targets outside the segment, which only the quasi-static readings know."""
+    """False at targets outside the segment, where only quasi-static readings exist."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """All that was found of the axis."""
+    """Joint estimate of the axis."""
 
     ways: Mapping[int, OneWay]
-    """By direction of the continuous runs."""
+    """Result of the continuous runs, by direction."""
     quasi: QuasiStatic
     fused: Fused
     direction: str
-    """Of the table: forward, backward or mean."""
+    """Direction of the table: forward, backward or mean."""
     comparisons: Mapping[str, Comparison]
-    """The paper's methods, by name of the run."""
+    """Results of the methods of Miller et al. 2017, by name of the run."""
     notes: tuple[str, ...]
 
     @property
@@ -112,7 +112,7 @@ class Estimate:
         return values, covariance
 
     def table(self, direction: str | None = None) -> TableRows:
-        """The error table of a direction, with the targets outside the segment, and the scale's uncertainty in u."""
+        """The error table of a direction, with the targets outside the segment; u includes the instrument's scale."""
         direction = direction or self.direction
         error, covariance = self.curve(direction)
         x, u = self.fused.positions, np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -139,9 +139,9 @@ def estimate(
     direction: Direction = "auto",
     positions: Array | None = None,
 ) -> Estimate:
-    """The joint estimate; UserError for data that can't be used.
+    """The joint estimate; UserError for data that cannot be used.
 
-    spacing: of the table's rows, mm; or its positions `(n,)`, mm, inside the segment.
+    `spacing` of the table's rows, mm; or their `positions` `(n,)`, mm, inside the segment.
     """
     notes: list[str] = []
     used = _with_readings(records, quasi, notes)
@@ -176,7 +176,7 @@ def _has(records: Sequence[Record], way: int) -> bool:
 
 
 def _with_readings(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) -> list[Record]:
-    """The records whose direction has quasi-static readings; UserError where none has."""
+    """The records whose direction has quasi-static readings; UserError if there are none."""
     used = [record for record in records if np.any(quasi.direction == record.direction)]
     for record in records:
         if record not in used:
@@ -207,7 +207,7 @@ def _courses(records: Sequence[Record], quasi: QuasiStatic, notes: list[str]) ->
 
 
 def _settled(shapes: Mapping[int, Shape], found: Fused) -> bool:
-    """True where the lines that the curves lacked move their positions by less than matters."""
+    """True if the fitted lines shift the positions so little that errors change by less than MATTERS."""
     for way, shape in shapes.items():
         offset, slope = found.lines[way]
         ends = np.array(shape.interval)
@@ -218,7 +218,7 @@ def _settled(shapes: Mapping[int, Shape], found: Fused) -> bool:
 
 
 def _one_way(courses: tuple[Course, ...]) -> OneWay:
-    """What the runs of one direction show."""
+    """Result of the runs of one direction."""
     found = features(courses)
     bare = [without_waves(course, without_jumps(course, found.jumps), found) for course in courses]
     noises = tuple(
@@ -246,7 +246,7 @@ def _check_targets(record: Record, quasi: QuasiStatic, low: float, high: float) 
 
 
 def _difference(courses: Sequence[Course], bare: Sequence[Array], i: int) -> Array | None:
-    """Errors `(n,)` of a course less the mean of the others of its direction, scaled to its own noise."""
+    """Errors `(n,)` of a course minus the mean of the others of its direction, scaled to its own noise, um."""
     count = len(courses)
     if count < 2:
         return None
@@ -263,7 +263,7 @@ def _difference(courses: Sequence[Course], bare: Sequence[Array], i: int) -> Arr
 
 
 def _waves(course: Course, shape: Shape) -> tuple[Wave, ...]:
-    """Amplitudes of the shape's waves; the period's uncertainty is that of a lone sine over the travel."""
+    """Amplitudes of the waves; the uncertainty of a period is that of a single sine over the travel."""
     first, found = len(shape.extra.jumps), []
     covariance = shape.amount_covariance()
     length = shape.interval[1] - shape.interval[0]
@@ -293,7 +293,7 @@ def _common(shapes: Mapping[int, Shape]) -> tuple[float, float]:
 
 
 def _inside(shapes: Mapping[int, Shape], quasi: QuasiStatic) -> np.ndarray:
-    """Readings `(m,)` within the segment of their direction, or of the one that stands for it."""
+    """Mask `(m,)` of the readings within the segment of their direction, or of the other if theirs has no run."""
     inside = np.zeros(len(quasi), bool)
     for way in WAYS:
         low, high = shapes[way].interval if way in shapes else next(iter(shapes.values())).interval
@@ -302,7 +302,7 @@ def _inside(shapes: Mapping[int, Shape], quasi: QuasiStatic) -> np.ndarray:
 
 
 def _positions(low: float, high: float, spacing: float | None) -> Array:
-    """Multiples of the spacing inside, and both ends, mm."""
+    """Positions of the table, mm: multiples of the spacing inside the segment, and both ends."""
     if spacing is None:
         wanted = (high - low) / ROWS
         decade = 10.0 ** np.floor(np.log10(wanted))
@@ -318,7 +318,7 @@ def _positions(low: float, high: float, spacing: float | None) -> Array:
 
 
 def _direction(wanted: Direction, ways: Mapping[int, OneWay], found: Fused) -> str:
-    """Direction of the table; UserError where the data don't have it."""
+    """Direction of the table; UserError if the data do not contain it."""
     if wanted == "auto":
         return "mean" if len(ways) == 2 else WAYS[next(iter(ways))]
     needed = {1, -1} if wanted == "mean" else {way for way, name in WAYS.items() if name == wanted}
@@ -329,7 +329,10 @@ def _direction(wanted: Direction, ways: Mapping[int, OneWay], found: Fused) -> s
 
 
 def _outside(found: Fused, direction: str) -> tuple[Array, Array, Array]:
-    """Targets, errors and standard uncertainties outside the segment; of the mean and the reversal in both ways."""
+    """Targets, mm, errors and standard uncertainties, um, outside the segment.
+
+    Mean and reversal are given at targets with readings in both directions.
+    """
     nothing = (np.zeros(0), np.zeros(0), np.zeros(0))
     if direction in WAYS.values():
         way = next(way for way, name in WAYS.items() if name == direction)
@@ -356,9 +359,9 @@ def _feed_notes(course: Course) -> list[str]:
 
 
 def _refuse_unexplained(quasi: QuasiStatic, inside: np.ndarray, found: Fused) -> None:
-    """UserError where the continuous runs explain the quasi-static readings no better than straight lines do.
+    """UserError if the continuous runs explain the quasi-static readings no better than straight lines.
 
-    Only where the readings scatter by more than the instrument's sheet allows.
+    Only if the readings scatter by more than the instrument specification allows.
     """
     squares, free = 0.0, 0
     for way in WAYS:

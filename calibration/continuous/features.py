@@ -1,8 +1,8 @@
 """Jumps and waves in a continuous run: table steps of a control, and cyclic errors.
 
-A jump is where straight lines through the blocks before and behind disagree by far more than they usually do. A wave
-stands out of the spectrum over position as a line no wider than the travel resolves; what is wider is a vibration. A
-wave that keeps its phase over the position in every run of a direction belongs to the axis, one that does not to time.
+A jump is a position where straight lines through the blocks before and behind differ by far more than usual. A wave
+is a line in the spectrum over position as narrow as the travel allows; a wider peak is a vibration. A wave with the
+same phase over position in every run of a direction belongs to the axis; otherwise it is bound to time.
 """
 
 from __future__ import annotations
@@ -17,44 +17,44 @@ from calibration.continuous.error_curve import Course
 from kinematics.transforms import Array
 
 SIDES = (8, 24)
-"""Blocks on either side that a jump is seen against."""
+"""Number of blocks on either side for the detection of a jump."""
 JUMP = 7.0
-"""Robust standard deviations that make a jump."""
+"""Threshold of a jump, robust standard deviations."""
 MOST_JUMPS = 400
 WAVES = 8.0
-"""An error that repeats fewer times over the travel is a matter of the curve, not a cyclic one."""
+"""Least number of periods of a cyclic error over the travel; the curve represents longer periods."""
 FALSE_ALARM = 1e-4
-"""Probability that noise shows a wave."""
+"""Probability that noise is reported as a wave."""
 BESIDE = 12
-"""Bins of the spectrum on either side that a line is seen against."""
+"""Number of spectral bins on either side for the background of a line."""
 NARROW = (4, 8)
-"""Bins from a line where its power must have fallen."""
+"""Range of bins from a line in which its power must have fallen by FALLEN."""
 FALLEN = 5.0
 TRIES = 24
 PARTS = 6
-"""Parts of the travel that a wave is looked at in."""
+"""Number of parts of the travel in which a wave is evaluated."""
 CHANCE = 0.01
-"""Probability that random phases pass for a wave."""
+"""Probability that random phases are taken for a wave."""
 APART = 10.0
-"""Variance of a wave between runs, in terms of that within, from which it does not belong to the axis."""
+"""Ratio of the variance of a wave between runs to that within, from which it does not belong to the axis."""
 REGULAR = 0.1
-"""Share of a pitch by which jumps may miss their lattice."""
+"""Largest deviation of jumps from equal spacing, as a share of the pitch."""
 LEAST_REGULAR = 4
 
 
 class Found(NamedTuple):
-    """What was found in the runs of one direction."""
+    """Features of the runs of one direction."""
 
     jumps: tuple[float, ...]
     """Positions, mm."""
     periods: tuple[float, ...]
-    """mm, of waves of the axis."""
+    """Periods of the waves of the axis, mm."""
     bound_to_time: tuple[tuple[float, float], ...]
-    """Frequency, Hz, and amplitude, um, of waves that do not keep their place."""
+    """Frequency, Hz, and amplitude, um, of the waves bound to time."""
 
 
 def features(courses: Sequence[Course]) -> Found:
-    """Jumps and waves of the courses of one direction; those of the longest course, checked in all."""
+    """Jumps and waves of the courses of one direction: detected in the longest course, waves checked in all."""
     main = max(courses, key=len)
     places = jumps(main)
     bare = [without_jumps(course, places) for course in courses]
@@ -82,7 +82,7 @@ def features(courses: Sequence[Course]) -> Found:
 
 
 def jumps(course: Course) -> tuple[float, ...]:
-    """Positions, mm, ascending, where the error jumps."""
+    """Positions of jumps of the error, mm, ascending."""
     taken = np.zeros(len(course), bool)
     places: list[float] = []
     for side in SIDES:
@@ -101,7 +101,7 @@ def jumps(course: Course) -> tuple[float, ...]:
 
 
 def without_jumps(course: Course, places: Sequence[float]) -> Array:
-    """Errors `(n,)`, um, with the jumps at these positions taken out."""
+    """Errors `(n,)`, um, without the jumps at these positions."""
     if not places:
         return course.error
     ascending = course.x[-1] > course.x[0]
@@ -116,7 +116,7 @@ def without_jumps(course: Course, places: Sequence[float]) -> Array:
 
 
 def without_waves(course: Course, error: Array, found: Found) -> Array:
-    """Errors `(n,)`, um, with the waves taken out that were found, whatever they are bound to."""
+    """Errors `(n,)`, um, without the waves found, bound to position or to time."""
     loose = [course.speed / frequency for frequency, _ in found.bound_to_time]
     for period in (*found.periods, *loose):
         error = _without(course, error, period)
@@ -124,9 +124,9 @@ def without_waves(course: Course, error: Array, found: Found) -> Array:
 
 
 def pitch_of(places: Sequence[float], grain: float) -> tuple[float, float] | None:
-    """Pitch and its standard uncertainty, mm, of jumps on a lattice; None where they lie on none.
+    """Pitch and its standard uncertainty, mm, of equally spaced jumps; None if they are not equally spaced.
 
-    grain: length, mm, within which the place of a jump is not known.
+    `grain`: length, mm, within which the position of a jump is unknown.
     """
     if len(places) < LEAST_REGULAR:
         return None
@@ -143,7 +143,7 @@ def pitch_of(places: Sequence[float], grain: float) -> tuple[float, float] | Non
 
 
 def _disagreement(error: Array, side: int) -> Array:
-    """`(n,)`: value before each block by a straight line through the `side` blocks behind, less that of those ahead."""
+    """Step `(n,)` at each block: line through `side` blocks from it on, minus line through `side` blocks before it."""
     offsets = np.arange(side) + 0.5
     design = np.stack([np.ones(side), offsets], axis=1)
     weights = np.linalg.pinv(design)[0]
@@ -167,9 +167,9 @@ def _parts(course: Course, error: Array, period: float) -> list[complex]:
 
 
 def _keeps_phase(parts: np.ndarray) -> bool:
-    """True where parts `(runs, parts)` agree about the phase more than random ones would, once in 1 / CHANCE.
+    """True if parts `(runs, parts)` agree in phase more than random ones, with probability CHANCE of a wrong result.
 
-    Those of one run at least: a vibration loses its phase.
+    The parts of one run at least must agree: a vibration loses its phase.
     """
     share = np.abs(parts.sum(axis=1)) ** 2 / (PARTS * np.sum(np.abs(parts) ** 2, axis=1))
     together = abs(parts.sum()) ** 2 / (parts.size * np.sum(np.abs(parts) ** 2))
@@ -179,7 +179,7 @@ def _keeps_phase(parts: np.ndarray) -> bool:
 
 
 def _keeps_place(parts: np.ndarray) -> bool:
-    """True where the runs `(runs, parts)` agree about amplitude and phase over position, as far as their parts do."""
+    """True if the runs `(runs, parts)` agree in amplitude and phase over position within the scatter of their parts."""
     runs = len(parts)
     means = parts.mean(axis=1)
     variance = np.mean(np.abs(parts - means[:, None]) ** 2) / (PARTS - 1)
@@ -187,7 +187,7 @@ def _keeps_place(parts: np.ndarray) -> bool:
 
 
 def _line(course: Course, error: Array, barred: Sequence[float]) -> float | None:
-    """Number of waves over the travel of the strongest line; None where there is none besides the barred ones."""
+    """Number of periods over the travel of the strongest spectral line; None if only barred lines remain."""
     n = len(course)
     raster = np.linspace(course.x.min(), course.x.max(), n)
     order = np.argsort(course.x)
@@ -211,7 +211,7 @@ def _line(course: Course, error: Array, barred: Sequence[float]) -> float | None
 
 
 def _refined(runs: Sequence[tuple[Course, Array]], period: float, length: float) -> float:
-    """The period, mm, of most power in all runs together, within what the travel resolves."""
+    """The period, mm, of the largest power in all runs together, within the resolution of the travel."""
     weighted = [(course.x, _weighted(course, error)) for course, error in runs]
     step = 1.0
     number = length / period
@@ -230,12 +230,12 @@ def _without(course: Course, error: Array, period: float) -> Array:
 
 
 def _weighted(course: Course, error: Array) -> Array:
-    """Errors `(n,)` without a cubic trend, weighted over the travel (Hann), the weights adding to 2."""
+    """Errors `(n,)` without a cubic trend, with Hann weights over the travel of sum 2."""
     scaled = (course.x - course.x.mean()) / np.ptp(course.x)
     weights = np.cos(np.pi * (course.x - course.x.min() - np.ptp(course.x) / 2.0) / np.ptp(course.x)) ** 2
     return np.asarray(2.0 * weights / weights.sum() * (error - np.polyval(np.polyfit(scaled, error, 3), scaled)))
 
 
 def _amount(x: Array, weighted: Array, period: float) -> complex:
-    """Amplitude of a wave, um: cosine and sine part as real and imaginary."""
+    """Amplitude of a wave, um: cosine part real, sine part imaginary."""
     return complex(weighted @ np.exp(2j * np.pi / period * x))

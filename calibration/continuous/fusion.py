@@ -1,13 +1,14 @@
 """Continuous curves and quasi-static readings as one linear model: the errors of both directions with covariances.
 
-A continuous curve is right up to a straight line (two unknown constants a direction, without prior); a reading at a
-target is that curve, plus what is common to its run (an offset, a slope along the axis: drift), plus noise. A direction
-without continuous run is the other one plus a reversal: a constant, a slope, and a random course between targets.
-Targets outside the continuous segment each have their own error, so they carry no information on the lines; a target
-on a jump may lie on either side of it, and its readings count accordingly. Standard
-deviations of noise, drift and reversal are those of restricted maximum likelihood (REML); the noise is never less than
-the instrument's sheet, and counts as what its degrees of freedom leave possible (GUM Supplement 1, 6.4.9.4). Estimates
-are generalised least squares with best linear unbiased prediction.
+A continuous curve is known up to a straight line (two constants per direction, without prior). A reading at a target is
+the sum of that curve, an offset and a slope of its run (drift), and noise. A direction without a continuous run is the
+other one plus a reversal: a constant, a slope, and a random function between targets. Targets outside the continuous
+segment each have their own error, so that they carry no information on the lines. A target on a jump may lie on either
+side of it, and its readings are weighted accordingly.
+
+The standard deviations of noise, drift and reversal are those of restricted maximum likelihood (REML). The noise is
+never less than the instrument specification, and is increased for its degrees of freedom (GUM Supplement 1, 6.4.9.4).
+Estimates are generalised least squares with best linear unbiased prediction.
 """
 
 from __future__ import annotations
@@ -23,12 +24,12 @@ from calibration.continuous.shape import Shape
 from kinematics.transforms import Array
 
 SMALLEST, LARGEST, START = 1e-3, 1e4, 0.3
-"""Standard deviations that are looked for, um, and the one that is begun with."""
+"""Range of the standard deviations in the search, um, and its start value."""
 MOST_TRIES = 200
 LEAST_FREE = 3
-"""Degrees of freedom below which a spread of readings says nothing."""
+"""Least number of degrees of freedom for an estimate of the standard deviations."""
 REACH = 0.25
-"""Share of the travel over which the random course of a reversal forgets itself."""
+"""Correlation length of the random part of a reversal, as a share of the travel."""
 
 
 @dataclass(frozen=True)
@@ -36,22 +37,22 @@ class Spread:
     """Standard deviations of the quasi-static data, um."""
 
     noise: float
-    """Of a reading, with what the degrees of freedom leave possible."""
+    """Noise of a reading, increased for its degrees of freedom."""
     sheet: float
-    """Of a reading by the instrument's sheet; 0 where none is given."""
+    """Noise of a reading by the instrument specification; 0 without one."""
     offset: float
-    """Of a run as a whole, against the others."""
+    """Offset of a run against the others."""
     slope: float
-    """Of a run over half the travel."""
+    """Slope of a run, over half the travel."""
     reversal: float
-    """Of the random course of the reversal, where it stands for a direction without continuous run."""
+    """Random part of the reversal, for a direction without a continuous run."""
     free: int
     """Degrees of freedom."""
 
 
 @dataclass(frozen=True)
 class Drift:
-    """How one quasi-static run lies against the mean of all."""
+    """Offset and slope of one quasi-static run against the mean of all, with standard uncertainties."""
 
     run: str
     offset_um: float
@@ -62,27 +63,27 @@ class Drift:
 
 @dataclass(frozen=True)
 class Fused:
-    """Errors at `positions` `(n,)` in each direction, stacked by direction, um."""
+    """Errors at `positions` `(n,)`, mm, in each direction, stacked by direction, um."""
 
     positions: Array
     ways: tuple[int, ...]
     values: Array
-    """`(ways, n)`."""
+    """Errors `(directions, n)`, um."""
     covariance: Array
-    """`(ways n, ways n)`."""
+    """Covariance `(directions n, directions n)`, um2."""
     outside: Mapping[int, tuple[Array, Array, Array]]
-    """By direction: targets outside the segment, mm, errors there, um, and their standard uncertainties."""
+    """Targets outside the segment, mm, errors there and their standard uncertainties, um; by direction."""
     spread: Spread
     drift: tuple[Drift, ...]
     lines: Mapping[int, tuple[float, float]]
-    """By direction of the curves: what they lacked, um and um per mm from position 0."""
+    """Fitted line of each curve, by direction: um, and um per mm from position 0."""
     residual: Array
-    """Reading minus estimate `(m,)`, um, of readings inside."""
+    """Reading minus estimate `(m,)`, um, of the readings inside the segment."""
     inside: np.ndarray
-    """Their rows in the quasi-static data."""
+    """Rows `(m,)` of these readings in the quasi-static data."""
 
     def mixed(self, shares: Sequence[Sequence[float]]) -> tuple[Array, Array]:
-        """Sums `(k n,)` of the directions by shares `(k, ways)`, um, and their covariance `(k n, k n)`, um2."""
+        """Sums `(k n,)` of the directions by shares `(k, directions)`, um, and their covariance `(k n, k n)`, um2."""
         own, (ways, n) = np.array(shares), self.values.shape
         blocks = self.covariance.reshape(ways, n, ways, n).transpose(0, 2, 1, 3)
         half = np.tensordot(own, blocks, axes=(1, 0))
@@ -92,7 +93,7 @@ class Fused:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where something is asked or read: a position in a direction each."""
+    """Positions `(n,)`, mm, of estimates or readings, each with its direction."""
 
     x: Array
     way: np.ndarray
@@ -106,7 +107,8 @@ def fused(
 ) -> Fused:
     """The joint estimate at positions `(n,)`, mm, in these directions.
 
-    inside: the readings `(m,)` within the segment; at least two targets in every direction that has a continuous run.
+    `inside`: mask `(m,)` of the readings within the segment, where each direction with a continuous run needs two
+    targets.
     """
     read = _Places(quasi.target, quasi.direction)
     asked = _Places(np.tile(positions, len(ways)), np.repeat(ways, len(positions)))
@@ -150,14 +152,14 @@ def fused(
 
 
 def _scale(shapes: Mapping[int, Shape]) -> tuple[float, float]:
-    """Middle and half length of what the curves cover together, mm."""
+    """Middle and half length of the range that the curves cover together, mm."""
     low = min(shape.interval[0] for shape in shapes.values())
     high = max(shape.interval[1] for shape in shapes.values())
     return (low + high) / 2.0, (high - low) / 2.0
 
 
 def _fixed(shapes: Mapping[int, Shape], places: _Places, ways: tuple[int, ...], centre: float, half: float) -> Array:
-    """A line for each curve, and one for the reversal of a direction without."""
+    """Columns of a line for each curve, and of one for the reversal of a direction without a curve."""
     line = np.stack([np.ones(len(places)), (places.x - centre) / half], axis=1)
     own = [line * (_owner(shapes, places) == way)[:, None] for way in shapes]
     missing = [way for way in (1, -1) if way not in shapes and (way in ways or np.any(places.way == way))]
@@ -165,13 +167,13 @@ def _fixed(shapes: Mapping[int, Shape], places: _Places, ways: tuple[int, ...], 
 
 
 def _owner(shapes: Mapping[int, Shape], places: _Places) -> np.ndarray:
-    """Direction of the curve that stands for each place."""
+    """Direction `(n,)` of the curve that applies at each position."""
     only = next(iter(shapes))
     return places.way if len(shapes) == 2 else np.full(len(places), only)
 
 
 def _curves(shapes: Mapping[int, Shape], places: _Places) -> tuple[Array, Array]:
-    """Mean `(n,)` and covariance `(n, n)` of the curves at places, which are one for places that share them."""
+    """Mean `(n,)`, um, and covariance `(n, n)`, um2, of the curves; equal positions on a curve share one value."""
     mean, covariance = np.zeros(len(places)), np.zeros((len(places), len(places)))
     owner = _owner(shapes, places)
     for way, shape in shapes.items():
@@ -183,7 +185,7 @@ def _curves(shapes: Mapping[int, Shape], places: _Places) -> tuple[Array, Array]
 
 
 def _beside_jumps(shapes: Mapping[int, Shape], read: _Places, known: Array) -> Array:
-    """Covariance `(m, m)` of readings at targets on a jump: one side of it for all readings of a target."""
+    """Covariance `(m, m)`, um2, at targets on a jump: all readings of a target lie on one side of it."""
     doubt, owner = np.zeros(len(read)), _owner(shapes, read)
     for way, shape in shapes.items():
         rows = np.flatnonzero(owner == way)
@@ -198,7 +200,7 @@ def _lines(shapes: Mapping[int, Shape], fixed: Array, centre: float, half: float
 
 
 def _outside_columns(read: _Places, inside: np.ndarray) -> tuple[Array, list[tuple[float, int]]]:
-    """A column for every target outside in every direction, and what they are of."""
+    """A column for every target outside the segment in every direction; the target, mm, and direction of each."""
     cells = sorted({(float(x), int(way)) for x, way in zip(read.x[~inside], read.way[~inside], strict=True)})
     columns = [(~inside & (read.x == x) & (read.way == way)).astype(float) for x, way in cells]
     return np.array(columns).reshape(len(cells), len(read)).T, cells
@@ -207,7 +209,7 @@ def _outside_columns(read: _Places, inside: np.ndarray) -> tuple[Array, list[tup
 def _groups(
     quasi: QuasiStatic, shapes: Mapping[int, Shape], read: _Places, inside: np.ndarray, centre: float, half: float
 ) -> dict[str, Array]:
-    """Correlations `(n, n)` of the readings, by the standard deviation that scales them."""
+    """Correlations `(n, n)` of the readings, by the name of the standard deviation that scales them."""
     found = {}
     if len(quasi.runs) > 1:
         same = (quasi.run[:, None] == quasi.run).astype(float)
@@ -222,7 +224,7 @@ def _groups(
 def _reversal_kernel(
     shapes: Mapping[int, Shape], places: _Places, half: float, other: _Places | None = None
 ) -> Array | None:
-    """Correlation of the random course of the reversal; None where both directions have their own curve."""
+    """Correlation of the random part of the reversal; None if both directions have their own curve."""
     if len(shapes) == 2:
         return None
     other = places if other is None else other
@@ -234,7 +236,7 @@ def _reversal_kernel(
 def _spread(
     observed: Array, design: Array, own: Array, groups: Mapping[str, Array], sheet: float
 ) -> tuple[Spread, Array]:
-    """Standard deviations by REML, and the covariance of the readings with them."""
+    """Standard deviations by REML, and the resulting covariance of the readings, um2."""
     free = len(observed) - int(np.linalg.matrix_rank(design))
     names = list(groups)
     identity = np.eye(len(observed))
@@ -295,13 +297,13 @@ class _Solved:
         return 2.0 * half + float(np.log(own).sum()) + float(self.residual @ self.solved)
 
     def predicted(self, design: Array, cross: Array, prior: Array) -> tuple[Array, Array]:
-        """Values `(k,)` and covariance of what has this fixed part, covariance with observations, and prior."""
+        """Values `(k,)` and covariance of quantities with this fixed part, covariance with observations, and prior."""
         values = design @ self.fixed + cross @ self.solved
         lever = design - cross @ self.weighted
         return values, prior - cross @ cho_solve(self.factor, cross.T) + lever @ self.own @ lever.T
 
     def outside(self, cells: list[tuple[float, int]], first: int) -> dict[int, tuple[Array, Array, Array]]:
-        """Targets, errors and standard uncertainties of the fixed effects from `first` on, by direction."""
+        """Targets, errors and standard uncertainties outside the segment, by direction; fixed effects from `first`."""
         found = {}
         for way in {way for _, way in cells}:
             rows = [i for i, cell in enumerate(cells) if cell[1] == way]
@@ -311,7 +313,7 @@ class _Solved:
 
 
 def _drifts(quasi: QuasiStatic, solved: _Solved, spread: Spread, centre: float, half: float) -> tuple[Drift, ...]:
-    """Offsets and slopes of the runs, as predicted from the readings."""
+    """Offsets and slopes of the runs, predicted from the readings."""
     if len(quasi.runs) < 2:
         return ()
     runs = quasi.runs

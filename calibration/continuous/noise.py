@@ -1,10 +1,10 @@
-"""Noise of a continuous run: its spectrum from the run itself, as an autoregressive process that whitens it.
+"""Noise of a continuous run: spectrum from the run itself, as an autoregressive process that whitens it.
 
-The error of an axis has little at high frequencies, the laser and a vibrating machine have. From the frequency on
-where the spectrum (Welch, Hann) has fallen to the level of its flat part, all is noise; below, noise is taken to go on
-at the level just above, which one run can't contradict. Two runs of one direction can: half the spectrum of their
-difference is noise at every frequency, and the larger of both counts. The process is that of the spectrum's
-autocovariance (Yule-Walker), its order by BIC.
+The error of an axis has little power at high frequencies, unlike the laser and a vibrating machine. From the frequency
+at which the spectrum (Welch, Hann) has fallen to the level of its flat part, all of it is noise. Below, the noise is
+assumed to continue at the level just above; one run cannot contradict this. Two runs of one direction can: half the
+spectrum of their difference is noise at every frequency, and the larger of both counts. The process follows from the
+autocovariance of the spectrum (Yule-Walker), its order from BIC.
 """
 
 from __future__ import annotations
@@ -19,38 +19,38 @@ from calibration.continuous.error_curve import Course
 from kinematics.transforms import Array
 
 PARTS = 8
-"""Parts that a course is cut into, at least, for its spectrum."""
+"""Least number of parts of a course for its spectrum; they overlap by half their length."""
 LONGEST_PART = 2048
 ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 FLAT = 2.0
-"""Times the level of the flat part, below which the spectrum belongs to it."""
+"""Ratio to the level of the flat part, below which the spectrum belongs to it."""
 ABOVE = 3.0
-"""The noise below the edge is that from the edge to so many times it."""
+"""Upper end, as a multiple of the edge, of the band whose level is the noise below the edge."""
 PEAK = 4.0
-"""Times the level of the flat part, from which a part of the spectrum is a vibration."""
+"""Ratio to the level of the flat part, above which a part of the spectrum is a vibration."""
 
 
 class Noise(NamedTuple):
     """Noise of the blocks of one course, um."""
 
     filter: Array
-    """1, a1 ... ap: what a block differs by from what the p before it foretell."""
+    """Coefficients 1, a1 ... ap of the innovation: difference of a block from its prediction by the p blocks before."""
     innovation: float
-    """Standard deviation of that, um."""
+    """Standard deviation of the innovation, um."""
     total: float
-    """Standard deviation of the noise itself, um."""
+    """Standard deviation of the noise, um."""
     low: float
-    """Spectral density at low frequencies, um2/Hz, one-sided: what the estimated curve suffers from."""
+    """One-sided spectral density at low frequencies, um2/Hz, which limits the estimated curve."""
     vibrations: tuple[tuple[float, float], ...]
-    """Frequency, Hz, and amplitude, um, of parts of the spectrum that stand out."""
+    """Frequency, Hz, and amplitude, um, of the peaks of the spectrum."""
 
     @property
     def order(self) -> int:
-        """p."""
+        """Order p of the process."""
         return len(self.filter) - 1
 
     def scaled(self, factor: float) -> Noise:
-        """The same course of noise, `factor` times as large."""
+        """Noise of the same spectrum, `factor` times as large."""
         return self._replace(
             innovation=self.innovation * factor, total=self.total * factor, low=self.low * factor * factor
         )
@@ -59,7 +59,7 @@ class Noise(NamedTuple):
 def noise_of_course(course: Course, error: Array, difference: Array | None = None) -> Noise:
     """The noise of a course whose errors `(n,)`, um, are free of jumps and waves.
 
-    difference `(n,)`: half the difference from another run at the same positions, times sqrt(2).
+    difference `(n,)`: half the difference from another run at the same positions, times sqrt(2), um.
     """
     frequency, density = _spectrum(_even(course, error), course.period_s)
     flat = float(np.median(density[len(density) // 2 :]))
@@ -83,7 +83,7 @@ def noise_of_course(course: Course, error: Array, difference: Array | None = Non
 
 
 def _even(course: Course, values: Array) -> Array:
-    """Values on the whole raster of time, gaps bridged straight."""
+    """Values on the whole time raster, with gaps interpolated linearly."""
     slots = course.slot - course.slot[0]
     if slots[-1] + 1 == len(slots):
         return values
@@ -99,14 +99,14 @@ def _spectrum(values: Array, period: float) -> tuple[Array, Array]:
 
 
 def _edge(frequency: Array, density: Array, flat: float) -> float:
-    """The frequency, Hz, below which the error of the axis shows: the first bins that have fallen to the flat part."""
+    """The frequency, Hz, below which the error of the axis dominates: first two bins at the level of the flat part."""
     low = density <= FLAT * flat
     both = np.flatnonzero(low[:-1] & low[1:])
     return float(frequency[both[0] if len(both) else len(frequency) // 2])
 
 
 def _autoregression(covariance: Array, n: int) -> tuple[Array, float]:
-    """Filter and variance of its outcome, of the order of least BIC."""
+    """Filter and innovation variance, of the order with the smallest BIC."""
     found: list[tuple[float, Array, float]] = []
     for order in ORDERS:
         filter_, variance = np.ones(1), float(covariance[0])
@@ -122,7 +122,7 @@ def _autoregression(covariance: Array, n: int) -> tuple[Array, float]:
 
 
 def _vibrations(frequency: Array, density: Array, flat: float, edge: float) -> tuple[tuple[float, float], ...]:
-    """Parts of the spectrum above the edge that stand out of the flat part, strongest first."""
+    """Frequency, Hz, and amplitude, um, of peaks of the spectrum above the flat part, strongest first."""
     out = (density > PEAK * flat) & (frequency > ABOVE * edge)
     bounds = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
     step, found = frequency[1] - frequency[0], []

@@ -1,4 +1,4 @@
-"""Files of continuous runs and quasi-static data (contract 4.2), of one axis together."""
+"""Reading of continuous runs and quasi-static data of one axis (contract 4.2)."""
 
 from __future__ import annotations
 
@@ -25,45 +25,45 @@ RUN_COLUMNS = ("time_s", "displacement_mm", "run", "direction")
 RUN_KEYS = ("machine", "instrument", "axis", "start_mm", "end_mm", "feed_mm_min")
 SAME_UM = 1e-6
 STATE_COLUMN = re.compile(r"[A-CU-Z]\d?|time_s|feed|target|point|station|(dir|actual)_\w+|temp_\S+")
-"""Other columns of a measurement file, which say nothing of a run of one axis."""
+"""Other columns of a measurement file, which a run of one axis does not need."""
 HEAD = 20_000
 DIGITS = 6
-"""Decimals of a target, mm, by which rows belong to one."""
+"""Decimals, mm, to which targets are rounded."""
 
 
 class Data(NamedTuple):
-    """All files together."""
+    """Data of all files together."""
 
     axis: str
     records: tuple[Record, ...]
     quasi: QuasiStatic
     fingerprints: Mapping[str, str]
-    """By file."""
+    """Fingerprint of the content, by file."""
     notes: tuple[str, ...]
     standing: tuple[Path, ...] = ()
     """Files of quasi-static data."""
     machine: str = ""
-    """The machine's name, where a file gives it."""
+    """Name of the machine, if a file gives it."""
 
 
 class _File(NamedTuple):
     path: Path
     data: bytes
     reader: ModuleType | None
-    """Of a foreign format, which holds quasi-static data."""
+    """Reader of a foreign format, with quasi-static data."""
     table: Table | None
-    """Of the contract's formats."""
+    """Content of a file in a format of the contract."""
 
     @property
     def continuous(self) -> bool:
-        """True of continuous runs."""
+        """True for a file of continuous runs."""
         return self.table is not None and "displacement_mm" in self.table.names
 
 
 def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
-    """Continuous runs and quasi-static data in files, told apart by their columns; UserError for what can't be used.
+    """Continuous runs and quasi-static data, distinguished by their columns; UserError for data that cannot be used.
 
-    header: keys that the files don't say, or say otherwise.
+    `header`: values of header keys that are missing in the files or replace those in the files.
     """
     files = [_read(path, header) for path in paths]
     runs = [file.table for file in files if file.table is not None and file.continuous]
@@ -88,7 +88,7 @@ def read_all(paths: Sequence[Path], header: Mapping[str, str]) -> Data:
 
 
 def _read(path: Path, header: Mapping[str, str]) -> _File:
-    """A file: read as far as it can be without knowing the axis."""
+    """Content of a file; foreign formats stay unread until the axis is known."""
     data = read_input(path, "measurement")
     refuse_empty(data, str(path))
     head = old_text(data[:HEAD]).replace("\r\n", "\n")
@@ -138,7 +138,7 @@ def _refuse_copies(tables: Sequence[Table]) -> None:
 
 
 def _axis(runs: Sequence[Table]) -> str:
-    """The axis that all continuous runs are of."""
+    """The axis of all continuous runs."""
     axis = ""
     for table in runs:
         if "axis" not in table.entries:
@@ -156,7 +156,7 @@ def _axis(runs: Sequence[Table]) -> str:
 
 
 def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
-    """The traverses in a file, one for each run and direction."""
+    """The traverses in a file, one per run and direction."""
     table.allow_columns(lambda name: name in RUN_COLUMNS, RUN_COLUMNS)
     table.need_columns(RUN_COLUMNS[:2], "a continuous run")
     for key in table.entries:
@@ -195,7 +195,7 @@ def _records(table: Table, several: bool, notes: list[str]) -> Iterator[Record]:
 
 
 def _way(table: Table) -> tuple[float, float, float]:
-    """Start, end, mm, and feed, mm/min, of the header."""
+    """Start and end, mm, and feed, mm/min, from the header."""
     for key in ("start_mm", "end_mm", "feed_mm_min"):
         if key not in table.entries:
             raise UserError(f"{table.source}: header line '# {key}: ...' is missing")
@@ -208,7 +208,7 @@ def _way(table: Table) -> tuple[float, float, float]:
 
 
 def _directions(table: Table) -> np.ndarray:
-    """`(n,)`, 1 or -1."""
+    """Direction `(n,)`, 1 or -1."""
     texts = table.texts(["direction"])["direction"]
     unknown = np.flatnonzero(~np.isin(texts, list(DIRECTIONS)))
     if len(unknown):
@@ -230,7 +230,7 @@ def _refuse_same_names(records: Sequence[Record]) -> None:
 
 
 def _quasi(table: Table, axis: str, prefix: str, notes: list[str]) -> QuasiStatic:
-    """The readings of the axis in a file."""
+    """The quasi-static readings of the axis in a file."""
     known = ("axis", "run", "direction", "target_mm", "target_deg", "deviation_um", "deviation_urad")
     table.allow_columns(lambda name: name in known or STATE_COLUMN.fullmatch(name) is not None, known)
     table.need_columns(["axis", "run", "direction", "target_mm", "deviation_um"], "quasi-static data")
@@ -269,7 +269,7 @@ def _refuse_motion(table: Table) -> None:
 
 
 def _refuse_dead(table: Table, deviations: Array) -> None:
-    """UserError where all of several readings are the same to the last digit."""
+    """UserError if all of several readings are equal."""
     if len(deviations) > 2 and np.ptp(deviations) == 0.0:
         raise UserError(
             f"{table.source}: all {len(deviations)} readings deviate by {deviations[0]:g} um: the instrument did not "
@@ -278,7 +278,7 @@ def _refuse_dead(table: Table, deviations: Array) -> None:
 
 
 def _refuse_positions(table: Table, axis: str, targets: Array) -> None:
-    """UserError where the column of the axis and the target disagree."""
+    """UserError if the column of the axis and the target disagree."""
     if axis in table.names:
         off = np.flatnonzero(np.abs(table.numbers([axis])[axis] - targets) > SAME_UM)
         if len(off):
@@ -286,7 +286,7 @@ def _refuse_positions(table: Table, axis: str, targets: Array) -> None:
 
 
 def _sheet(table: Table, notes: list[str]) -> tuple[float | None, float]:
-    """Standard uncertainties of the instrument: of a reading, um, and of its scale, um per m."""
+    """Standard uncertainties of the instrument: reading, um; scale, um per m."""
     values: dict[str, float] = {}
     for key in ("u_um", "u_um_per_m"):
         if key in table.entries:
@@ -302,7 +302,7 @@ def _sheet(table: Table, notes: list[str]) -> tuple[float | None, float]:
 
 
 def _together(parts: Sequence[QuasiStatic]) -> QuasiStatic:
-    """Several files as one: the largest uncertainty of their instruments holds for all."""
+    """Data of several files together: the largest uncertainty of their instruments holds for all."""
     sheets = [part.u for part in parts if part.u is not None]
     return QuasiStatic(
         np.concatenate([part.target for part in parts]),

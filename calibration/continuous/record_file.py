@@ -1,4 +1,4 @@
-"""Continuous runs as a file (contract 4.2)."""
+"""Writing of continuous runs (contract 4.2)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CHUNK = 50_000
 
 
 def write_records(records: Sequence[Record], axis: str, machine: str, file: BinaryIO) -> None:
-    """Write runs over one way; read again, they are the same. Several runs stand in columns `run` and `direction`."""
+    """Write runs over the same travel; several runs have columns `run` and `direction`."""
     first = records[0]
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     for key, value in (

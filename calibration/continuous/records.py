@@ -1,4 +1,4 @@
-"""What continuous and quasi-static measurements of one axis are, whatever files they come from; mm, s, um."""
+"""Continuous and quasi-static measurements of one axis, independent of their file formats; mm, s, um."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ WAYS = {1: "forward", -1: "backward"}
 
 @dataclass(frozen=True)
 class Record:
-    """One traverse of the axis: what a laser showed, sample by sample."""
+    """One traverse of the axis: the samples of a laser."""
 
     name: str
-    """Of the run with its direction, for messages."""
+    """Name of the run with its direction, for messages."""
     direction: int
-    """1 or -1: the sign of the motion along the axis."""
+    """Sign of the motion along the axis, 1 or -1."""
     time: Array
-    """`(n,)`, s, ascending."""
+    """Time `(n,)`, s, ascending."""
     displacement: Array
-    """`(n,)`, mm, from any zero; ascending in the axis' positive direction."""
+    """Displacement `(n,)`, mm, from any zero; ascending in the positive direction of the axis."""
     start: float
-    """Commanded position where the traverse begins, mm."""
+    """Commanded position at the start of the traverse, mm; `end`: at its end."""
     end: float
     feed: float
-    """Programmed, mm/min."""
+    """Programmed feed, mm/min."""
     source: str = ""
-    """File, and line of the first sample."""
+    """File and line of the first sample."""
 
     def __len__(self) -> int:
         return len(self.time)
@@ -38,20 +38,20 @@ class Record:
 
 @dataclass(frozen=True)
 class QuasiStatic:
-    """Readings at targets where the axis stood, in the order of acquisition."""
+    """Readings at targets with the axis at standstill, in the order of acquisition."""
 
     target: Array
-    """`(n,)`, mm."""
+    """Target position `(n,)`, mm."""
     deviation: Array
-    """`(n,)`, um: measured minus target."""
+    """Deviation `(n,)`, um: measured minus target."""
     direction: np.ndarray
-    """`(n,)`, 1 or -1."""
+    """Direction `(n,)`, 1 or -1."""
     run: np.ndarray
-    """Name of the cycle `(n,)`: a way there and its way back share one."""
+    """Name of the cycle `(n,)`: a forward traverse and its return share one."""
     u: float | None = None
-    """Standard uncertainty of a reading by the instrument's sheet, um (k = 1); None where no file says it."""
+    """Standard uncertainty of a reading by the instrument specification, um (k = 1); None if no file gives it."""
     u_per_m: float = 0.0
-    """Of the scale, um per m (k = 1)."""
+    """Standard uncertainty of the instrument's scale, um per m (k = 1)."""
     source: str = ""
 
     def __len__(self) -> int:
@@ -59,7 +59,7 @@ class QuasiStatic:
 
     @property
     def runs(self) -> list[str]:
-        """Names of the cycles, in the order in which they begin."""
+        """Names of the cycles, in the order of their first readings."""
         return list(dict.fromkeys(self.run.tolist()))
 
     def rows(self, index: np.ndarray) -> QuasiStatic:
@@ -75,9 +75,9 @@ class QuasiStatic:
         )
 
     def curve(self, direction: int) -> tuple[Array, Array]:
-        """Targets `(m,)`, ascending, and mean deviations there `(m,)`, um, of one direction.
+        """Targets `(m,)`, mm, ascending, and mean deviations there `(m,)`, um, of one direction.
 
-        A direction without readings is stood in for by the other one.
+        For a direction without readings: those of the other direction.
         """
         rows = self.direction == direction
         rows = rows if rows.any() else ~rows

@@ -1,11 +1,13 @@
-"""Where the axis moved at constant velocity: the part of a record without ramps, their tails, and settling vibration.
+"""Segment of constant velocity: the part of a record without ramps, their tails, and settling vibration.
 
-Speeds are differences of means over a span of samples, long enough for the noise, and the axis' own short waves, to be
-small against the feed. The plateau is the longest stretch within a tolerance of the usual speed; where it begins, what
-is left of the ramp is taken to die away with the time constant that the speed shows between FAR and the tolerance, and
-the segment begins when that is below TAIL_MM; where it ends, as long before the tolerance is reached as the speed takes
-from there to FAR. What still vibrates more than the middle at either end is then left out. Against Miller et al. 2017,
-4.1, whose test (all samples within two standard deviations) no normal noise passes, and which knows no tails.
+Speeds are differences of means over a span of samples, long enough that noise and short waves of the axis are small
+against the feed. The plateau is the longest segment within a tolerance of the usual speed.
+
+At its start, the ramp is assumed to decay with the time constant that the speed shows between FAR and the tolerance;
+the segment begins when its effect on the displacement is below TAIL_MM. At its end, the segment ends before the
+tolerance is exceeded, by the time that the speed takes from the tolerance to FAR. Ends that vibrate more than the
+middle are then left out. The test of Miller et al. 2017, 4.1 (all samples within two standard deviations) rejects
+normal noise and neglects the tails.
 """
 
 from __future__ import annotations
@@ -20,28 +22,28 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 FAST = 0.9
-"""Share of the 95 % quantile of speeds above which the axis is taken to be on its plateau."""
+"""Share of the 95 % quantile of the speeds above which the axis counts as on its plateau."""
 LEAST_TOLERANCE, MOST_TOLERANCE = 0.01, 0.1
-"""Relative, of the speed on the plateau; between them four times its spread."""
+"""Limits of the relative tolerance of the speed on the plateau; between them it is four times the spread."""
 FAR = 0.2
-"""Relative deviation of the speed that is a ramp and nothing else."""
+"""Relative deviation of the speed that only a ramp causes."""
 SPEED_NOISE = 0.003
-"""Relative noise of the speed that the span is chosen for."""
+"""Relative noise of the speed for which the span is chosen."""
 TAIL_MM = 5e-5
-"""What a ramp may leave in the displacement."""
+"""Largest remaining effect of a ramp on the displacement, mm."""
 RESTLESS = 2.5
-"""Times the energy of the middle, above which an end still settles."""
+"""Ratio of the vibration energy to that of the middle, above which an end still settles."""
 SETTLES = 0.25
-"""Share of the plateau at either end in which that is looked for."""
+"""Share of the plateau at either end that is searched for settling."""
 LEAST_SAMPLES = 100
 BRIDGED = 200
-"""Share of the record, one in so many, that an interruption of the plateau may last; or four spans."""
+"""Longest interruption of the plateau: the length of the record over this number, or four spans if longer."""
 MOST_SPANS, FEWEST_SPANS = 50, 20
-"""The span is at most the record's length over the first; where the axis itself moves unevenly, over the second."""
+"""Longest span: the record's length over the first number; over the second if the axis moves unevenly."""
 CALM = 0.02
-"""Spread of the relative speed that a longer span is not asked for."""
+"""Spread of the relative speed below which no longer span is tried."""
 CALM_S = 0.01
-"""Half-length of the second difference that shows vibration."""
+"""Step of the second difference that shows vibration, s."""
 
 
 class Segment(NamedTuple):
@@ -50,16 +52,16 @@ class Segment(NamedTuple):
     first: int
     stop: int
     speed: float
-    """mm/s, positive."""
+    """Speed, mm/s, positive."""
     sample_s: float
-    """Usual time between samples."""
+    """Median time between samples, s."""
     moving_mm: float
-    """The whole way of the record, without rests."""
+    """Whole travel of the record, without rests, mm."""
     notes: tuple[str, ...]
 
 
 def constant_velocity(record: Record) -> Segment:
-    """The segment of a record; UserError when it has none."""
+    """The segment of constant velocity of a record; UserError if there is none."""
     time, way = record.time, record.displacement * record.direction
     if len(record) < LEAST_SAMPLES:
         raise UserError(f"{record.source}: {len(record)} samples of run {record.name}, at least {LEAST_SAMPLES} needed")
@@ -94,20 +96,20 @@ def constant_velocity(record: Record) -> Segment:
 
 
 def noise_of(values: Array) -> float:
-    """Standard deviation of white noise on a course that third differences take away, whatever outliers it has."""
+    """Standard deviation of white noise, robust to outliers; third differences remove the smooth part of the values."""
     third = np.diff(values, n=3)
     return 1.4826 * float(np.median(np.abs(third - np.median(third)))) / math.sqrt(20.0)
 
 
 def _span(record: Record, way: Array, sample: float) -> int:
-    """Samples over which a mean is taken on both sides of a speed."""
+    """Number of samples in the means on both sides of a speed."""
     rough = abs(record.feed) / 60.0
     wanted = (noise_of(way) * math.sqrt(2.0) / (SPEED_NOISE * rough * sample)) ** (2.0 / 3.0)
     return int(min(max(math.ceil(wanted), 2), max(len(way) // MOST_SPANS, 2)))
 
 
 def _speeds(time: Array, way: Array, span: int) -> Array:
-    """Speeds `(n,)`, mm/s, at all samples; those of the first and last `span` are their neighbours'."""
+    """Speeds `(n,)`, mm/s, at all samples; the first and last `span` samples take the nearest value."""
 
     def means(values: Array) -> Array:
         sums = np.concatenate([[0.0], np.cumsum(values - values[0])])
@@ -119,7 +121,7 @@ def _speeds(time: Array, way: Array, span: int) -> Array:
 
 
 def _usual(speed: Array, record: Record) -> float:
-    """Speed on the plateau, mm/s; UserError when the axis goes the other way, or nowhere."""
+    """Speed on the plateau, mm/s; UserError if the axis moves backward, there and back, or not at all."""
     high, low = np.quantile(speed, [0.95, 0.05]).tolist()
     if high < -low:
         raise UserError(
@@ -136,7 +138,7 @@ def _usual(speed: Array, record: Record) -> float:
 
 
 def _longest(steady: np.ndarray, bridged: int) -> tuple[int, int]:
-    """First and last + 1 of the longest stretch; interruptions up to `bridged` samples don't end it."""
+    """First and last + 1 of the longest segment; interruptions up to `bridged` samples do not end it."""
     at = np.flatnonzero(steady)
     ends = np.flatnonzero(np.diff(at) > bridged)
     firsts, lasts = at[np.append(0, ends + 1)], at[np.append(ends, len(at) - 1)]
@@ -147,7 +149,7 @@ def _longest(steady: np.ndarray, bridged: int) -> tuple[int, int]:
 def _without_ramps(
     time: Array, off: Array, first: int, stop: int, plateau: tuple[float, float], span: int, sample: float
 ) -> tuple[int, int]:
-    """The stretch without what the ramps leave in it; plateau: its tolerance and speed, mm/s."""
+    """The segment without the tails of the ramps; `plateau`: relative tolerance and speed, mm/s."""
     tolerance, usual = plateau
     before = np.flatnonzero(off[:first] >= FAR)
     if len(before):
@@ -163,9 +165,9 @@ def _without_ramps(
 
 
 def _settled(course: Array, first: int, stop: int, sample: float) -> tuple[int, int, str]:
-    """The stretch without ends that vibrate more than its middle, and what was left out, in words.
+    """The segment without ends that vibrate more than its middle, and a note on the time left out.
 
-    course: displacement less the motion at constant speed.
+    course: displacement minus the motion at constant speed, mm.
     """
     n = stop - first
     half, window = max(round(CALM_S / sample), 1), max(50, n // 100)
@@ -186,6 +188,6 @@ def _settled(course: Array, first: int, stop: int, sample: float) -> tuple[int, 
 
 
 def _restless(calm: np.ndarray) -> int:
-    """Windows from the beginning up to the first two that are calm; 0 where none are."""
+    """Number of windows before the first two consecutive calm ones; 0 if there are none."""
     both = np.flatnonzero(calm[:-1] & calm[1:])
     return int(both[0]) if len(both) else 0

@@ -1,9 +1,9 @@
-"""The curve that continuous runs of one direction show, up to a straight line: a Gaussian process on a band of nodes.
+"""The error curve of continuous runs of one direction, up to a straight line: a Gaussian process on a band of nodes.
 
-Between nodes the curve is straight; its prior is an integrated Wiener process (of order 2, a cubic smoothing spline,
-or of order 1, a random walk), whose amplitude and order are those of most evidence. Its precision at the nodes is a
-band, and so is what whitened samples add to it, so a run of any length costs as much as its nodes. Jumps, waves, and
-the straight lines that further runs have of their own are columns beside the band (Schur complement).
+The curve is linear between nodes. Its prior is an integrated Wiener process (of order 2, a cubic smoothing spline, or
+of order 1, a random walk), with the amplitude and order of the largest evidence. Its precision at the nodes is a band
+matrix, and so is the contribution of whitened samples, so that the cost for a run of any length depends on its nodes.
+Jumps, waves, and the straight lines of further runs are columns beside the band (Schur complement).
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from kinematics.transforms import Array
 
 NODES = 4096
 PER_NODE = 4
-"""Blocks between two nodes, at least."""
+"""Least number of blocks between two nodes."""
 LEAST_NODES = 64
 WIDEST = {1: (-8.0, 16.0), 2: (-8.0, 28.0)}
-"""Of the natural logarithm of the prior's precision, by its order, in units of the noise's."""
+"""Range of the natural logarithm of the prior's precision in units of the noise's, by order of the prior."""
 TRIED = 13
 RIDGE = 1e-13
 
 
 @dataclass(frozen=True)
 class Extra:
-    """Functions of position that the curve has besides the process: jumps and waves."""
+    """Functions of position in the curve in addition to the process: jumps and waves."""
 
     jumps: tuple[float, ...] = ()
-    """Positions, mm, where the curve jumps."""
+    """Positions of the jumps, mm."""
     periods: tuple[float, ...] = ()
-    """Of waves, mm."""
+    """Periods of the waves, mm."""
 
     def columns(self, x: Array) -> Array:
-        """`(n, jumps + 2 waves)`: a step of 1 at each jump, then sine and cosine of each wave."""
+        """Columns `(n, jumps + 2 waves)`: a step of 1 at each jump, then sine and cosine of each wave."""
         steps = (x[:, None] >= np.array(self.jumps)).astype(float)
         phase = 2.0 * np.pi * x[:, None] / np.array(self.periods)
         return np.concatenate([steps, np.stack([np.sin(phase), np.cos(phase)], axis=2).reshape(len(x), -1)], axis=1)
@@ -57,29 +57,29 @@ class Shape:
     """The curve of one direction, up to a straight line, with its covariance."""
 
     nodes: Array
-    """`(m,)`, mm."""
+    """Positions of the nodes `(m,)`, mm."""
     extra: Extra
     factor: Array
     """Cholesky factor of the band, lower form."""
     beside: Array
-    """`(m, k)`: the band's solution of the columns beside it."""
+    """Solution of the band for the columns beside it `(m, k)`."""
     left: Array
-    """`(k, k)`: inverse of their Schur complement."""
+    """Inverse of the Schur complement of these columns `(k, k)`."""
     values: Array
-    """`(m,)` of the process, um."""
+    """Values of the process at the nodes `(m,)`, um."""
     amounts: Array
-    """`(k,)` of the columns beside it: jumps, waves, then lines of further runs, um."""
+    """Coefficients of the columns beside it `(k,)`: jumps, waves, then lines of further runs, um."""
     order: int
     finest_mm: float
-    """Wavelength at which the process and the noise weigh the same: finer detail is not told from noise."""
+    """Wavelength, mm, at which process and noise have equal power: finer detail cannot be separated from noise."""
     grain: float
-    """Between the blocks, mm: a jump lies anywhere between two."""
+    """Distance of the blocks, mm: the uncertainty range of a jump's position."""
     noise_scale: float
-    """What the noise turned out to be in terms of what its spectrum says."""
+    """Ratio of the estimated noise to that of its spectrum."""
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Where the curve is known, mm."""
+        """Ends of the range in which the curve is known, mm."""
         return float(self.nodes[0]), float(self.nodes[-1])
 
     def at(self, x: Array) -> Array:
@@ -88,7 +88,7 @@ class Shape:
         return np.asarray(_hats(self.nodes, x) @ self.values + self.extra.columns(x) @ self.amounts[:own])
 
     def covariance(self, x: Array) -> Array:
-        """Of the curve at positions `(n,)`: `(n, n)`, um2."""
+        """Covariance of the curve `(n, n)`, um2, at positions `(n,)`, mm."""
         hats = _hats(self.nodes, x).toarray()
         inner = hats @ cho_solve_banded((self.factor, True), hats.T)
         lever = self.extra.columns(x) @ np.eye(self.extra.size, self.left.shape[0]) - hats @ self.beside
@@ -104,14 +104,14 @@ class Shape:
         return float(np.abs(np.diff(smooth)).max() / (x[1] - x[0]))
 
     def doubt(self, x: Array) -> Array:
-        """Standard uncertainty `(n,)`, um, close to jumps: on which side of one a position lies."""
+        """Standard uncertainty `(n,)`, um, close to jumps, because the side on which a position lies is unknown."""
         if not self.extra.jumps:
             return np.zeros(len(x))
         near = np.abs(x[:, None] - np.array(self.extra.jumps)) <= self.grain
         return np.asarray(np.max(near * np.abs(self.amounts[: len(self.extra.jumps)]) / 2.0, axis=1))
 
     def amount_covariance(self) -> Array:
-        """Of jumps and waves `(k, k)`, um2."""
+        """Covariance of jumps and waves `(k, k)`, um2."""
         own = self.extra.size
         return self.left[:own, :own]
 
@@ -123,7 +123,7 @@ def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -
     order = 1 + int(tried[1].evidence > tried[0].evidence)
     best = tried[order - 1]
     speed, low = courses[0].speed, noises[0].low
-    # where the spectrum of the process, s2 / (2 pi f)^(2 order), falls below that of the noise
+    # wavelength at which the spectrum of the process, s2 / (2 pi f)^(2 order), falls below that of the noise
     strength = best.scale**2 * np.exp(-best.logarithm)
     finest = 2.0 * np.pi * (0.5 * low * speed / strength) ** (0.5 / order)
     k = equations.beside.shape[1]
@@ -161,13 +161,13 @@ class _Equations:
 
 @dataclass(frozen=True)
 class _Solved:
-    """The curve for one amplitude of the prior, in units of the noise."""
+    """Solution for one amplitude of the prior, in units of the noise."""
 
     evidence: float
     logarithm: float
-    """Of the prior's precision in units of the noise's, ln(1 / (um2 per mm^(2 order - 1)))."""
+    """Logarithm of the prior's precision in units of the noise's, ln(1 / (um2 per mm^(2 order - 1)))."""
     scale: float
-    """What the noise is in terms of what was given."""
+    """Ratio of the estimated noise to the given noise."""
     factor: Array
     columns: Array
     left: Array
@@ -209,7 +209,7 @@ def _equations(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra)
 
 
 def _most_likely(equations: _Equations, order: int) -> _Solved:
-    """The curve of most evidence for a prior of that order."""
+    """The solution with the largest evidence for a prior of this order."""
     from scipy.optimize import minimize_scalar
 
     prior = _prior(equations, order)
@@ -226,7 +226,7 @@ def _most_likely(equations: _Equations, order: int) -> _Solved:
 
 
 def _prior(equations: _Equations, order: int) -> Array:
-    """Precision of the process at the nodes, as a band in lower form, for amplitude 1."""
+    """Precision of the process of amplitude 1 at the nodes, as a band in lower form."""
     m, apart = len(equations.nodes), float(equations.nodes[1] - equations.nodes[0])
     kernel = np.array([-1.0, 1.0] if order == 1 else [1.0, -2.0, 1.0])
     band = np.zeros_like(equations.band)
@@ -238,7 +238,7 @@ def _prior(equations: _Equations, order: int) -> Array:
 
 
 def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -> _Solved:
-    """The curve where the prior's precision is exp(logarithm) times `prior`, and the log evidence of that."""
+    """The solution for a prior precision of exp(logarithm) times `prior`, with its log evidence."""
     m, k = equations.beside.shape
     whole = equations.band + np.exp(logarithm) * prior
     whole[0] += RIDGE * whole[0].max()  # nodes without a block are held by the prior alone
@@ -259,7 +259,7 @@ def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -
 
 
 def _whitener(course: Course, noise: Noise) -> csr_matrix:
-    """The filter that makes the noise of a course white, of variance 1; blocks behind a gap stand for themselves."""
+    """The filter that makes the noise of a course white, of variance 1; a block behind a gap is only scaled."""
     n, order = len(course), noise.order
     follows = np.ones(n, bool)
     follows[:order] = False
@@ -270,7 +270,7 @@ def _whitener(course: Course, noise: Noise) -> csr_matrix:
 
 
 def _hats(nodes: Array, x: Array) -> csr_matrix:
-    """Interpolation `(n, m)` between nodes; beyond the ends their values."""
+    """Linear interpolation `(n, m)` between nodes; constant beyond the ends."""
     place = np.clip((x - nodes[0]) / (nodes[1] - nodes[0]), 0.0, len(nodes) - 1.0)
     below = np.minimum(place.astype(int), len(nodes) - 2)
     share = place - below

@@ -1,9 +1,9 @@
-"""A virtual laser that follows one axis in motion, and stands with it at targets.
+"""A virtual laser that measures one axis in motion, and at targets at standstill.
 
-The axis is told a way of limited acceleration and jerk, follows it with a lag, errs by the exact kinematics of its
-machine, vibrates where its acceleration jumps and all the time, and is sampled by a laser with noise, whose time stamps
-may scatter and whose samples may be lost. All error effects act as they do anywhere else: backlash by the way it came,
-following errors by its speed, growth by time and temperature. The laser reads zero where its first run begins.
+The axis follows a command of limited acceleration and jerk with a lag, and has the errors of the exact kinematics of
+its machine. It vibrates, in addition where its acceleration jumps. The laser has noise; its time stamps may scatter and
+samples may be lost. All error effects act as usual: backlash by direction of approach, following errors by speed,
+growth by time and temperature. The laser reads zero at the start of its first run.
 """
 
 from __future__ import annotations
@@ -29,50 +29,50 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 FINE_S = 2.5e-4
-"""Step of the motion, at most; the sampling's, over FINER, where that is shorter."""
+"""Largest time step of the motion, s; the sampling period over FINER if that is shorter."""
 FINER = 4
 MOST_SAMPLES = 5_000_000
 PAUSE_S = 60.0
-"""Between the quasi-static measurement and the continuous runs."""
+"""Pause between the quasi-static measurement and the continuous runs, s."""
 END_NODES = 400
-"""Of the table that an end effect is written as."""
+"""Number of nodes of the table of an end effect."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How the axis is told to move."""
+    """Commanded motion of the axis, and its dynamics."""
 
     start: float
-    """mm."""
+    """Start position, mm; `end`: end position, mm."""
     end: float
     feed: float
-    """mm/min."""
+    """Feed, mm/min."""
     acceleration: float = 1000.0
-    """mm/s2."""
+    """Acceleration, mm/s2."""
     jerk: float = 50_000.0
-    """mm/s3."""
+    """Jerk, mm/s3."""
     lag: float = 0.02
-    """Time constant of the position loop, s; 0 follows at once."""
+    """Time constant of the position loop, s; 0 for no lag."""
     rest: float = 1.0
-    """Before and after, s."""
+    """Rest before and after the motion, s."""
 
 
 @dataclass(frozen=True)
 class Laser:
-    """How the axis is sampled, and what disturbs that."""
+    """Sampling of the axis, and its disturbances."""
 
     rate: float = 100.0
-    """Hz."""
+    """Sampling rate, Hz."""
     noise: float = 0.1
-    """um."""
+    """Standard deviation of the noise, um."""
     vibrations: tuple[tuple[float, float], ...] = ()
-    """Frequency, Hz, and amplitude, um, all the time, with a random phase that wanders."""
+    """Frequency, Hz, and amplitude, um, of permanent vibrations, whose random phase drifts."""
     settling: tuple[float, float, float] | None = None
-    """Frequency, Hz, amplitude, um, and time constant, s, of what dies away wherever the acceleration changes."""
+    """Frequency, Hz, amplitude, um, and time constant, s, of the decaying vibration after a change of acceleration."""
     jitter: float = 0.0
-    """Standard deviation of time stamps, s."""
+    """Standard deviation of the time stamps, s."""
     dropped: float = 0.0
-    """Share of samples that are not there."""
+    """Share of lost samples."""
 
 
 @dataclass(frozen=True)
@@ -80,18 +80,18 @@ class Targets:
     """The quasi-static measurement."""
 
     spacing: float
-    """mm."""
+    """Distance of the targets, mm."""
     runs: int = 1
     both: bool = True
-    """There and back."""
+    """True for measurement in both directions."""
     dwell: float = 4.0
-    """s."""
+    """Dwell at a target, s."""
     overrun: float = 1.0
-    """Beyond the ends, before turning round, mm."""
+    """Overrun beyond the ends before the reversal, mm."""
 
 
 class Measured(NamedTuple):
-    """What the virtual laser saw."""
+    """Data of the virtual laser."""
 
     records: tuple[Record, ...]
     quasi: Measurement
@@ -111,9 +111,9 @@ def measure(
     both: bool = False,
     temperatures: Mapping[str, tuple[float, float]] | None = None,
 ) -> Measured:
-    """The quasi-static measurement of an axis, and then `passes` continuous runs, there or there and back (both).
+    """The quasi-static measurement of an axis, and then `passes` continuous runs, in one or both directions.
 
-    temperatures: start and end, K from 20 degC, of courses that run straight over all of it.
+    temperatures: start and end, K from 20 degC, of linear changes over the whole measurement.
     """
     low, high = sorted((motion.start, motion.end))
     stood = _standing(machine, axis, low, high, motion.feed, targets)
@@ -147,7 +147,7 @@ def measure(
 def end_effect(machine: Machine, axis: str, low: float, high: float, size: float, length: float) -> Effect:
     """An error that changes fast at both ends: -size exp(-(x - low) / length) + size exp(-(high - x) / length), um.
 
-    As a table; Miller et al. 2017, Fig. 5, have its like.
+    It is a table, like the error in Miller et al. 2017, Fig. 5.
     """
     nodes = np.linspace(low, high, END_NODES)
     values = -size * np.exp(-(nodes - low) / length) + size * np.exp(-(high - nodes) / length)
@@ -156,19 +156,19 @@ def end_effect(machine: Machine, axis: str, low: float, high: float, size: float
 
 
 class _Profile(NamedTuple):
-    """The motion from 0 to the whole way, at the samples."""
+    """The motion from 0 to the whole travel, at the samples."""
 
     time: Array
     place: Array
-    """mm from the start."""
+    """Position from the start, mm."""
     speed: Array
     acceleration: Array
     changes: Array
-    """Moments when the acceleration changes, s."""
+    """Times of the changes of acceleration, s."""
 
 
 def _profile(motion: Motion, rate: float) -> _Profile:
-    """The motion as a trapezoid of speed, smoothed by a box as long as the jerk needs, and followed with the lag."""
+    """The motion as a trapezoid of speed, smoothed by a moving mean according to the jerk, and delayed by the lag."""
     way = abs(motion.end - motion.start)
     top = min(motion.feed / 60.0, np.sqrt(way * motion.acceleration))
     ramp, rounding = top / motion.acceleration, motion.acceleration / motion.jerk
@@ -215,7 +215,7 @@ def _moving(machine: Machine, axis: str, motion: Motion, profile: _Profile, way:
 
 
 def _standing(machine: Machine, axis: str, low: float, high: float, feed: float, targets: Targets) -> State:
-    """The states at the targets, run by run, there and back."""
+    """The states at the targets, run by run, in one or both directions."""
     count = round((high - low) / targets.spacing)
     if count < 1 or abs(low + count * targets.spacing - high) > 1e-6:
         raise UserError(f"{high - low:g} mm are no whole number of {targets.spacing:g} mm between targets")
@@ -233,7 +233,7 @@ def _standing(machine: Machine, axis: str, low: float, high: float, feed: float,
 
 
 def _at(machine: Machine, axis: str, place: Array) -> Array:
-    """Positions `(n, axes)`: one axis at `place`, mm, the others at home."""
+    """Axis positions `(n, axes)`, mm and rad: one axis at `place`, mm, the others at home."""
     positions = np.tile(np.array([each.home for each in machine.axes]) * machine.scale, (len(place), 1))
     positions[:, machine.index(axis)] = place
     return positions
@@ -248,7 +248,7 @@ def _warmed(state: State, courses: Mapping[str, tuple[float, float]], total: flo
 def _observed(
     machine: Machine, model: ErrorModel, axis: str, state: State, instrument: Interferometer, rng: np.random.Generator
 ) -> Measurement:
-    """The readings at targets: one datum for all runs, which keep their names."""
+    """The readings at targets: one zero for all runs, which keep their names."""
     names, n = np.full(len(state), axis), len(state)
     measured = observe(machine, model, state, instrument, rng, axis=names, run=np.full(n, "1"))
     assert state.cycle is not None
@@ -258,7 +258,7 @@ def _observed(
 def _record(
     name: str, way: int, motion: Motion, profile: _Profile, displacement: Array, laser: Laser, rng: np.random.Generator
 ) -> Record:
-    """What the laser shows of a run: noise, vibration, stamps that scatter, samples that are lost."""
+    """The record of a run by the laser: with noise, vibration, scattered time stamps and lost samples."""
     time, n = profile.time, len(profile.time)
     off = laser.noise * rng.standard_normal(n)
     for frequency, amplitude in laser.vibrations:
