@@ -103,6 +103,30 @@ def inverse(
     return Inverse(q, _inside(q, travel), attainable & free)
 
 
+def rotary_solutions(machine: Machine, tool_axis: ArrayLike, start: ArrayLike) -> tuple[list[Array], bool]:
+    """Every position of the rotary axes, up to whole turns, with the tool along `tool_axis`, and whether one is free.
+
+    tool_axis `(3,)`, from the tip towards the spindle, workpiece frame. start `(axes,)`, mm and rad. The positions are
+    `(rotary axes,)`, rad; none where no position has this orientation. A first rotary axis that is free keeps its
+    start. Travel is not looked at. Chains without a closed form are searched from the start and from positions a
+    quarter and half a turn beside it.
+    """
+    first, rotary = np.asarray(start, float), np.flatnonzero(machine.rotary)
+    goal = _goal(np.zeros(3), tool_axis, np.zeros(3))
+    if _closed_form(machine):
+        branches, attainable, free = _branches(machine, goal.axis)
+        branches[:, free, :1] = first[rotary[:1]]
+        return (list(branches[:, 0]) if attainable[0] else []), bool(free[0])
+    found = []
+    for shift in (0.0, *(sign * angle for angle in (np.pi / 2, np.pi) for sign in (1.0, -1.0))):
+        for axis in rotary if shift else rotary[:1]:
+            beside = np.where(np.arange(len(first)) == axis, first + shift, first)
+            q = damped_newton(machine, goal.position, goal.axis, start=beside, respect_travel=False).q[0, rotary]
+            if np.isfinite(q).all() and not any(np.allclose(np.exp(1j * q), np.exp(1j * other)) for other in found):
+                found.append(q)
+    return found, False
+
+
 def linear_positions(machine: Machine, q: ArrayLike, position: ArrayLike, tool: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     """Copy of q with the linear axes that position the tool (`machine.translators`) moved to reach `position`.
 

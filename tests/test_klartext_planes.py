@@ -15,7 +15,8 @@ from kinematics.user_error import UserError
 from postproc.compensation.correction import missed
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
-from postproc.heidenhain.tilted_planes import by_axes, euler, spatial
+from postproc.heidenhain.tilted_planes import by_axes
+from postproc.motion.frames import euler, spatial
 from postproc.motion.motions import merged
 from postproc.motion.moves import Kind, Known
 from postproc.text.block import Refusal

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from kinematics.touch_off import TouchOff, touch_off
 from postproc.control.setup import Origin, Setup
 from postproc.control.tool_table import shown_tool, tool_key
-from postproc.motion.frames import Frame
+from postproc.motion.frames import Frame, Placement, cartesian
 from postproc.text.block import Block
 
 
@@ -69,6 +69,31 @@ class ControlState:
             return Origin.PROGRAM
         given = self.setup.work_offset(name)
         return given and given.origin
+
+    def frame(
+        self,
+        offset: str,
+        placed: Placement,
+        shifts: Mapping[int, float] | None = None,
+        *,
+        tool: str,
+        length: float,
+        length_offset: float | None = None,
+        tcp: bool,
+    ) -> Frame:
+        """The frame of a work offset, with what places X Y Z within it and shifts other axes.
+
+        shifts: by column, mm or degrees. tool, length: of the tool in the spindle, mm. length_offset: the length that
+        Z is shifted by without TCP, mm; that of the tool where it is None.
+        """
+        machine = self.setup.machine
+        values, x_y_z = list(self.work_offset(offset)), cartesian(machine)
+        for axis, shift in (*zip(x_y_z, placed.shift, strict=True), *(shifts or {}).items()):
+            values[axis] += shift
+        if not tcp:
+            values[x_y_z[2]] += length if length_offset is None else length_offset
+        touched = self.touch_off(offset) if offset else None
+        return Frame(tuple(values), length, tcp, placed.frame_turn, touched, offset, tool)
 
     # ---- tools
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kinematics.forward import forward
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.control.codes import AXES
 from postproc.control.state import ControlState
+from postproc.control.tilted_planes import lean
 from postproc.heidenhain.datum_transformations import Places
 from postproc.heidenhain.variables import QParameters
-from postproc.motion.frames import Frame, Placement, cartesian, rotated
+from postproc.motion.frames import Frame, Placement, cartesian, spatial
 from postproc.motion.moves import AxisWord
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block, Word
@@ -127,8 +127,7 @@ class Control:
         rotary = self.machine.rotary
         angles = np.where(rotary, np.array(target) + self.recorder.frame.offset, 0.0)
         if self._upright is None or not np.array_equal(self._upright, angles):
-            axis = forward(self.machine, np.deg2rad(angles)[None]).rotation[0, :, 2]
-            if np.linalg.norm(axis - self.normal) > UPRIGHT:
+            if lean(self.machine, angles, self.normal) > UPRIGHT:
                 raise block.refuse("the tool does not stand upright on the tilted plane: turn the rotary axes first")
             self._upright = angles
 
@@ -136,16 +135,9 @@ class Control:
 
     def frame(self) -> Frame:
         """What programmed coordinates mean now."""
-        offset = list(self.state.work_offset(self.preset))
-        length = self.tool_length + self.oversize
         placed = self.placed(self.tilt).then(self.tilted_places.placement)
-        tcp = self.tcp or self.tilt is not None
-        for axis, shift in zip(cartesian(self.machine), placed.shift, strict=True):
-            offset[axis] += shift
-        if not tcp:
-            offset[cartesian(self.machine)[2]] += length
-        touched = self.state.touch_off(self.preset)
-        return Frame(tuple(offset), length, tcp, placed.frame_turn, touched, self.preset, self.tool_name)
+        length, tcp = self.tool_length + self.oversize, self.tcp or self.tilt is not None
+        return self.state.frame(self.preset, placed, tool=self.tool_name, length=length, tcp=tcp)
 
     @property
     def basic_rotation(self) -> tuple[float, float, float]:
@@ -178,9 +170,7 @@ class Control:
 
     def placed(self, tilt: Placement | None) -> Placement:
         """Preset rotation, datum shift and the like, and a tilted plane within them."""
-        about_x, about_y, about_z = self.basic_rotation
-        preset = rotated(about_z).then(rotated(about_y, "ZXY")).then(rotated(about_x, "YZX"))
-        return preset.then(self.places.placement).then(tilt or Placement())
+        return spatial(*self.basic_rotation).then(self.places.placement).then(tilt or Placement())
 
     def change_frame(self, axes: Iterable[int]) -> None:
         """Program in the present frame from here, in which coordinates of these axes mean something else."""

@@ -16,18 +16,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from kinematics.forward import forward
-from kinematics.inverse import inverse
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
+from postproc.control.tilted_planes import normal_of, perpendicular
 from postproc.heidenhain.modal_state import Control, value_of
-from postproc.motion.frames import Placement, cartesian, rotated
+from postproc.motion.frames import Placement, cartesian, euler, rotated_in_turn, spatial
 from postproc.motion.moves import AxisWord
 from postproc.text.block import Block
 from postproc.text.expressions import NotKnown
 
 ROTARY_Q = {"A": 120.0, "B": 121.0, "C": 122.0}
 """Q parameters that the control sets to the angles of the rotary axes."""
-_PLANES = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
 _FLAGS = re.compile(r"(STAY|TURN|MOVE|FMAX|F AUTO|(COORD|TABLE) ROT|SEQ ?[+-]|MB ?MAX)( |$)", re.IGNORECASE)
 _SPATIAL, _EULER = ("SPA", "SPB", "SPC"), ("EULPR", "EULNU", "EULROT")
 _VECTOR = ("BX", "BY", "BZ", "NX", "NY", "NZ")
@@ -116,7 +115,7 @@ class Planes:
         if len(words) != 1 or not words.keys() <= set(_SPATIAL):
             raise block.refuse("PLANE RELATIV takes one of SPA SPB SPC")
         ((name, angle),) = words.items()
-        return (self.control.tilt or Placement()).then(rotated(angle, _PLANES["XYZ"["ABC".index(name[2])]]))
+        return (self.control.tilt or Placement()).then(rotated_in_turn("XYZ"["ABC".index(name[2])], [angle]))
 
     def _axial(self, block: Block, words: dict[str, float]) -> Placement:
         q = self._positions(self._given(block, words))
@@ -188,8 +187,7 @@ class Planes:
 
     def _normal(self, turn: Placement) -> tuple[float, float, float]:
         """Z of the plane in the workpiece frame."""
-        x, y, z = self.control.placed(turn).turn[2::3]
-        return x, y, z
+        return normal_of(self.control.placed(turn))
 
     def _reset(self, index: int, block: Block, way: str) -> None:
         self.control.levelled = False
@@ -275,54 +273,12 @@ class Planes:
         self, normal: tuple[float, float, float], rotary: list[int], choice: _Choice
     ) -> list[dict[int, float]]:
         """All positions, degrees, that differ and lie inside travel; UserError where an axis is free."""
-        machine, recorder = self.control.machine, self.control.recorder
-        here = self._positions({i: recorder.position[i] + recorder.frame.offset[i] for i in rotary})
-        found: list[dict[int, float]] = []
-        for start in self._starts(rotary, here):
-            solved = inverse(machine, np.zeros(3), normal, start=start, respect_travel=False)
-            if not np.isfinite(solved.q).all():
-                continue
-            if solved.singular[0] and not choice.flat and (choice.table or here[rotary[0]] != 0.0):
-                raise UserError("the tool stands along a rotary axis: where the control turns it is not known")
-            angles = np.rad2deg(solved.q[0])
-            if solved.singular[0]:
-                angles[rotary[0]] = 0.0
-            inside = {i: self._wound(i, float(angles[i])) for i in rotary}
-            candidate = {i: angle for i, angle in inside.items() if angle is not None}
-            if len(candidate) == len(rotary) and not any(_one(candidate, other) for other in found):
-                found.append(candidate)
+        recorder = self.control.recorder
+        here = {i: recorder.position[i] + recorder.frame.offset[i] for i in rotary}
+        found, free = perpendicular(self.control.machine, normal, here)
+        if free and not choice.flat and (choice.table or here[rotary[0]] != 0.0):
+            raise UserError("the tool stands along a rotary axis: where the control turns it is not known")
         return found
-
-    def _wound(self, axis: int, angle: float) -> float | None:
-        """The angle with whole turns, degrees, nearest to where the axis stands; None when none is inside travel."""
-        recorder, (low, high) = self.control.recorder, self.control.machine.axes[axis].travel
-        here = recorder.position[axis] + recorder.frame.offset[axis]
-        near = angle + 360.0 * round((here - angle) / 360.0)
-        fitting = [at for at in (near, near - 360.0, near + 360.0) if low - 1e-6 <= at <= high + 1e-6]
-        return fitting[0] if fitting else None
-
-    def _starts(self, rotary: list[int], here: Array) -> Iterable[Array]:
-        """Where the search begins: where the axes stand, and far from there."""
-        yield here
-        for shift in (90.0, -90.0, 180.0, -180.0):
-            for i in rotary:
-                start = here.copy()
-                start[i] += np.deg2rad(shift)
-                yield start
-
-
-def _one(a: dict[int, float], b: dict[int, float]) -> bool:
-    return all(abs((a[i] - b[i] + 180.0) % 360.0 - 180.0) < 1e-6 for i in a)
-
-
-def spatial(a: float, b: float, c: float) -> Placement:
-    """Turned about X, then about Y, then about Z, which stay where they are; degrees."""
-    return rotated(c).then(rotated(b, _PLANES["Y"])).then(rotated(a, _PLANES["X"]))
-
-
-def euler(precession: float, nutation: float, rotation: float) -> Placement:
-    """Turned about Z, then about the turned X, then about the tilted Z; degrees."""
-    return rotated(precession).then(rotated(nutation, _PLANES["X"])).then(rotated(rotation))
 
 
 def by_axes(x: Array, normal: Array) -> Placement:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from postproc.iso.codes import MIRROR, ROTATION, SCALE, TILT
-from postproc.motion.frames import Placement, mirrored, rotated, scaled, shifted
+from postproc.motion.frames import Placement, euler, mirrored, rotated, scaled, shifted
 from postproc.text.block import Block
 
 MIDDLE = "XYZ"
@@ -77,7 +77,7 @@ def _tilt(said: Said) -> Placement:
         raise said.block.refuse("a tilted plane by other than I J K is not corrected")
     i, j, k = (said.others[name] for name in "IJK")
     origin = said.centre(MIDDLE) if said.axes else Placement()
-    return origin.then(rotated(i)).then(rotated(j, "YZX")).then(rotated(k))
+    return origin.then(euler(i, j, k))
 
 
 MAKERS: dict[float, Callable[[Said], Placement]] = {ROTATION: _rotation, SCALE: _scale, MIRROR: _mirror, TILT: _tilt}

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from kinematics.forward import forward
 from kinematics.machine import Machine
 from postproc.control.state import ControlState
+from postproc.control.tilted_planes import lean, normal_of
 from postproc.iso.codes import MIRROR, SCALE, TILT
 from postproc.iso.datum_transformations import MAKERS, Said
 from postproc.iso.offsets import TCP_CODES, Lengths, Offsets, Shifts
-from postproc.motion.frames import Frame, Placement, cartesian, renamed, rotated, shifted, to_machine
+from postproc.motion.frames import Frame, Placement, cartesian, renamed, rotated, shifted
 from postproc.motion.moves import Known
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
@@ -49,15 +49,17 @@ class Frames:
 
     def frame(self) -> Frame:
         """The frame that coordinates are programmed in now."""
-        offset, added, x_y_z = self.offsets.work(), self.offsets.added(), cartesian(self.machine)
+        added, x_y_z, lengths = self.offsets.added(), cartesian(self.machine), self.lengths
         placed = rotated(self.offsets.turn).then(shifted(*(added.pop(axis, 0.0) for axis in x_y_z))).then(self.place)
-        for axis, shift in (*zip(x_y_z, placed.shift, strict=True), *added.items()):
-            offset[axis] += shift
-        length, tcp = self.lengths.offset(), self.lengths.tcp or self.tilted
-        if length is not None and not tcp:
-            offset[x_y_z[2]] += length
-        names = self.offsets.name, self.lengths.tool_name
-        return Frame(tuple(offset), self.lengths.tool(), tcp, placed.frame_turn, self.offsets.touch_off(), *names)
+        return self.offsets.state.frame(
+            self.offsets.name,
+            placed,
+            added,
+            tool=lengths.tool_name,
+            length=lengths.tool(),
+            length_offset=lengths.offset() or 0.0,
+            tcp=lengths.tcp or self.tilted,
+        )
 
     # ---- work offsets and lengths
 
@@ -220,12 +222,12 @@ class Frames:
         """G53.1: the tool along the normal of the tilted plane; where it does not stand so, the control chooses how."""
         if not self.tilted:
             raise block.refuse("G53.1 without a tilted plane")
-        q = to_machine(self.machine, self.recorder.frame, np.array([self.recorder.position]))
-        axis = forward(self.machine, q).rotation[0, :, 2]
-        normal = np.array(self.place.turn)[2::3]
-        rotary = np.flatnonzero(self.machine.rotary)
-        said = all(self.recorder.known[i] != Known.ASSUMED for i in rotary)
-        if float(np.linalg.norm(np.cross(axis, normal))) > UPRIGHT or float(axis @ normal) < 0.0 or not said:
+        degrees = np.add(self.recorder.position, self.recorder.frame.offset)
+        known = all(self.recorder.known[i] != Known.ASSUMED for i in np.flatnonzero(self.machine.rotary))
+        if (
+            not known
+            or lean(self.machine, np.where(self.machine.rotary, degrees, 0.0), normal_of(self.place)) > UPRIGHT
+        ):
             raise block.refuse(
                 "the tool does not stand along the normal of the plane as the program has turned it: how G53.1 turns "
                 "the axes is the control's choice. Turn them in a block before it"

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Control
-from kinematics.touch_off import TouchOff
 from postproc.control.state import ControlState
 from postproc.iso.codes import WORK_OFFSETS
 from postproc.text.block import Block
@@ -38,10 +37,6 @@ class Offsets:
     def work(self) -> list[float]:
         """The work offset of every axis, mm or degrees."""
         return list(self.state.work_offset(self.name))
-
-    def touch_off(self) -> TouchOff | None:
-        """Touch-off of the active work offset; None if the offset is true."""
-        return self.state.touch_off(self.name)
 
     def added(self) -> Shifts:
         """What G52 and G92 add, inside the work offset and its turn."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +13,8 @@ from kinematics.machine import Machine, NDArrayBool
 from kinematics.touch_off import TouchOff
 from kinematics.transforms import Array
 
+NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
+"""The plane that a rotation about an axis turns."""
 ALIKE = 1e-9
 """Relative difference of two scales below which it is rounding."""
 
@@ -163,6 +166,24 @@ def rotated(degrees: float, plane: str = "XYZ") -> Placement:
     turn[first, first] = turn[second, second] = c
     turn[first, second], turn[second, first] = -s, s
     return Placement(turn=tuple(turn.ravel().tolist()))
+
+
+def rotated_in_turn(axes: str, degrees: Iterable[float]) -> Placement:
+    """Turned about one axis after the other, each as the turns before it have placed it."""
+    result = Placement()
+    for axis, angle in zip(axes, degrees, strict=True):
+        result = result.then(rotated(angle, NORMALS[axis]))
+    return result
+
+
+def spatial(a: float, b: float, c: float) -> Placement:
+    """Turned about X by a, then about Y by b, then about Z by c, axes that stay where they are; degrees."""
+    return rotated_in_turn("ZYX", (c, b, a))
+
+
+def euler(precession: float, nutation: float, rotation: float) -> Placement:
+    """Turned about Z, then about the turned X, then about the tilted Z; degrees."""
+    return rotated_in_turn("ZXZ", (precession, nutation, rotation))
 
 
 def _diagonal(x: float, y: float, z: float) -> tuple[float, ...]:

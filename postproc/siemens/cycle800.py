@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from kinematics.inverse import inverse
 from kinematics.machine import Machine
-from postproc.motion.frames import Placement, rotated, shifted
-from postproc.siemens.frames import NORMALS
+from postproc.control.tilted_planes import normal_of, perpendicular
+from postproc.motion.frames import Placement, rotated_in_turn, shifted
 from postproc.siemens.variables import EMPTY
 from postproc.text.block import Block, Word
 from postproc.text.expressions import NotKnown, Scope, number
@@ -60,45 +57,21 @@ def _turned(block: Block, mode: int, angles: list[float]) -> Placement:
     axes = [" XYZ"[mode >> shift & 3] for shift in (0, 2, 4)]
     if mode >> 6 or " " in axes:
         raise block.refuse(f"CYCLE800 with MODE = {mode}: only planes turned axis by axis are followed")
-    result = Placement()
-    for axis, angle in zip(axes, angles, strict=True):
-        result = result.then(rotated(angle, NORMALS[axis]))
-    return result
+    return rotated_in_turn("".join(axes), angles)
 
 
 def rotary_positions(block: Block, machine: Machine, swivel: Swivel) -> dict[int, float]:
-    """Positions, degrees by column, at which the tool stands upright on the plane; nearest to 0 of what is the same.
+    """Positions, degrees by column, with the tool perpendicular to the plane; nearest to 0 of what is the same.
 
     The direction that the call prefers is that of the axis that tilts: the one whose angle differs between the two
     solutions, and whose travel ends.
     """
-    rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary]
+    rotary = np.flatnonzero(machine.rotary).tolist()
     if not rotary:
         raise block.refuse(f"a tilted plane on machine {machine.name}, which has no axis that turns")
-    upright = np.array(swivel.plane.turn).reshape(3, 3)[:, 2]
-    found: list[dict[int, float]] = []
-    for start in itertools.product(*(_starts(machine, i) for i in rotary)):
-        q = np.zeros(len(machine.axes))
-        q[rotary] = np.deg2rad(start)
-        solved = inverse(machine, np.zeros((1, 3)), upright, start=q, respect_travel=False).q[0]
-        if np.isfinite(solved).all():
-            places = {i: _within(machine, i, float(np.rad2deg(solved[i]))) for i in rotary}
-            found += [{i: angle for i, angle in places.items() if angle is not None}]
-    found = [at for at in found if len(at) == len(rotary)]
+    found, _ = perpendicular(machine, normal_of(swivel.plane), dict.fromkeys(rotary, 0.0))
     if not found:
         raise block.refuse("no position of the rotary axes sets the tool upright on this plane")
     tilting = min(rotary, key=lambda i: np.ptp(machine.axes[i].travel))
     sign = 1.0 if swivel.lower else -1.0
     return min(found, key=lambda at: (sign * at[tilting], sum(abs(angle) for angle in at.values()), -sum(at.values())))
-
-
-def _starts(machine: Machine, axis: int) -> list[float]:
-    low, high = machine.axes[axis].travel
-    return [angle for angle in (0.0, -90.0, 90.0, 180.0, -180.0) if low <= angle <= high] or [low]
-
-
-def _within(machine: Machine, axis: int, angle: float) -> float | None:
-    """The angle nearest to 0 that differs by whole turns and lies within the travel, None where there is none."""
-    low, high = machine.axes[axis].travel
-    wound = [round(math.remainder(angle, 360.0) + turns, 9) + 0.0 for turns in (0.0, 360.0, -360.0)]
-    return next((place for place in wound if low - 1e-9 <= place <= high + 1e-9), None)

@@ -6,14 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
-from postproc.motion.frames import Placement, mirrored, rotated, scaled, shifted
+from postproc.motion.frames import Placement, mirrored, rotated, scaled, shifted, spatial
 from postproc.siemens.codes import SPATIAL_NAMES
 from postproc.siemens.words import Content, plain_of
 from postproc.text.block import Block
 from postproc.text.notes import Notes
-
-NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
-"""The plane that a rotation about an axis turns."""
 
 
 @dataclass
@@ -76,13 +73,4 @@ class Places:
             return rotated(plain_of(block, block.words[angle]), plane)
         if len(words) > 1:
             self.notes.add("rotations in one block taken in the order Z, Y, X (RPY: MD10600 = 1)", block.line)
-        return rotated_rpy(words)
-
-
-def rotated_rpy(angles: Mapping[str, float]) -> Placement:
-    """Turned about Z, then about the Y that came of it, then about the X that came of both; degrees by axis."""
-    result = Placement()
-    for axis in "ZYX":
-        if angles.get(axis):
-            result = result.then(rotated(angles[axis], NORMALS[axis]))
-    return result
+        return spatial(*(words.get(axis, 0.0) for axis in "XYZ"))

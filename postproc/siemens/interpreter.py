@@ -356,17 +356,10 @@ class SiemensInterpreter:
         self.recorder.forget(list(cartesian(self.machine)))
 
     def _frame(self) -> Frame:
-        offset = list(self.control_state.work_offset(self._offset_name()))
-        for axis, shift in self.places.turning.items():
-            offset[self.machine.index(axis)] += shift
-        length, x_y_z, placed = self.length, cartesian(self.machine), self.places.placement
-        for column, shift in zip(x_y_z, placed.shift, strict=True):
-            offset[column] += shift
-        on_the_tip = self.tcp or self.places.swivelled is not None
-        if not on_the_tip:
-            offset[x_y_z[2]] += length
-        touched, names = self.control_state.touch_off(self.work_offset), (self._offset_name(), self.length_key)
-        return Frame(tuple(offset), length, on_the_tip, placed.frame_turn, touched, *names)
+        shifts = {self.machine.index(axis): shift for axis, shift in self.places.turning.items()}
+        tcp, placed = self.tcp or self.places.swivelled is not None, self.places.placement
+        tool, length = self.length_key, self.length
+        return self.control_state.frame(self._offset_name(), placed, shifts, tool=tool, length=length, tcp=tcp)
 
     def _offset_name(self) -> str:
         """Name of the work offset in force, empty for machine zero: a G500 that the program names and nobody gave."""
