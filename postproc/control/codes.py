@@ -1,11 +1,21 @@
-"""Codes and limits that all dialects share: addresses of axes, M codes, the inch."""
+"""Codes and limits that the dialects share: addresses of axes, G and M codes, the inch."""
 
 from __future__ import annotations
+
+from postproc.motion.moves import Kind
 
 AXES = "XYZABCUVW"
 INCH = 25.4
 LARGEST = 1e9
 """No control has a number of this size."""
+
+MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
+PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
+"""First, second and normal axis of the working plane."""
+ABSOLUTE = 90.0
+DISTANCES = frozenset((ABSOLUTE, 91.0))
+INVERSE_TIME = 93.0
+DWELL = 4.0
 
 TOOL_CHANGE, PALLET_CHANGE = 6.0, 60.0
 PROGRAM_ENDS = frozenset((2.0, 30.0))

@@ -8,8 +8,19 @@ import numpy as np
 
 from kinematics.inverse import inverse
 from postproc.motion.frames import in_workpiece, to_machine
+from postproc.motion.moves import Known
 from postproc.motion.recorder import Recorder
 from postproc.text.block import Block
+
+
+def turn_along(block: Block, recorder: Recorder, target: list[float], vector: Sequence[float]) -> None:
+    """Turn the rotary axes of a programmed target to where the tool is along a vector; no word names their positions.
+
+    vector: as for `turned_to`, with its Refusal.
+    """
+    for axis, angle in turned_to(block, recorder, target, vector).items():
+        target[axis] = angle
+        recorder.known[axis] = Known.MACHINE
 
 
 def turned_to(block: Block, recorder: Recorder, target: Sequence[float], vector: Sequence[float]) -> dict[int, float]:

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from postproc.heidenhain.codes import DIRECTIONS
 from postproc.heidenhain.modal_state import Content, Control, value_of
-from postproc.motion.circles import SAME, Point, centre_from_radius, radius_fault, same, sweep, tangent_circle
+from postproc.motion.arcs import Ends, arc_by_centre, arc_by_radius, begin_arc
+from postproc.motion.circles import SAME, Point, same, sweep, tangent_circle
 from postproc.motion.frames import cartesian
 from postproc.motion.moves import Arc, AxisWord, Kind, PolarEnd
 from postproc.text.block import Block
@@ -127,14 +128,14 @@ class Arcs:
             raise block.refuse("an arc without an end point")
         target = self.control.target(block, words)
         plane = self._pole(block).plane if block.kind == "circle" else self.planes[0]
-        start, end = self._ends(block, plane, target)
+        ends = begin_arc(block, self.control.recorder, self._letters(plane), sense, target)
         match block.kind:
             case "circle":
-                arc = self._about_pole(block, plane, sense, (start, end))
+                arc = self._about_pole(block, ends)
             case "tangent":
-                arc = self._tangent(block, plane, start, end)
+                arc = self._tangent(block, plane, ends.start, ends.end)
             case _:
-                arc = self._by_radius(block, plane, sense, (start, end))
+                arc = self._by_radius(block, ends)
         named = tuple(word for word, _ in words)
         self.control.recorder.move(index, Kind.ARC, target, self.control.unit, named, arc, settled=settled)
 
@@ -144,30 +145,19 @@ class Arcs:
             raise block.refuse("an arc without DR+ or DR-")
         return DIRECTIONS[senses.pop()]
 
-    def _ends(self, block: Block, plane: Plane, target: list[float]) -> tuple[Point, Point]:
-        first, second, _ = plane
-        recorder = self.control.recorder
-        if not (recorder.known[first] and recorder.known[second]):
-            raise block.refuse("an arc from a position that the program has not given")
-        if not recorder.frame.keeps_circles("".join(self.control.machine.names[axis] for axis in plane[:2])):
-            raise block.refuse("an arc where the axes of its plane are scaled by different factors")
-        position = recorder.position
-        return (position[first], position[second]), (target[first], target[second])
+    def _letters(self, plane: Plane) -> str:
+        return "".join(self.control.machine.names[axis] for axis in plane)
 
-    def _about_pole(self, block: Block, plane: Plane, sense: int, ends: tuple[Point, Point]) -> Arc:
+    def _about_pole(self, block: Block, ends: Ends) -> Arc:
         pole = self._pole(block)
-        fault = radius_fault(*ends, pole.at)
-        if fault is not None:
-            raise block.refuse(fault)
-        return Arc(plane, sense, pole.at, same(*ends), "pole", self.words, self.block, pole=pole.number)
+        arc = arc_by_centre(block, ends, pole.at, self.words, absolute=True)
+        return arc._replace(form="pole", pole_block=self.block, pole=pole.number)
 
-    def _by_radius(self, block: Block, plane: Plane, sense: int, ends: tuple[Point, Point]) -> Arc:
+    def _by_radius(self, block: Block, ends: Ends) -> Arc:
         for i, word in enumerate(block.words):
             if word.address == "R" and word.start < word.end:
-                found = centre_from_radius(*ends, value_of(block, word) * self.control.unit, sense)
-                if found is None:
-                    raise block.refuse("no circle of this radius joins start and end")
-                return Arc(plane, sense, found, False, "radius", (i, None), pole=self._number)
+                radius = value_of(block, word) * self.control.unit
+                return arc_by_radius(block, ends, radius, i)._replace(pole=self._number)
         raise block.refuse("CR without a radius")
 
     def _tangent(self, block: Block, plane: Plane, start: Point, end: Point) -> Arc:

@@ -89,7 +89,7 @@ def parse_block(line: int, text: str) -> Block:
         raise Refusal(line, text, str(reason)) from None
     if step is not None:
         if skippable:
-            raise Refusal(line, text, "whether it runs depends on the block-skip switch")
+            raise Block(line, text, kind).refuse_skip()
         return check_order(Block(line, text, "control", (), "", False, Code((step,))))
     words: list[Word] = []
     detail: list[str] = []

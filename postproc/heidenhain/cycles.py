@@ -24,7 +24,7 @@ from postproc.heidenhain.modal_state import Content, Control, value_of
 from postproc.heidenhain.patterns import places
 from postproc.heidenhain.tilted_planes import Planes
 from postproc.motion.frames import cartesian, renamed
-from postproc.motion.moves import AxisWord, Kind, Known
+from postproc.motion.moves import AxisWord, Kind
 from postproc.text.block import Block
 from postproc.text.expressions import NotKnown
 
@@ -120,9 +120,7 @@ class Cycles:
         except NotKnown:
             control.forget("Z")
             return
-        control.recorder.doubt([z])
-        control.recorder.position[z] = (surface + shifted + max(second, first)) * control.unit
-        control.recorder.known[z] = Known.MACHINE
+        control.recorder.stand_at(z, (surface + shifted + max(second, first)) * control.unit)
 
     # ---- patterns
 
@@ -142,9 +140,7 @@ class Cycles:
             raise block.refuse(f"cycle {number} without {', '.join(sorted(wanted - values.keys()))}")
         x, y, z = cartesian(control.machine)
         named = tuple(AxisWord(axis, words[name], False) for axis, name in zip((x, y), HOLE_WORDS[number], strict=True))
-        control.recorder.doubt([z])
-        control.recorder.position[z] = (values["Q203"] + max(values["Q204"], values["Q200"])) * control.unit
-        control.recorder.known[z] = Known.MACHINE
+        control.recorder.stand_at(z, (values["Q203"] + max(values["Q204"], values["Q200"])) * control.unit)
         for i, (at_x, at_y) in enumerate(places(number, values)):
             target = list(control.recorder.position)
             target[x], target[y] = at_x * control.unit, at_y * control.unit

@@ -10,6 +10,7 @@ import numpy as np
 
 from kinematics.machine import Machine
 from postproc.control.codes import INCH
+from postproc.control.functions import end_compensation, note_after_end, note_tcp, note_unknown_m
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.heidenhain.approach import approach
@@ -36,7 +37,6 @@ from postproc.heidenhain.tilted_planes import Planes
 from postproc.heidenhain.tool_vectors import normal_line
 from postproc.heidenhain.tools import Tools
 from postproc.heidenhain.variables import QParameters, operations_of
-from postproc.motion.frames import cartesian
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind
 from postproc.motion.recorder import Recorder
@@ -122,11 +122,11 @@ class HeidenhainInterpreter:
     def _read_block(self, index: int, block: Block) -> None:
         if self.ended and block.kind != "begin_pgm":
             if block.kind != "end_pgm":
-                self.notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+                note_after_end(block, self.notes)
         elif block.kind in REFUSED_KINDS:
             raise block.refuse(f"{block.detail}: {REFUSED_KINDS[block.kind]}")
         elif block.skippable:
-            raise block.refuse("whether it runs depends on the block-skip switch")
+            raise block.refuse_skip()
         elif block.kind in self._statements:
             self._statements[block.kind](index, block)
         elif block.kind == "end_pgm":
@@ -187,8 +187,7 @@ class HeidenhainInterpreter:
             self.notes.add("radius compensation: the points of the contour are corrected", block.line)
         elif "R0" in content.other or block.kind == "departure":
             if control.compensated and block.kind == "line":
-                # the tool is beside the contour until both axes of the plane are programmed again
-                control.recorder.doubt(cartesian(control.machine)[:2])
+                end_compensation(control.recorder, "XYZ")
             control.compensated = False
 
     def _line(self, index: int, block: Block, content: Content, settled: bool) -> None:
@@ -218,8 +217,7 @@ class HeidenhainInterpreter:
             if code in AXIS_M and (content.axes or content.bare_axes):
                 raise block.refuse(f"M{code:g} {AXIS_M[code]}")
             if code not in HARMLESS_M and code not in MEANT_M:
-                self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
-                self.recorder.doubt()
+                note_unknown_m(code, block, self.recorder, self.notes)
         if 94.0 in content.m:
             self._take_off_turns(block, content)
         if 143.0 in content.m:
@@ -245,8 +243,7 @@ class HeidenhainInterpreter:
         if self.control.tilt is not None:
             raise block.refuse(f"{name} in a tilted plane")
         self.control.switch_tcp(True)
-        text = f"{name}: X Y Z taken as the tool point in the workpiece frame that turns with a table"
-        self.notes.add(text, block.line)
+        note_tcp(name, block, self.notes)
 
     def _take_off_turns(self, block: Block, content: Content) -> None:
         """M94: the control counts rotary axes, or those that are named, between 0 and 360 degrees from here."""

@@ -10,6 +10,7 @@ import numpy as np
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.control.codes import AXES
+from postproc.control.functions import forget_named
 from postproc.control.state import ControlState
 from postproc.control.tilted_planes import lean
 from postproc.heidenhain.datum_transformations import Places
@@ -186,7 +187,7 @@ class Control:
 
     def forget(self, names: Sequence[str]) -> None:
         """These axes now stand where the program does not say."""
-        self.recorder.forget([self.machine.index(name) for name in names if name in self.machine.names])
+        forget_named(self.recorder, names)
 
     def q(self, number: int) -> float:
         """The value of a Q parameter that holds a number; NotKnown where it is not known."""

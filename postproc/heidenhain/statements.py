@@ -11,7 +11,7 @@ from lark import Token
 
 from postproc.heidenhain.variables import REPEATS, Forget
 from postproc.text.block import Block, Word
-from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
+from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable, by_levels
 from postproc.text.statements import Assign, Call, Jump, Label, Rerun, Return, Step, When
 
 FLOW = re.compile(r"LBL", re.IGNORECASE)
@@ -55,15 +55,6 @@ def _leaf(token: Token) -> Expression:
     return Constant(float(token.replace(",", ".")))
 
 
-def _climb(parts: list[Any], level: int) -> Expression:
-    """Operands with operators between them, by their levels and from left to right; takes what it reads."""
-    result: Expression = parts.pop(0)
-    while parts and LEVELS[str(parts[0]).upper()] >= level:
-        operator = str(parts.pop(0)).upper()
-        result = Operation(operator, (result, _climb(parts, LEVELS[operator] + 1)))
-    return result
-
-
 def _chain(parts: list[Any]) -> Expression:
     """Operands with operators between them; Ambiguous where the order depends on the control."""
     powers = [i for i, part in enumerate(parts) if part == "^"]
@@ -73,7 +64,7 @@ def _chain(parts: list[Any]) -> Expression:
             "a power of a power, of a function or of a number with a sign: which comes first depends on the control; "
             "brackets are missing"
         )
-    return _climb([p if i % 2 else _formula(p) for i, p in enumerate(parts)], 1)
+    return by_levels([str(p).upper() if i % 2 else _formula(p) for i, p in enumerate(parts)], LEVELS)
 
 
 _FORMULAS: dict[str, Callable[[list[Any]], Expression]] = {

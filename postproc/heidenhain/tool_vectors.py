@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from postproc.control.tool_vectors import turned_to
+from postproc.control.tool_vectors import turn_along
 from postproc.heidenhain.modal_state import Content, Control, value_of
-from postproc.motion.moves import Kind, Known
+from postproc.motion.moves import Kind
 from postproc.text.block import Block
 
 NORMAL, TOOL_AXIS = "N", "T"
@@ -27,9 +27,7 @@ def normal_line(control: Control, index: int, block: Block, content: Content, se
             raise block.refuse("TX TY TZ without M128, or in turned coordinates")
         if not machine.rotary.any() or any(machine.rotary[word.axis] for word, _ in words):
             raise block.refuse(f"TX TY TZ beside a rotary axis, or on machine {machine.name} without one")
-        for axis, angle in turned_to(block, recorder, target, tool_axis).items():
-            target[axis] = angle
-            recorder.known[axis] = Known.MACHINE
+        turn_along(block, recorder, target, tool_axis)
         control.notes.add("TX TY TZ: the control is taken to turn the rotary axes the nearest way", block.line)
     if normal is not None:
         control.notes.add("surface normals: what the control shifts along them is not corrected", block.line)

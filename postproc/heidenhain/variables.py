@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from kinematics.machine import Control
-from postproc.text.expressions import ARITHMETIC, COMPARISONS, NotKnown, Operations, Scope, Value, nearly
+from postproc.text.expressions import ARITHMETIC, COMPARISONS, NotKnown, Operations, Scope, Value, known_value, nearly
 
 PRESET = range(100, 200)
 """Q100 to Q199 are set by the control: Q108 is the radius of the tool."""
@@ -92,17 +92,10 @@ class QParameters:
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
         """The value of a parameter by its kind, Q, QL or QR, and its number."""
         (number,) = indices
-        value = self.values.get((name, number))
-        if value is None:
-            by_control = name == "Q" and isinstance(number, float) and int(number) in PRESET
-            raise NotKnown(
-                f"{name}{number:g} is set by the control"
-                if by_control
-                else f"{name}{number:g} is not set by the program"
-            )
-        if isinstance(value, NotKnown):
-            raise NotKnown(f"{name}{number:g} is not known: {value}")
-        return value
+        value, shown = self.values.get((name, number)), f"{name}{number:g}"
+        if value is None and name == "Q" and isinstance(number, float) and int(number) in PRESET:
+            raise NotKnown(f"{shown} is set by the control")
+        return known_value(value, shown)
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it."""

@@ -18,6 +18,7 @@ from postproc.iso.statements import computed_word, returned, statement
 from postproc.text.block import Block, Refusal, Word
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
+from postproc.text.plain_blocks import read_plain
 from postproc.text.statements import Code, Step
 
 NO_NUMBER = -1.0
@@ -38,16 +39,7 @@ def read_block(line: int, text: str) -> Block:
 
 
 def _read_plain(line: int, text: str) -> Block | None:
-    match = _PLAIN.fullmatch(text)
-    if match is None:
-        return None
-    words = tuple(
-        [
-            Word(m[1].upper(), float(m[3] + m[4]), m.start(), m.start(2), m.end())
-            for m in _PARTS.finditer(text, 0, match.end(1))
-        ]
-    )
-    return Block(line, text, "words" if words else "blank", words)
+    return read_plain(line, text, _PLAIN, _PARTS)
 
 
 def parse_block(line: int, text: str) -> Block:
@@ -85,7 +77,7 @@ def parse_block(line: int, text: str) -> Block:
     kind = kind or ("words" if words else "control" if steps else "blank")
     block = Block(line, text, kind, tuple(words), detail, skippable, code)
     if skippable and steps:
-        raise block.refuse("whether it runs depends on the block-skip switch")
+        raise block.refuse_skip()
     if statements > 1 and code is not None and code.turns:
         raise block.refuse("two statements in one block of which one turns the run of the program")
     return check_order(block)

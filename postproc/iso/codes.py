@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from postproc.control.codes import AXES, INCH, PALLET_CHANGE, TOOL_CHANGE
+from postproc.control.codes import (
+    AXES,
+    DISTANCES,
+    DWELL,
+    INCH,
+    INVERSE_TIME,
+    MOTION,
+    PALLET_CHANGE,
+    PLANES,
+    TOOL_CHANGE,
+)
 from postproc.motion.arcs import CENTRES
-from postproc.motion.moves import Kind
 
 MEANINGFUL = frozenset(AXES + CENTRES + "RGMTHO")
 """Addresses that move the tool or change what others mean."""
@@ -17,16 +26,11 @@ CYCLE_WORDS = frozenset("NFSTHDPQRKL$")
 """What may stand in a block of a cycle beside G, M and axes."""
 CYCLE_END, RETURN_TO_LEVEL, RETURN_TO_R = 80.0, 98.0, 99.0
 
-MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
-
 # Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
 # the end of data.
 HARMLESS_G = frozenset([*(4.0, 5.0, 5.1, 8.0, 9.0, 11.0, 61.0, 61.1, 62.0, 63.0, 64.0), *(96.0, 97.0, 103.0, 187.0)])
-PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
 UNITS = {20.0: INCH, 21.0: 1.0}
-DISTANCES = frozenset((90.0, 91.0))
 CENTRE_DISTANCES = frozenset((90.1, 91.1))
-INVERSE_TIME = 93.0
 FEED_MODES = frozenset((INVERSE_TIME, 94.0, 95.0))
 WORK_OFFSETS = {**{float(g): f"G{g}" for g in range(54, 60)}, 59.1: "G59.1", 59.2: "G59.2", 59.3: "G59.3"}
 LENGTH_CODES = frozenset((43.0, 43.4, 43.5, 49.0))
@@ -39,7 +43,6 @@ COMPENSATION, COMPENSATION_END = frozenset((41.0, 42.0, 41.1, 42.1)), 40.0
 POLAR, POLAR_END = 16.0, 15.0
 SPLINE_OR_SPEED = frozenset((5.0, 5.1))
 """Splines, or the mode of a fast path, by their words."""
-DWELL = 4.0
 STANDING = frozenset((DWELL, 5.0, 5.1))
 """Take the coordinates of their block for something else than a move."""
 DATA, GIVEN_LENGTH, LOCAL, UPRIGHT = 10.0, 43.1, 52.0, 53.1

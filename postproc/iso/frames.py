@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from kinematics.machine import Machine
+from postproc.control.functions import move_for_tool_change
 from postproc.control.state import ControlState
 from postproc.control.tilted_planes import lean, normal_of
 from postproc.iso.codes import MIRROR, SCALE, TILT
@@ -66,10 +67,7 @@ class Frames:
     def change_tool(self, block: Block) -> None:
         """M6."""
         self.hold_tool(self.lengths.selected_tool)
-        names = [name for name in self.machine.control.tool_change_moves if name in self.machine.names]
-        text = f"a tool change taken to move {' '.join(names) or 'no axis'} (machine file: tool_change_moves)"
-        self.notes.add(text, block.line)
-        self.recorder.forget([self.machine.index(name) for name in names])
+        move_for_tool_change(block, self.recorder, self.notes)
 
     def hold_tool(self, number: int) -> None:
         """Another tool is in the spindle; the axes do not move."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
 from postproc.control.codes import HARMLESS_M, PALLET_CHANGE, PROGRAM_ENDS, TOOL_CHANGE
+from postproc.control.functions import end_compensation, note_after_end, note_unknown_m
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.tool_vectors import turned_to
@@ -134,7 +135,7 @@ class IsoInterpreter:
             if self.torn and block.kind != "tape_mark":
                 raise block.refuse("behind a tape mark that none opened: for some controls the program begins here")
             if block.kind != "tape_mark":
-                self.notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+                note_after_end(block, self.notes)
         elif block.kind == "words":
             self._read_words(index, block)
         elif block.kind == "tape_mark":
@@ -189,8 +190,7 @@ class IsoInterpreter:
             if code in REFUSED_M:
                 raise block.refuse(f"M{code:g} {REFUSED_M[code]}")
             if code not in HARMLESS_M:
-                self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
-                self.recorder.doubt()
+                note_unknown_m(code, block, self.recorder, self.notes)
             if code in (TOOL_CHANGE, PALLET_CHANGE):
                 self._refuse_compensated(content)
             if code == TOOL_CHANGE:
@@ -275,9 +275,9 @@ class IsoInterpreter:
         self.notes.add("radius compensation: the points of the contour are corrected", content.block.line)
 
     def _end_compensation(self) -> None:
-        """G40: the tool is beside the contour until both axes of the plane are programmed again."""
+        """G40."""
         if self.compensated:
-            self.recorder.doubt(self.machine.index(axis) for axis in self.modes.plane[:2])
+            end_compensation(self.recorder, self.modes.plane)
         self.compensated = False
 
     def _count_angles(self, content: Content, on: bool) -> None:

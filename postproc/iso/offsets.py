@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Control
+from postproc.control.functions import note_tcp
 from postproc.control.state import ControlState
 from postproc.iso.codes import WORK_OFFSETS
 from postproc.text.block import Block
@@ -168,6 +169,4 @@ class Lengths:
             )
         self.tcp = code in TCP_CODES or self.control.tcp_at_start
         if code in TCP_CODES:
-            self.notes.add(
-                f"G{code:g}: X Y Z taken as the tool point in the workpiece frame that turns with a table", block.line
-            )
+            note_tcp(f"G{code:g}", block, self.notes)

@@ -12,6 +12,7 @@ from postproc.text.expressions import (
     NotKnown,
     Operations,
     Value,
+    known_value,
     nearly,
     truth,
 )
@@ -145,11 +146,7 @@ class IsoVariables:
         value = store.get(key)
         if asked != name:
             return self._exists(key, value)
-        if value is None:
-            raise NotKnown(f"{key} is not set by the program")
-        if isinstance(value, NotKnown):
-            raise NotKnown(f"{key} is not known: {value}")
-        return value
+        return known_value(value, key)
 
     def _is_empty(self, name: str, indices: tuple[Value, ...]) -> bool:
         """Whether a variable is #0, or one of a macro's own that nothing has set."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from kinematics.machine import Control
 from postproc.control.codes import AXES, INCH, LARGEST, SKIPPABLE_M
+from postproc.control.functions import refuse_two_of_a_group
 from postproc.iso.blocks import WORDS
 from postproc.iso.codes import (
     CYCLES,
@@ -83,7 +84,7 @@ def check_content(content: Content, begun: bool, family: str) -> None:
     """Refuse what no reading is sure of; `begun`: the program has words before this block."""
     block, g, other = content.block, content.g, content.other
     if block.skippable and not _may_be_skipped(content):
-        raise block.refuse("whether it runs depends on the block-skip switch")
+        raise block.refuse_skip()
     if "O" in other and begun:
         raise block.refuse("a second program in one file")
     if ";" in block.text:
@@ -95,10 +96,7 @@ def check_content(content: Content, begun: bool, family: str) -> None:
         if content.axes and not naming.isdisjoint(g) and not (MOTION.keys() | CYCLES).isdisjoint(g):
             raise block.refuse("coordinates that two codes may take")
         alone = [code for code in g if code not in content.ends]
-        for group in GROUPS:
-            clash = sorted(group.intersection(alone))
-            if len(clash) > 1:
-                raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
+        refuse_two_of_a_group(block, alone, GROUPS)
 
 
 def _may_be_skipped(content: Content) -> bool:

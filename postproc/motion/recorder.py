@@ -147,6 +147,11 @@ class Recorder:
         """Record a preset: its words give the current position in the present frame, which they define."""
         self._record(block, Kind.PRESET, self.position, unit, (False, False, True), words, tuple(self.known))
 
+    def stand_at(self, axis: int, position: float) -> None:
+        """The control has taken an axis to a programmed position, mm or degrees, that no block names."""
+        self.position[axis] = position
+        self.known[axis] = Known.MACHINE
+
     def leave_at(self, block: int, axis: int, place: float) -> None:
         """Record that a cycle of the control leaves an axis at a programmed position, mm, which is not corrected."""
         target, before = list(self.position), tuple(self.known)

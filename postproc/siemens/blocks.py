@@ -19,11 +19,12 @@ from postproc.siemens.statements import arguments, number_of, statement, structu
 from postproc.text.block import Block, Refusal, Word
 from postproc.text.block_values import check_order
 from postproc.text.expressions import Ambiguous
+from postproc.text.plain_blocks import read_plain
 from postproc.text.statements import Code, Label, Return, Step, When
 
 _WORD = r"[A-Za-z][ \t]*[+-]?(?:\d+(?:\.\d*)?|\.\d+)"
 _PLAIN = re.compile(rf"([ \t]*(?:[Nn]\d+)?(?:[ \t]*{_WORD})*)[ \t]*(?:;[^\r\n]*)?[\r\n]*")
-_PARTS = re.compile(r"([A-Za-z])[ \t]*([+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][Xx][+-]?\d+)?)")
+_PARTS = re.compile(r"([A-Za-z])[ \t]*(([+-]?)(\d+\.?\d*|\.\d+)(?:[Ee][Xx][+-]?\d+)?)")
 
 
 def read_block(line: int, text: str) -> Block:
@@ -32,16 +33,7 @@ def read_block(line: int, text: str) -> Block:
 
 
 def _read_plain(line: int, text: str) -> Block | None:
-    match = _PLAIN.fullmatch(text)
-    if match is None:
-        return None
-    words = tuple(
-        [
-            Word(m[1].upper(), float(m[2]), m.start(), m.start(2), m.end())
-            for m in _PARTS.finditer(text, 0, match.end(1))
-        ]
-    )
-    return Block(line, text, "words" if words else "blank", words)
+    return read_plain(line, text, _PLAIN, _PARTS)
 
 
 def parse_block(line: int, text: str) -> Block:
@@ -100,7 +92,7 @@ def _checked(block: Block) -> Block:
     """Refuse what turns the run of the program beside something else."""
     steps = [] if block.code is None else [step for step in block.code.before if not isinstance(step, Label)]
     if block.skippable and steps:
-        raise block.refuse("whether it runs depends on the block-skip switch")
+        raise block.refuse_skip()
     if block.code is not None and block.code.turns:
         others = [word for word in block.words if word.address != "N"]
         if others or (len(steps) > 1 and not all(_is_jump(step) for step in steps)):

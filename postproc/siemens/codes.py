@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from postproc.control.codes import INCH
+from postproc.control.codes import DISTANCES, DWELL, INCH, MOTION, PLANES
 from postproc.motion.arcs import CENTRES
-from postproc.motion.moves import Kind
 
 
 def _all(text: str) -> frozenset[str]:
@@ -13,18 +12,13 @@ def _all(text: str) -> frozenset[str]:
 
 WORKED_OUT = frozenset(("CIP", "CT"))
 """Arcs that a correction writes as G2 or G3."""
-MOTION = {0.0: Kind.RAPID, 1.0: Kind.LINE, 2.0: Kind.ARC, 3.0: Kind.ARC}
 MIDDLES = ("I1", "J1", "K1")
 """The point between of CIP, along X, Y and Z."""
-PLANES = {17.0: "XYZ", 18.0: "ZXY", 19.0: "YZX"}
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
-DISTANCES = frozenset((90.0, 91.0))
-INVERSE_TIME = 93.0
 FEED_MODES = frozenset((93.0, 94.0, 95.0, 96.0, 97.0, 961.0, 971.0))
 WORK_OFFSETS = frozenset((*map(float, range(54, 58)), *map(float, range(505, 600)), 500.0))
 MACHINE = frozenset((53.0, 153.0))
 """The block's coordinates are those of the machine."""
-DWELL = 4.0
 LIMITS = frozenset((25.0, 26.0))
 """The block's coordinates, or its S, are limits of the working area, or of the spindle."""
 REFERENCE = frozenset((74.0, 75.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from postproc.control.functions import forget_named
 from postproc.motion.recorder import Recorder
 from postproc.siemens.codes import CYCLES, CYCLES_AT_PLACE
 from postproc.siemens.words import Content
@@ -64,7 +65,7 @@ class Cycles:
             raise block.refuse(f"{cycle.name} while TRAORI is on")
         machine = recorder.machine
         if cycle.name not in CYCLES_AT_PLACE:
-            recorder.forget([machine.index(axis) for axis in "XYZ" if axis in machine.names])
+            forget_named(recorder, "XYZ")
             text = f"{cycle.name}: its places are arguments, which stay as they are: not corrected"
             self.notes.add(text, block.line)
             return

@@ -9,6 +9,13 @@ import numpy as np
 
 from kinematics.machine import Machine
 from postproc.control.codes import HARMLESS_M, TOOL_CHANGE
+from postproc.control.functions import (
+    end_compensation,
+    move_for_tool_change,
+    note_after_end,
+    note_tcp,
+    note_unknown_m,
+)
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.motion.cutter_compensation import follow_contour
@@ -125,7 +132,7 @@ class SiemensInterpreter:
     def _read_block(self, index: int, block: Block) -> Block:
         """Take over a block; returned with the words that a correction may change."""
         if self.ended:
-            self.notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+            note_after_end(block, self.notes)
             return block
         content = sort(block, self.machine.control.passive_axes)
         check(block, content)
@@ -175,10 +182,10 @@ class SiemensInterpreter:
             self.selected_tool = word.mode or whole_of(block, word)
         for code in content.m:
             if code not in HARMLESS_M and code != END_OF_SUBPROGRAM and not 40.0 <= code <= 45.0:
-                self.notes.add(f"M{code:g} is not known to ncomp and taken to move nothing", block.line)
-                self.recorder.doubt()
+                note_unknown_m(code, block, self.recorder, self.notes)
             if code == TOOL_CHANGE:
-                self._change_tool(block)
+                self.spindle_tool = self.selected_tool
+                move_for_tool_change(block, self.recorder, self.notes)
         if "D" in content.other:
             self.edge = whole_of(block, block.words[content.other["D"]])
         if "D" in content.other or TOOL_CHANGE in content.m:
@@ -192,13 +199,6 @@ class SiemensInterpreter:
         tool, edge = self._tool_key()
         if tool and edge > 1 and not self.control_state.knows(edge_key(tool, edge)):
             self.notes.add(f"D{edge} of tool {tool} taken to be as long as D1", block.line)
-
-    def _change_tool(self, block: Block) -> None:
-        self.spindle_tool = self.selected_tool
-        names = [name for name in self.machine.control.tool_change_moves if name in self.machine.names]
-        text = f"a tool change taken to move {' '.join(names) or 'no axis'} (machine file: tool_change_moves)"
-        self.notes.add(text, block.line)
-        self.recorder.forget([self.machine.index(name) for name in names])
 
     def _tool_key(self) -> tuple[int | str | None, int]:
         return self.spindle_tool, self.edge
@@ -302,9 +302,9 @@ class SiemensInterpreter:
         self.notes.add("tool radius compensation: the points of the contour are corrected", block.line)
 
     def _end_compensation(self) -> None:
-        """G40: the tool is beside the contour until both axes of the plane are programmed again."""
+        """G40."""
         if self.compensated:
-            self.recorder.doubt(self.machine.index(axis) for axis in self.plane[:2])
+            end_compensation(self.recorder, self.plane)
         self.compensated = False
 
     def _switch_tcp(self, block: Block, content: Content) -> None:
@@ -316,8 +316,7 @@ class SiemensInterpreter:
         if on and self.places.swivelled is not None:
             raise block.refuse("TRAORI in a plane of CYCLE800")
         if on:
-            text = "TRAORI: X Y Z taken as the tool point in the workpiece frame that turns with a table"
-            self.notes.add(text, block.line)
+            note_tcp("TRAORI", block, self.notes)
         if on != self.tcp:
             self.tcp = on
             self.recorder.set_frame(self._frame(), cartesian(self.machine))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +11,7 @@ from lark import Token, Tree
 
 from postproc.siemens.variables import EITHER_WAY, EMPTY, Declare, Receive
 from postproc.text.block import Block, Word
-from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable
+from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, Operation, Variable, by_levels
 from postproc.text.statements import Assign, Begin, Else, End, Jump, Label, Rerun, Select, Step, When
 
 Node = Tree[Token] | Token
@@ -69,23 +69,14 @@ def _expression(parts: list[Any]) -> Expression:
     if any(_is_not(operand) and str(operator) in COMPARING for operand, operator in pairwise(parts)):
         raise Ambiguous("NOT and a comparison: brackets are missing, for NOT binds more than the comparison")
     said = [str(part).upper() if i % 2 else formula(part) for i, part in enumerate(parts)]
-    result = _climb([*said], 0, LEVELS)
+    result = by_levels([*said], LEVELS)
     if COMPARING.isdisjoint(operators) or LOGIC.isdisjoint(operators):
         return result
-    return Operation(EITHER_WAY, (result, _climb([*said], 0, USUAL_LEVELS)))
+    return Operation(EITHER_WAY, (result, by_levels([*said], USUAL_LEVELS)))
 
 
 def _is_not(node: Node) -> bool:
     return isinstance(node, Tree) and node.data == "signed" and str(node.children[0]).upper() == "NOT"
-
-
-def _climb(parts: list[Any], level: float, levels: Mapping[str, float]) -> Expression:
-    """Operands with operators between them, by their levels and from left to right; takes what it reads."""
-    result: Expression = parts.pop(0)
-    while parts and levels[parts[0]] >= level:
-        operator = parts.pop(0)
-        result = Operation(operator, (result, _climb(parts, levels[operator] + 0.1, levels)))
-    return result
 
 
 def _signed(parts: list[Any]) -> Expression:

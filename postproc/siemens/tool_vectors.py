@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.control.tool_vectors import turned_to
-from postproc.motion.moves import Known
+from postproc.control.tool_vectors import turn_along
 from postproc.motion.recorder import Recorder
 from postproc.siemens.codes import VECTOR
 from postproc.siemens.words import Content, plain_of
@@ -24,6 +23,4 @@ def turn_to_vector(block: Block, content: Content, recorder: Recorder, target: l
         raise block.refuse("a tool vector where the axes are scaled by different factors")
     words = {address: content.other.pop(address) for address in VECTOR if address in content.other}
     vector = np.array([plain_of(block, block.words[words[a]]) if a in words else 0.0 for a in VECTOR])
-    for axis, angle in turned_to(block, recorder, target, recorder.frame.turned(vector).tolist()).items():
-        target[axis] = angle
-        recorder.known[axis] = Known.MACHINE
+    turn_along(block, recorder, target, recorder.frame.turned(vector).tolist())

@@ -18,6 +18,7 @@ from postproc.text.expressions import (
     Scope,
     Value,
     evaluate,
+    known_value,
     nearly,
     truth,
     whole,
@@ -152,11 +153,7 @@ class SiemensVariables:
         value = (self.shared if name == "R" else here.values).get((name, _places(indices)))
         if value is None and any(name in level.kinds for level in self.levels[:-1]):
             raise NotKnown(f"{shown} belongs to the calling program: whether it is seen here depends on the control")
-        if value is None:
-            raise NotKnown(f"{shown} is not set by the program")
-        if isinstance(value, NotKnown):
-            raise NotKnown(f"{shown} is not known: {value}")
-        return value
+        return known_value(value, shown)
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it; NotKnown for one that is not declared: it could be an axis."""

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from postproc.control.codes import LARGEST, SKIPPABLE_M
+from postproc.control.functions import refuse_two_of_a_group
 from postproc.siemens.codes import (
     CORNERS,
     CYCLES,
@@ -85,15 +86,13 @@ def check(block: Block, content: Content) -> None:
     if block.skippable:
         active = content.moves or content.g or content.names or not {"T", "D"}.isdisjoint(content.other)
         if active or not SKIPPABLE_M.issuperset(content.m):
-            raise block.refuse("whether it runs depends on the block-skip switch")
+            raise block.refuse_skip()
     for name, i in content.names.items():
         _check_name(block, name, block.words[i])
     if not ALLOWED.issuperset(content.other):
         _check_others(block, content)
-    for group in GROUPS if len(content.g) > 1 else ():
-        clash = sorted(group.intersection(content.g))
-        if len(clash) > 1:
-            raise block.refuse(f"G{clash[0]:g} and G{clash[1]:g} in one block")
+    if len(content.g) > 1:
+        refuse_two_of_a_group(block, content.g, GROUPS)
     if content.frames and (content.g or content.m or len(content.names) > 1 or content.other.keys() - {"N", "RPL"}):
         raise block.refuse("a frame and something beside it")
 

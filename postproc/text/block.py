@@ -70,6 +70,10 @@ class Block(NamedTuple):
         """The exception that stops the run at this block."""
         return Refusal(self.line, self.text, reason)
 
+    def refuse_skip(self) -> Refusal:
+        """The exception for a block whose run depends on the operator and matters to other blocks."""
+        return self.refuse("whether it runs depends on the block-skip switch")
+
 
 class Edit(NamedTuple):
     """Replace text[start:end] of a block."""

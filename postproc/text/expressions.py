@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 Value: TypeAlias = float | str
 """True is 1.0, false 0.0."""
@@ -144,6 +144,27 @@ def may_be_one(a: Variable, b: Variable) -> bool:
         return False
     pairs = zip(a.indices, b.indices, strict=True)
     return not any(isinstance(i, Constant) and isinstance(j, Constant) and i != j for i, j in pairs)
+
+
+def by_levels(parts: list[Any], levels: Mapping[str, float], above: float = -math.inf) -> Expression:
+    """Operands with operators between them as one tree, from left to right; an operator of a higher level binds more.
+
+    Takes the parts that it reads out of the list: those whose operators are of a level above the given one.
+    """
+    result: Expression = parts.pop(0)
+    while parts and levels[parts[0]] > above:
+        operator = parts.pop(0)
+        result = Operation(operator, (result, by_levels(parts, levels, levels[operator])))
+    return result
+
+
+def known_value(value: Value | NotKnown | None, shown: str) -> Value:
+    """The value that a variable holds; NotKnown, with its name, where the program has set none that is known."""
+    if value is None:
+        raise NotKnown(f"{shown} is not set by the program")
+    if isinstance(value, NotKnown):
+        raise NotKnown(f"{shown} is not known: {value}")
+    return value
 
 
 # ---- common parts of the tables of the dialects
