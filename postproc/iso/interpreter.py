@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from kinematics.machine import Machine
-from postproc.control.codes import HARMLESS_M, PALLET_CHANGE, PROGRAM_ENDS, TOOL_CHANGE
+from postproc.control.codes import DWELL, HARMLESS_M, MOTION, PALLET_CHANGE, PLANES, PROGRAM_ENDS, TOOL_CHANGE
 from postproc.control.functions import end_compensation, note_after_end, note_unknown_m
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
@@ -21,18 +21,15 @@ from postproc.iso.codes import (
     CYCLE_END,
     CYCLES,
     DATA,
-    DWELL,
     FINE_BORING,
     FRAME_CODES,
     HARMLESS_G,
     LENGTH_CODES,
     MIRROR,
-    MOTION,
     MOVE_WORDS,
     OFFSET_CODES,
     ONE_SHOT,
     PLACING,
-    PLANES,
     POLAR,
     POLAR_END,
     PRESET_END,

@@ -5,16 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from postproc.iso.codes import (
-    CENTRE_DISTANCES,
-    DISTANCES,
-    FEED_MODES,
-    INVERSE_TIME,
-    PLANES,
-    RETURN_TO_LEVEL,
-    RETURN_TO_R,
-    UNITS,
-)
+from postproc.control.codes import DISTANCES, INVERSE_TIME, PLANES
+from postproc.iso.codes import CENTRE_DISTANCES, FEED_MODES, RETURN_TO_LEVEL, RETURN_TO_R, UNITS
 from postproc.motion.moves import Kind
 from postproc.text.notes import Notes
 

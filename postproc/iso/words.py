@@ -5,23 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from kinematics.machine import Control
-from postproc.control.codes import AXES, INCH, LARGEST, SKIPPABLE_M
+from postproc.control.codes import AXES, DWELL, INCH, LARGEST, MOTION, SKIPPABLE_M
 from postproc.control.functions import refuse_two_of_a_group
 from postproc.iso.blocks import WORDS
-from postproc.iso.codes import (
-    CYCLES,
-    DATA,
-    DWELL,
-    ENDS,
-    GROUPS,
-    LENGTH_CODES,
-    MEANINGFUL,
-    MOTION,
-    NAMING,
-    PLACING,
-    REFUSED_G,
-    TOOL_IS,
-)
+from postproc.iso.codes import CYCLES, DATA, ENDS, GROUPS, LENGTH_CODES, MEANINGFUL, NAMING, PLACING, REFUSED_G, TOOL_IS
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
 from postproc.text.block import Block, Refusal

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinematics.machine import Machine
-from postproc.control.codes import HARMLESS_M, TOOL_CHANGE
+from postproc.control.codes import DISTANCES, DWELL, HARMLESS_M, INVERSE_TIME, MOTION, PLANES, TOOL_CHANGE
 from postproc.control.functions import (
     end_compensation,
     move_for_tool_change,
@@ -29,17 +29,12 @@ from postproc.siemens.codes import (
     COMPENSATION,
     COMPENSATION_END,
     CORNERS,
-    DISTANCES,
-    DWELL,
     END_OF_SUBPROGRAM,
     FEED_MODES,
     FRAME_ENDS,
     HARMLESS_G,
-    INVERSE_TIME,
     LIMITS,
     MACHINE,
-    MOTION,
-    PLANES,
     POLES,
     REFERENCE,
     REFUSED_G,

@@ -7,7 +7,8 @@ import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from postproc.iso.codes import DISTANCES, FEED_MODES, UNITS
+from postproc.control.codes import DISTANCES
+from postproc.iso.codes import FEED_MODES, UNITS
 from postproc.siemens.codes import WORKED_OUT
 from postproc.text.block import Block, Word
 from postproc.text.editing import Iterations, Layout, place
