@@ -117,7 +117,7 @@ def rotary_solutions(machine: Machine, tool_axis: ArrayLike, start: ArrayLike) -
         branches, attainable, free = _branches(machine, goal.axis)
         branches[:, free, :1] = first[rotary[:1]]
         return (list(branches[:, 0]) if attainable[0] else []), bool(free[0])
-    found = []
+    found: list[Array] = []
     for shift in (0.0, *(sign * angle for angle in (np.pi / 2, np.pi) for sign in (1.0, -1.0))):
         for axis in rotary if shift else rotary[:1]:
             beside = np.where(np.arange(len(first)) == axis, first + shift, first)
