@@ -137,9 +137,9 @@ def test_repeats_by_increments(linuxcnc):
 REFUSED = {
     "G81 X5. Y5. Z-5. F100": "a canned cycle without Z or R",
     "G81 X5. Y5. R2. F100": "a canned cycle without Z or R",
-    "G81 X5. Y5. Z-5. R200. F100": "R lies above the level before the cycle",
+    "G81 X5. Y5. Z-5. R200. F100": "R is above the level before the cycle",
     "G81 X5. Y5. Z-5. R2. K0": "a canned cycle that runs no times, with a position",
-    "G81 X5. Y5. Z-5. R2. K2 L2": "K and L at once",
+    "G81 X5. Y5. Z-5. R2. K2 L2": "a canned cycle needs K or L",
     "G81 X5. Y5. Z-5. R2. I3.": "I in a canned cycle",
     "G81 X5. Y5. Z-5. R2.\nG18 X7.": "another plane within a canned cycle",
     "G81 X5. Y5. Z-5. R2.\nG19 G83 X7. Q1.": "another plane within a canned cycle",

@@ -240,12 +240,12 @@ def test_a_repeat_loop_behind_the_continue_of_a_do_loop(linuxcnc):
     ("block", "reason"),
     [
         ("G91\nG52 X1.", "G52 needs G90"),
-        ("G52 X1. M8", "G52 and something beside it"),
+        ("G52 X1. M8", "G52 does not go with the other words of its block"),
         ("G68 X1. R5.", "needs X and Y: without, the centre depends on where the tool is"),
         ("G68 X1. Y1. R5.\nG54", "a work offset while G52, G92 or a turn of the coordinates is on"),
         ("G68 X1. Y1. R5.\nG52 X1.", "G52 while the coordinates are turned"),
         ("G68 R5.", "needs X and Y"),
-        ("G28 X0\nG92 X1.", "the program has not said where"),
+        ("G28 X0\nG92 X1.", "needs a programmed position"),
     ],
 )
 def test_places_that_controls_read_differently(block, reason):

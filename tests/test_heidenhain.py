@@ -366,7 +366,7 @@ def test_blocks_behind_the_end_do_not_run():
     program = run("L Z+100 M30\nL X+5 RR\nL X+9\nEND PGM T MM\n")
     assert len(program.motions) == 2
     assert program.notes.texts() == [
-        "blocks behind the end of the program do not run and stay as they are (line 5, 2 times)"
+        "blocks after the end of the program do not run and stay as programmed (line 5, 2 times)"
     ]
 
 
@@ -462,8 +462,8 @@ REFUSED = [
     ("CC X+0 Y+0\nC X+10 Y+0 DR+", "this is no circle"),
     ("CC X+0 Y+0\nC X-10 Y-20", "an arc without DR+ or DR-"),
     ("CC X+0 Y+0\nC DR+", "an arc without an end point"),
-    ("CC X+0", "one coordinate of a pole, and no earlier pole"),
-    ("CC X+0 X+1", "one coordinate of the pole twice"),
+    ("CC X+0", "has one coordinate, and no earlier pole gives the other"),
+    ("CC X+0 X+1", "has one coordinate twice"),
     ("CC X+0 B+0", "a pole has coordinates X Y, Y Z or Z X"),
     ("CC X+Q1 Y+0", "X+Q1: Q1 is not set by the program"),
     ("CC X+0 Y+0\nM128\nC X-10 Y-20 DR+", "no pole (CC) in the present frame"),
@@ -477,16 +477,16 @@ REFUSED = [
     ("CC X+0 Y+0\nLP", "no polar coordinates"),
     ("CC X+0 Y+0\nLP PR+1 IPR+2", "two PR words"),
     ("CC X+0 Y+0\nLP IPR-50", "a polar radius that is not above 0"),
-    ("CC X+0 Y+0\nLP PR+1 X+2", "a coordinate in the plane of the pole beside polar ones"),
-    ("CC X+0 Y+0\nCP IPA-90 DR+", "the sign of IPA and DR do not go the same way"),
+    ("CC X+0 Y+0\nLP PR+1 X+2", "Cartesian and polar coordinates are mixed in the plane of the pole"),
+    ("CC X+0 Y+0\nCP IPA-90 DR+", "IPA and DR have different signs"),
     ("CC X+0 Y+0\nCP PA+90", "an arc without DR+ or DR-"),
     ("CC X+0 Y+0\nCP IZ+1 DR+", "no polar coordinates"),
-    ("CC X+10 Y+0\nCP PA+90 DR+", "CP to the angle where it starts"),
-    ("CC X+0 Y+0\nCP PR+5 PA+90 DR+", "CP with a radius"),
+    ("CC X+10 Y+0\nCP PA+90 DR+", "CP ends at the angle at which it starts"),
+    ("CC X+0 Y+0\nCP PR+5 PA+90 DR+", "CP takes no radius PR"),
     ("CP IPA+90 DR+", "no pole (CC)"),
-    ("M140 MB MAX\nCT X+1", "an arc by its tangent, and no move in its plane right before it"),
-    ("L X+20\nRND R1\nCT X+1", "an arc by its tangent behind a rounding or a chamfer"),
-    ("L X+20\nCT X+30", "an arc by its tangent that is a straight line"),
+    ("M140 MB MAX\nCT X+1", "a tangential arc needs a move in its plane directly before it"),
+    ("L X+20\nRND R1\nCT X+1", "directly after RND or CHF"),
+    ("L X+20\nCT X+30", "the tangential arc is a straight line"),
     ("APPR LT LEN5 RL", "without the point of the contour that it goes to"),
     ("APPR PLT PR+1 PA+2 LEN5", "an approach in polar coordinates"),
     ("DEP LT LEN1\nL IX+5", "an increment of X from a position that the program has not given"),
@@ -531,7 +531,7 @@ REFUSED = [
     ("PLANE SPATIAL SPA+0 SPB+0 STAY", "PLANE SPATIAL takes SPA SPB SPC, all of them"),
     ("PLANE SPATIAL SPA+0 SPB+0 SPC+0", "a plane needs one of STAY, TURN and MOVE"),
     ("PLANE VECTOR BX0 BY0 BZ1 NX0 NY0 NZ1 STAY", "its directions span no plane"),
-    ("PLANE SPATIAL SPA+0 SPB+30 SPC+0 STAY\nL X+1 Y+1 Z+1", "the tool does not stand upright on the tilted plane"),
+    ("PLANE SPATIAL SPA+0 SPB+30 SPC+0 STAY\nL X+1 Y+1 Z+1", "the tool is not perpendicular to the tilted plane"),
     ("PLANE NONSENSE", "needs one of STAY, TURN and MOVE"),
     ("FUNCTION TCPM F TCP AXIS SPAT PATHCTRL AXIS", "is not known"),
     ("FUNCTION TCPM F TCP AXIS POS REFPNT CENTER-CENTER", "is not known"),

@@ -107,7 +107,7 @@ GOLDEN = {
     "tool change leaves Z": (
         "G0 X1 Y1 Z1\nT3 M6\nX5\nZ9\n", {}, [(RAPID, 1, 1, 1), (RAPID, 5, 1, 1500), (RAPID, 5, 1, 9)]
     ),
-    "blocks behind the end": ("G0 X1 Y1 Z1\nM30\nX50\n#1=2\n%\n", {}, [(RAPID, 1, 1, 1)]),
+    "blocks after the end": ("G0 X1 Y1 Z1\nM30\nX50\n#1=2\n%\n", {}, [(RAPID, 1, 1, 1)]),
     "tape": ("(a)\n%\nO1 (B)\nG0 X1 Y1 Z1\nM30\n%\n\0\0\nX5\n", {}, [(RAPID, 1, 1, 1)]),
     "mark that only closes": ("G0 X1 Y1 Z1\n%\n(end)\n", {}, [(RAPID, 1, 1, 1)]),
     "feed modes": ("G93 G1 X1 Y1 Z1 F10\nG94 X2\n", {}, [(LINE, 1, 1, 1), (LINE, 2, 1, 1)]),
@@ -383,7 +383,7 @@ SAID = "G17 G21 G90\nG0 X1.0 Y1.0 Z1.0\n"
         (SAID + "G28 Z0\n", "G28/G30 passes its intermediate point uncorrected (line 3)"),
         (SAID + "G43 Z0\n", "G43 without H: taken for the length of the tool in the spindle (line 3)"),
         (SAID + "T1 M6\nT2 M6\n", "a tool change taken to move Z (machine file: tool_change_moves) (line 3, 2 times)"),
-        (SAID + "M30\nX5\nX6\n", "blocks behind the end of the program do not run and stay as they are (line 4, 2 times)"),
+        (SAID + "M30\nX5\nX6\n", "blocks after the end of the program do not run and stay as programmed (line 4, 2 times)"),
     ],
 )  # fmt: skip
 def test_assumptions_are_noted(text, note):
@@ -442,9 +442,9 @@ REFUSED = {
     "G2 I0 J0": "an arc of radius 0",
     "G2 X5 Y1 I2.1 J0": "this is no circle",
     "G2 X2 Y2 I2 J1": 'its centre would fit as absolute: for such a control set arc_centres = "absolute"',
-    "G2 X5 Y1 I2 R2": "an arc by its radius and its centre at once",
-    "G2 X5 Y1 I2 P0": "an arc of no turn",
-    "G2 X5 Y1 R2 P2": "an arc of several turns by its radius",
+    "G2 X5 Y1 I2 R2": "the arc has a radius and a centre",
+    "G2 X5 Y1 I2 P0": "P of the arc must be 1 or more",
+    "G2 X5 Y1 R2 P2": "needs a centre I J K instead of R",
     "G90.1 G2 X5 Y1 I3": "an absolute centre (G90.1) takes both I and J",
     # two codes of which controls take one or the other
     "G90 X5 G91 Y5": "G90 and G91 in one block",
@@ -457,7 +457,7 @@ REFUSED = {
     "G93 G94": "G93 and G94 in one block",
     "G4 G53 X1": "G4 and G53 in one block",
     "G28 G53 X1": "G28 and G53 in one block",
-    "G54 G4 P1": "P in one block with two codes",
+    "G54 G4 P1": "two G codes of the block can use P",
     "G54.1": "G54.1 without P",
     # lengths
     "H2": "H without G43: some controls take the new length at once",
@@ -484,14 +484,14 @@ REFUSED = {
     "O2": "a second program in one file",
     "M30\nO2": "a second program in one file",
     "M30\n%\nO2\nX1": "a second program in one file",
-    "%\nX5": "behind a tape mark that none opened",
+    "%\nX5": "text after a tape mark",
     "X10 %": "a tape mark beside other text",
     "/%": "a tape mark beside other text",
     # the next block, where a semicolon ends one
-    "X5; Y5": "words behind a semicolon",
-    "X5 ;G1 y5 ": "words behind a semicolon",
-    "X5;G91": "words behind a semicolon",
-    "M8 ; M6": "words behind a semicolon",
+    "X5; Y5": "words after a semicolon",
+    "X5 ;G1 y5 ": "words after a semicolon",
+    "X5;G91": "words after a semicolon",
+    "M8 ; M6": "words after a semicolon",
     # control flow and other constructs
     "IF[#1 EQ 2] GOTO 10": "#1 is not set by the program",
     "GOTO10": "no block with the label 10",
@@ -506,15 +506,15 @@ REFUSED = {
     "O100 sub\no100 call\nO100 endsub\nO100 call": "subprograms that call each other without end",
     "[5]": "an expression that stands alone",
     # coordinates that are a move for one code and none for the other
-    "G1 G50.1 X5": "coordinates that two codes may take",
-    "G5.1 Q1 G0 X5": "coordinates that two codes may take",
+    "G1 G50.1 X5": "two G codes of the block can use its coordinates",
+    "G5.1 Q1 G0 X5": "two G codes of the block can use its coordinates",
     # splines or not, by what else is there
     "G5.1 X2 I1 J1": "G5.1 without Q",
     # codes nobody knows
     "G999": "G999 is not known",
     "G0.5 X1": "G0.5 is not known",
     "G500": "G500 is not known",
-    "G1 X1 G68.2": "coordinates that two codes may take",
+    "G1 X1 G68.2": "two G codes of the block can use its coordinates",
 }  # fmt: skip
 
 

@@ -210,11 +210,11 @@ def test_calls(text, words, step):
         ("#1=[[#1 EQ 1] AND [#2 EQ 2] OR [#3 EQ 3]]\n", "brackets are missing"),
         ("#1=ATAN[1]/2\n", "ATAN and a quotient"),
         ("/#1=5\n", "block-skip switch"),
-        ("/M98 P5\n", "beside something else"),
+        ("/M98 P5\n", "must be the only call, jump or loop of its block"),
         ("M98\n", "M98 without P"),
         ("M99 P5 L2\n", "M99 with L or Q"),
         ("G65 P5 X1. X2.\n", "two words of one address"),
-        ("#5=1 GOTO 5\n", "two statements in one block"),
+        ("#5=1 GOTO 5\n", "must be the only statement of its block"),
     ],
 )
 def test_statements_that_controls_read_differently(text, message):

@@ -151,16 +151,16 @@ def test_move_leaves_the_linear_axes_unknown():
 
 
 REFUSED = [
-    ("trunnion_bc", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "the program has not said"),
-    ("dmu50", "L C+30\nPLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN\n", "the tool stands along a rotary axis"),
-    ("dmu50", "PLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN TABLE ROT\n", "the tool stands along a rotary axis"),
+    ("trunnion_bc", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "the program has not given"),
+    ("dmu50", "L C+30\nPLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN\n", "the tool is along a rotary axis"),
+    ("dmu50", "PLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN TABLE ROT\n", "the tool is along a rotary axis"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN SEQ-\n", "SEQ-: the tool can't stand on this plane so"),
     ("head_head", "PLANE SPATIAL SPA+180 SPB+0 SPC+0 TURN\n", "no position of the rotary axes"),
-    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nL C+5\nL X+0\n", "does not stand upright"),
+    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nL C+5\nL X+0\n", "not perpendicular"),
     ("dmu50", "M128\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "a plane is tilted while M128 is on"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nM128\n", "M128 in a tilted plane"),
-    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nCYCL DEF 7.0 D\nCYCL DEF 7.1 X+5\nPLANE RESET STAY\n", "take that back first"),
-    ("dmu50", "CYCL DEF 10.0 ROT\nCYCL DEF 10.1 ROT+5\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "where the coordinates are turned"),
+    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nCYCL DEF 7.0 D\nCYCL DEF 7.1 X+5\nPLANE RESET STAY\n", "reset it before the plane ends"),
+    ("dmu50", "CYCL DEF 10.0 ROT\nCYCL DEF 10.1 ROT+5\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "while a rotation, mirror or scale is active"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nCYCL DEF 247 A Q339=1\n", "another preset while"),
 ]  # fmt: skip
 

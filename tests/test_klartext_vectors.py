@@ -66,14 +66,14 @@ def test_nothing_is_put_between_normals():
 
 
 REFUSED = {
-    "LN X+1 Y+2": "LN without a vector",
-    "LN X+1 NZ+1": "NX NY NZ go together, each once",
-    "LN X+1 NX+0 NX+0 NY+0 NZ+1": "NX NY NZ go together, each once",
+    "LN X+1 Y+2": "LN needs NX NY NZ or TX TY TZ",
+    "LN X+1 NZ+1": "NX NY NZ must all be in the block, each once",
+    "LN X+1 NX+0 NX+0 NY+0 NZ+1": "NX NY NZ must all be in the block, each once",
     "LN X+1 TX+0 TY+0 TZ+1": "TX TY TZ without M128, or in turned coordinates",
     "M128\nCYCL DEF 10.0 R\nCYCL DEF 10.1 ROT+5\nLN X+1 TX+0 TY+0 TZ+1": "TX TY TZ without M128, or in turned",
     "M128\nLN X+1 C+5 TX+0 TY+0 TZ+1": "TX TY TZ beside a rotary axis",
     "M128\nLN X+1 TX+0 TY+0 TZ+0": "a tool axis of length 0",
-    "M128\nLN X+1 TX+0 TY+0 TZ-1": "a tool axis that the machine does not reach",
+    "M128\nLN X+1 TX+0 TY+0 TZ-1": "no position of the rotary axes gives this tool axis",
     "LN X+1 NX+Q5 NY+0 NZ+1": "NX+Q5: Q5 is not set by the program",
 }
 

@@ -54,16 +54,16 @@ def test_a_subprogram_at_one_place_is_corrected():
 REFUSED = {
     "L10\nM30\n": "L calls a subprogram",
     "PART\nM30\n%_N_OTHER_SPF\nM17\n": "PART is not known: a cycle, a subprogram",
-    "X1 PART\nM30\n%_N_PART_SPF\nM17\n": "a call of PART and something beside it",
+    "X1 PART\nM30\n%_N_PART_SPF\nM17\n": "the call of PART must be alone in its block",
     "MCALL PART\nM30\n%_N_PART_SPF\nM17\n": "PART is not known",
     "PART(1,2)\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nM17\n": "a call with more arguments than parameters",
     "PART\nM30\n%_N_PART_SPF\nPROC PART(REAL AA)\nX=AA\nM17\n": "AA is a parameter that the call leaves out",
     "PART(X)\nM30\n%_N_PART_SPF\nPROC PART(VAR REAL AA)\nM17\n": "VAR, or a field",
-    "PART\nM30\n%_N_PART_SPF\nPROC PART SAVE\nM17\n": "SAVE brings back the modes",
+    "PART\nM30\n%_N_PART_SPF\nPROC PART SAVE\nM17\n": "SAVE restores the modes",
     "DEF REAL BB=3\nPART\nM30\n%_N_PART_SPF\nX=BB\nM17\n": "BB belongs to the calling program",
     "GOTOF THERE\nM30\n%_N_PART_SPF\nTHERE: X1\nM17\n": "no block with the label THERE",
     "PART\nM30\n%_N_PART_SPF\nPART\nM17\n": "call each other without end",
-    "X1\n%_N_PART_SPF\nX2\nM17\n": "the program before it has no end",
+    "X1\n%_N_PART_SPF\nX2\nM17\n": "the program before this one has no end",
     RUNS["repeated parts"][0]: "no block LA1 before it",
 }
 

@@ -51,15 +51,15 @@ def test_circles_are_corrected(code):
 REFUSED = {
     "CT X70 Y30\nX80": "from a block before",
     "CT X70": "a straight line",
-    "CT X70 Y30 Z140": "out of its plane",
+    "CT X70 Y30 Z140": "leaves the working plane",
     "CIP X70 Y30 I1=65": "takes I1 and J1",
     "CIP X70 Y30 I1=65 J1=22 K1=150": "takes I1 and J1",
     "CIP X80 Y20 I1=70 J1=20": "a straight line",
     "CIP X70 Y30 I1=65 J1=22 CR=5": "a radius",
-    "CIP G1 X70 Y30 I1=65 J1=22": "beside another kind of move",
-    "CT X70 Y30 I1=65 J1=22": "a point between",
-    "G1 RND=2 X70\nCT X80 Y30": "a corner that the control breaks",
-    "ATRANS X5\nCT X80 Y30": "no move in its plane|without a move in its plane",
+    "CIP G1 X70 Y30 I1=65 J1=22": "exclude G0 to G3 and each other",
+    "CT X70 Y30 I1=65 J1=22": "takes no intermediate point",
+    "G1 RND=2 X70\nCT X80 Y30": "directly after a chamfer or rounding",
+    "ATRANS X5\nCT X80 Y30": "needs a move in its plane",
 }
 
 

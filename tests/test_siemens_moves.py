@@ -213,8 +213,8 @@ def test_moves_on_a_tilted_plane_are_corrected():
         ('CYCLE800(1,"",0,57,0,0,0,30,0,0,0,0,0,0)', "turns no axis"),
         ('CYCLE800(1,"",0,57,0,0,0,R5,0,0)', "A of CYCLE800: R5 is not set"),
         ('CYCLE800(1,"",0,57,0,0,0,180,0,0)', "no position of the rotary axes"),
-        ('CYCLE800(1,"",0,57,0,0,0,20,0,0)\nG0 C5', "a rotary axis in a plane of CYCLE800"),
-        ('CYCLE800(1,"",0,57,0,0,0,20,0,0) X5', "CYCLE800 and something beside it"),
+        ('CYCLE800(1,"",0,57,0,0,0,20,0,0)\nG0 C5', "a rotary axis moves in a tilted plane of CYCLE800"),
+        ('CYCLE800(1,"",0,57,0,0,0,20,0,0) X5', "CYCLE800 must be alone in its block"),
     ],
 )
 def test_planes_that_are_refused(call, reason):
@@ -270,7 +270,7 @@ def test_patterns_and_pockets_stay_and_are_noted():
     [
         ("MCALL CYCLE81(10,0,2,-5)\nSUPA Z50", "machine coordinates while TRAORI or MCALL"),
         ("MCALL CYCLE81(10,0,2,-5)\nX=IC(5) Y1\nHOLES1(0,0,0,5,5,3)\nX=IC(5)", "an increment of X from a position"),
-        ("CYCLE81(10) CYCLE82(10)", "a cycle and something beside it"),
+        ("CYCLE81(10) CYCLE82(10)", "a cycle call must be alone in its block"),
         ("MCALL L10", "L calls a subprogram"),
     ],
 )
@@ -285,7 +285,7 @@ def test_radius_compensation_and_corners():
     written, _ = judged(text, MODEL)
     notes = corrected(text, model=MODEL)[1]
     assert any("tool radius compensation: the points of the contour are corrected" in note for note in notes)
-    assert any("corners that the control breaks" in note for note in notes)
+    assert any("the corner points are corrected" in note for note in notes)
     assert "RND=2" in written
     blocks = interpreted(load("gantry"), text).blocks
     assert [block.text.strip() for block in blocks if block.alone] == [*text.splitlines()[2:7], "X-10"]

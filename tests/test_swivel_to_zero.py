@@ -51,4 +51,4 @@ def test_a_shifted_plane_stays_one(tmp_path: Path, shift: str) -> None:
     program = HEAD + TO_ZERO.replace("57,0,0,0", f"57,{shift}") + BEHIND["rotary words"]
     (tmp_path / "part.mpf").write_text(program)
     result = CliRunner().invoke(app, ["check", str(tmp_path / "part.mpf"), "-m", "dmu50"])
-    assert "a rotary axis in a plane of CYCLE800" in result.output
+    assert "a rotary axis moves in a tilted plane of CYCLE800" in result.output

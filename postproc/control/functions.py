@@ -17,7 +17,7 @@ def note_unknown_m(code: float, block: Block, recorder: Recorder, notes: Notes) 
 
 def note_after_end(block: Block, notes: Notes) -> None:
     """A block behind the end of the program."""
-    notes.add("blocks behind the end of the program do not run and stay as they are", block.line)
+    notes.add("blocks after the end of the program do not run and stay as programmed", block.line)
 
 
 def note_tcp(name: str, block: Block, notes: Notes) -> None:

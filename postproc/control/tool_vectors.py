@@ -36,6 +36,8 @@ def turned_to(block: Block, recorder: Recorder, target: Sequence[float], vector:
     start = to_machine(machine, frame, np.array([recorder.position]))[0]
     found = inverse(machine, place, [vector], frame.tool, start=start)
     if not np.isfinite(found.q).all():
-        raise block.refuse("a tool axis that the machine does not reach")
+        raise block.refuse(
+            "no position of the rotary axes gives this tool axis: check the vector and the travel in the machine file"
+        )
     places = found.q[0] / machine.scale - np.asarray(frame.offset)
     return {int(axis): float(places[axis]) for axis in np.flatnonzero(machine.rotary)}

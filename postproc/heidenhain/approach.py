@@ -30,5 +30,5 @@ def approach(control: Control, index: int, block: Block, content: Content) -> No
         control.recorder.move(index, Kind.RAPID, target, control.unit, tuple(word for word, _ in words))
     if block.kind == "departure" and form not in END_SAID:
         control.forget("XY")
-    text = "approaches and departures end at corrected points; on which way, the control works out"
+    text = "approaches and departures end at corrected points; the control calculates the path between them"
     control.notes.add(text, block.line)

@@ -79,7 +79,7 @@ class Arcs:
         words = self.control.axis_words(block, range(len(block.words)))
         axes = [word.axis for word, _ in words]
         if len(set(axes)) < len(axes):
-            raise block.refuse("one coordinate of the pole twice")
+            raise block.refuse("the pole (CC) has one coordinate twice: write each once")
         before = self._present()
         plane = self._plane_of(block, axes, before)
         relative = [word.axis for word, _ in words if word.incremental] if words else plane[:2]
@@ -94,7 +94,7 @@ class Arcs:
             pole[i] = here[i] + value if word.incremental else value
             places[i] = None if word.incremental else word.word
         if pole[0] is None or pole[1] is None:
-            raise block.refuse("one coordinate of a pole, and no earlier pole to take the other from")
+            raise block.refuse("the pole (CC) has one coordinate, and no earlier pole gives the other: write both")
         self.count += 1
         sure = None not in places
         self.pole = _Pole((pole[0], pole[1]), plane, self.count, sure, self.control.frames)
@@ -163,13 +163,17 @@ class Arcs:
     def _tangent(self, block: Block, plane: Plane, start: Point, end: Point) -> Arc:
         """The arc from start to end that leaves the start as the move before arrived there."""
         if self.control.cornered:
-            raise block.refuse("an arc by its tangent behind a rounding or a chamfer")
+            raise block.refuse(
+                "a tangential arc (CT) directly after RND or CHF is not corrected: write it with CR or CC and C"
+            )
         heading = self.control.recorder.heading(plane)
         if heading is None:
-            raise block.refuse("an arc by its tangent, and no move in its plane right before it")
+            raise block.refuse(
+                "a tangential arc needs a move in its plane directly before it: write the arc with a radius or a centre"
+            )
         found = tangent_circle(start, end, heading)
         if found is None:
-            raise block.refuse("an arc by its tangent that is a straight line")
+            raise block.refuse("the tangential arc is a straight line: write L")
         centre, sense = found
         return Arc(plane, sense, centre, False, "tangent", (None, None), pole=self._number)
 
@@ -185,7 +189,7 @@ class Arcs:
         pole = self._pole(block)
         words = self.control.axis_words(block, content.axes)
         if any(word.axis in pole.plane[:2] for word, _ in words):
-            raise block.refuse("a coordinate in the plane of the pole beside polar ones")
+            raise block.refuse("Cartesian and polar coordinates are mixed in the plane of the pole: write one kind")
         target = self.control.target(block, words)
         first, second, _ = pole.plane
         recorder = self.control.recorder
@@ -250,13 +254,17 @@ class Arcs:
         sense = self._sense(block, content)
         start, place = ends
         if place.words[0] is not None:
-            raise block.refuse("CP with a radius: the arc has that of its start")
+            raise block.refuse(
+                "CP takes no radius PR: the radius of the arc is the distance of its start from the pole"
+            )
         if place.turned is None:
             if same(start, place.at):
-                raise block.refuse("CP to the angle where it starts: a full circle, or none")
+                raise block.refuse(
+                    "CP ends at the angle at which it starts, which is a full circle or no move: write IPA"
+                )
             return Arc(pole.plane, sense, pole.at, False, "polar", self.words, self.block, pole=pole.number)
         if place.turned == 0.0 or (place.turned > 0.0) != (sense > 0):
-            raise block.refuse("the sign of IPA and DR do not go the same way")
+            raise block.refuse("IPA and DR have different signs: write the same sense of rotation in both")
         way = abs(place.turned)
         full = same(start, place.at) and way > math.pi
         once = abs(sweep(start, place.at, pole.at, sense, full))

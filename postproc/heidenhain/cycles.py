@@ -109,7 +109,7 @@ class Cycles:
         self._note(block)
 
     def _note(self, block: Block) -> None:
-        text = "canned cycles start from the corrected place; their depths and outlines stay as programmed"
+        text = "canned cycles start from the corrected position; their depths and contours stay as programmed"
         self.control.notes.add(text, block.line)
 
     def _end_above(self, z: int, shifted: float) -> None:

@@ -58,7 +58,10 @@ def sort(block: Block) -> Content:
 def value_of(block: Block, word: Word) -> float:
     """The number that a word says; Refusal where the program does not give it."""
     if word.value is None:
-        raise block.refuse(f"{block.text[word.at : word.end]}: its value is computed while the program runs")
+        raise block.refuse(
+            f"{block.text[word.at : word.end]}: its value is known only while the program runs: assign "
+            "the parameter in the program or write a number"
+        )
     return word.value
 
 
@@ -129,7 +132,10 @@ class Control:
         angles = np.where(rotary, np.array(target) + self.recorder.frame.offset, 0.0)
         if self._upright is None or not np.array_equal(self._upright, angles):
             if lean(self.machine, angles, self.normal) > UPRIGHT:
-                raise block.refuse("the tool does not stand upright on the tilted plane: turn the rotary axes first")
+                raise block.refuse(
+                    "the tool is not perpendicular to the tilted plane: turn the rotary axes before this "
+                    "move (PLANE ... TURN or L A B C)"
+                )
             self._upright = angles
 
     # ---- frames

@@ -171,7 +171,10 @@ class Planes:
         if control.tcp:
             raise block.refuse("a plane is tilted while M128 is on")
         if control.tilted_places.active or control.places.active.keys() - {7}:
-            raise block.refuse("a plane is tilted where the coordinates are turned, or shifted within another plane")
+            raise block.refuse(
+                "PLANE while a rotation, mirror or scale is active, or a shift within another plane: "
+                "reset them before PLANE"
+            )
         control.levelled = False
         normal = self._normal(turn)
         if angles is None:
@@ -203,7 +206,9 @@ class Planes:
         if control.tilt is None:
             return
         if control.tilted_places.active:
-            raise block.refuse("the coordinates are shifted or turned within the tilted plane: take that back first")
+            raise block.refuse(
+                "a shift, rotation, mirror or scale is active within the tilted plane: reset it before the plane ends"
+            )
         control.tilt = None
         control.change_frame(cartesian(control.machine))
 
@@ -221,7 +226,7 @@ class Planes:
         for name, number in ROTARY_Q.items():
             axis = names.index(name) if name in names else None
             known = axis is not None and angles is not None and axis in angles
-            unknown = NotKnown("the control may choose between several positions of the rotary axes")
+            unknown = NotKnown("the control chooses between several positions of the rotary axes")
             value = angles[axis] - offset[axis] if known and angles is not None and axis is not None else unknown
             self.control.scope.set("Q", (number,), value if axis is not None else 0.0)
 
@@ -242,7 +247,10 @@ class Planes:
         rotary = [i for i, axis in enumerate(machine.axes) if axis.rotary]
         found = self._solutions(normal, rotary, choice)
         if not found:
-            raise UserError("no position of the rotary axes inside their travel stands the tool on this plane")
+            raise UserError(
+                "no position of the rotary axes within their travel makes the tool perpendicular to this "
+                "plane: check the angles and the travel in the machine file"
+            )
         if sequence:
             main = [i for i in rotary if abs(machine.axes[i].unit_direction[2]) < 0.99]
             if len(main) != 1:
@@ -259,14 +267,14 @@ class Planes:
         recorder = self.control.recorder
         if not all(recorder.known[i] for i in rotary):
             raise UserError(
-                "which position of the rotary axes the control chooses depends on where they stand, which the "
-                "program has not said: say it before, or SEQ+ or SEQ-"
+                "the control chooses by the positions of the rotary axes, which the program has not given: move them "
+                "before the plane, or write SEQ+ or SEQ-"
             )
         offset = recorder.frame.offset
         ways = [[abs(q[i] - recorder.position[i] - offset[i]) for i in rotary] for q in found]
         best = min(range(len(found)), key=lambda k: sum(ways[k]))
         if any(a > b + 1e-9 for other in ways for a, b in zip(ways[best], other, strict=True)):
-            raise UserError("which position of the rotary axes the control chooses is not known: say SEQ+ or SEQ-")
+            raise UserError("the plane has several positions of the rotary axes: write SEQ+ or SEQ-")
         return found[best]
 
     def _solutions(
@@ -277,7 +285,9 @@ class Planes:
         here = {i: recorder.position[i] + recorder.frame.offset[i] for i in rotary}
         found, free = perpendicular(self.control.machine, normal, here)
         if free and not choice.flat and (choice.table or here[rotary[0]] != 0.0):
-            raise UserError("the tool stands along a rotary axis: where the control turns it is not known")
+            raise UserError(
+                "the tool is along a rotary axis, whose position is then the choice of the control: write PLANE AXIAL"
+            )
         return found
 
 

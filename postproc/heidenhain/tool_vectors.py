@@ -18,7 +18,7 @@ def normal_line(control: Control, index: int, block: Block, content: Content, se
     """
     normal, tool_axis = (_vector(block, kind) for kind in (NORMAL, TOOL_AXIS))
     if normal is None and tool_axis is None:
-        raise block.refuse("LN without a vector")
+        raise block.refuse("LN needs NX NY NZ or TX TY TZ")
     words = control.axis_words(block, content.axes)
     target = control.target(block, words)
     recorder, machine = control.recorder, control.machine
@@ -28,9 +28,9 @@ def normal_line(control: Control, index: int, block: Block, content: Content, se
         if not machine.rotary.any() or any(machine.rotary[word.axis] for word, _ in words):
             raise block.refuse(f"TX TY TZ beside a rotary axis, or on machine {machine.name} without one")
         turn_along(block, recorder, target, tool_axis)
-        control.notes.add("TX TY TZ: the control is taken to turn the rotary axes the nearest way", block.line)
+        control.notes.add("TX TY TZ: the control is taken to turn the rotary axes to the nearest solution", block.line)
     if normal is not None:
-        control.notes.add("surface normals: what the control shifts along them is not corrected", block.line)
+        control.notes.add("surface normals: the offset of the tool along them is not corrected", block.line)
     kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
     recorder.move(index, kind, target, control.unit, tuple(word for word, _ in words), settled=settled)
 
@@ -40,5 +40,5 @@ def _vector(block: Block, kind: str) -> list[float] | None:
     if not words:
         return None
     if len(words) < 3 or sum(word.address in words for word in block.words) > 3:
-        raise block.refuse(f"{kind}X {kind}Y {kind}Z go together, each once")
+        raise block.refuse(f"{kind}X {kind}Y {kind}Z must all be in the block, each once")
     return [value_of(block, words[kind + axis]) for axis in "XYZ"]

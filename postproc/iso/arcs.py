@@ -32,7 +32,7 @@ def read_arc(
     i = radius_alone(block, other, "R")
     if i is not None:
         if turns:
-            raise block.refuse("an arc of several turns by its radius")
+            raise block.refuse("an arc of several turns (P) needs a centre I J K instead of R")
         form = "radius-absolute" if modes.arc_absolute else "radius"
         return arc_by_radius(block, ends, values.number(block, i, modes.unit), i, form)
     indices = centre_words(block, other, modes.plane, lambda i: block.words[i].value or 0.0, "R")
@@ -49,7 +49,7 @@ def _turns(content: Content, values: Values) -> int:
         return 0
     turns = values.whole(content.block, content.other["P"])
     if turns < 1:
-        raise content.refuse("an arc of no turn")
+        raise content.refuse("P of the arc must be 1 or more: it counts the turns")
     return turns - 1
 
 
@@ -85,7 +85,9 @@ class PolarPlaces:
         others = [(word, value) for word, value in words if word.axis not in axes]
         if self.radius is None or self.angle is None:
             if said:
-                raise block.refuse("a polar coordinate without the other")
+                raise block.refuse(
+                    "polar coordinates (G16) need a radius and an angle before the first move: write both"
+                )
             return others, None
         indices = [said[axis][0] if axis in said else None for axis in axes]
         return others, Polar(axes, self.radius, self.angle, (indices[0], indices[1]))

@@ -79,7 +79,10 @@ def parse_block(line: int, text: str) -> Block:
     if skippable and steps:
         raise block.refuse_skip()
     if statements > 1 and code is not None and code.turns:
-        raise block.refuse("two statements in one block of which one turns the run of the program")
+        raise block.refuse(
+            "a jump, loop or branch must be the only statement of its block: write the other statement "
+            "in a block of its own"
+        )
     return check_order(block)
 
 

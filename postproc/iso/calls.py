@@ -23,7 +23,10 @@ def with_calls(block: Block) -> Block:
     if not found:
         return block
     if len(found) > 1 or block.skippable or (block.code and (block.code.before or block.code.after)):
-        raise block.refuse("a call beside something else that turns the run of the program")
+        raise block.refuse(
+            "a subprogram call must be the only call, jump or loop of its block: write the others in "
+            "blocks of their own"
+        )
     word = found[0]
     others = tuple(other for other in block.words if other is not word)
     match word.address, word.value:
@@ -69,7 +72,7 @@ def _with_macro(block: Block, word: Word, others: tuple[Word, ...]) -> Block:
     taken, kept = _taken(block, others, "PL" + "".join(ARGUMENTS))
     name = Operation("program", (_program(block, code, taken),))
     if any(other.address not in "NG" for other in kept):
-        raise block.refuse(f"{code} beside something else")
+        raise block.refuse(f"{code} does not go with the other words of its block: write them in a block before it")
     arguments = tuple(
         (ARGUMENTS[address], _argument(block, taken[address])) for address in taken if address in ARGUMENTS
     )

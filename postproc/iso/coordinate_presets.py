@@ -67,7 +67,9 @@ def place(
     """Take over the block; True where its axis words say what the places are called at which the axes stand."""
     beside = set(content.g) - BESIDE_PLACING - {code}
     if beside or content.m or content.other.keys() - {"N", *WORDS.get(code, TURN_WORDS if code in TURNS else "")}:
-        raise content.refuse(f"G{code:g} and something beside it")
+        raise content.refuse(
+            f"G{code:g} does not go with the other words of its block: write them in a block before it"
+        )
     if not modes.absolute and (words or code in TURNS):
         raise content.refuse(f"G{code:g} needs G90")
     placing = Placing(content, words, frames, values, modes)
@@ -83,7 +85,7 @@ def extended_offset(values: Values, content: Content, code: float) -> int | None
     if code in EXTENDED and not extended:
         raise content.refuse(f"G{code:g} without P")
     if extended and not ONE_SHOT.isdisjoint(content.g):
-        raise content.refuse("P in one block with two codes that may take it")
+        raise content.refuse("two G codes of the block can use P: write them in two blocks")
     return values.whole(content.block, content.other["P"]) if extended else None
 
 

@@ -75,7 +75,10 @@ class CannedCycle:
         above = self.level if self.incremental else 0.0
         level = above + self.retract
         if self.known and level > self.level and not to_retract:
-            raise block.refuse("R lies above the level before the cycle: controls differ in how they return")
+            raise block.refuse(
+                "R is above the level before the cycle, and controls differ in the return: move the tool "
+                "above R before the cycle"
+            )
         places = [(word, value) for word, value in words if word.axis != axis]
         target = recorder.target(block, places)
         target[axis] = level + self.depth if self.incremental else self.depth
@@ -112,9 +115,12 @@ def calls_macro(content: Content, claimed: float | None, inside: str, stayed: bo
             return False
         raise content.refuse("a length without coordinates while G66 is on: whether its macro runs behind it depends")
     if inside:
-        raise content.refuse(f"{inside} while G66 is on: what comes first is not documented")
+        raise content.refuse(
+            f"{inside} while G66 is active: the order of the two is not documented. Write G67 before it"
+        )
     if stayed:
         raise content.refuse(
-            "says the place where the tool stands while G66 is on: whether its macro runs behind it is not documented"
+            "the block moves to the present position while G66 is active: whether its macro runs is not "
+            "documented. Delete the block or write G67 before it"
         )
     return True

@@ -74,7 +74,9 @@ def _tilt(said: Said) -> Placement:
     """G68.2: origin X Y Z, turned by I about Z, by J about X as turned, by K about Z as turned."""
     said.refuse_but("IJKP")
     if said.others.get("P", 0.0) or not {"I", "J", "K"} <= said.others.keys():
-        raise said.block.refuse("a tilted plane by other than I J K is not corrected")
+        raise said.block.refuse(
+            "G68.2 is corrected only with the Euler angles I J K and without P: write all three angles"
+        )
     i, j, k = (said.others[name] for name in "IJK")
     origin = said.centre(MIDDLE) if said.axes else Placement()
     return origin.then(euler(i, j, k))

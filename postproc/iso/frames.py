@@ -124,7 +124,9 @@ class Frames:
     def enter_offset(self, block: Block, name: str, values: Shifts, turn: float | None) -> None:
         """G10 L2: a work offset of the table, and by how many degrees it turns X and Y."""
         if self.placed_by and name == self.offsets.name:
-            raise block.refuse("changes the work offset in force while the coordinates are turned")
+            raise block.refuse(
+                "G10 changes the active work offset while the coordinates are rotated: write it before the rotation"
+            )
         self.offsets.enter(name, values)
         self.notes.add(f"{name} as G10 sets it", block.line)
         changed = set(values)
@@ -163,14 +165,19 @@ class Frames:
 
     def _refuse_turned(self, block: Block) -> None:
         if self.placed_by or self.lengths.tcp or self.offsets.turn:
-            raise block.refuse("says where the tool stands while the coordinates are turned or the table turns them")
+            raise block.refuse(
+                "a preset of the present position (G92, G10 L20) is not corrected while the coordinates "
+                "or the table are rotated: write it before the rotation"
+            )
 
     def _standing(self, block: Block, axes: Iterable[int]) -> Shifts:
         """Where the axes stand; Refusal where the program has not said it in this frame."""
         for axis in axes:
             if self.recorder.known[axis] != Known.PROGRAM:
                 name = self.machine.names[axis]
-                raise block.refuse(f"says what {name} is called where it stands, and the program has not said where")
+                raise block.refuse(
+                    f"the preset of {name} needs a programmed position: write a move of {name} in this frame before it"
+                )
         return {axis: self.recorder.position[axis] for axis in axes}
 
     # ---- turns
@@ -227,7 +234,7 @@ class Frames:
             or lean(self.machine, np.where(self.machine.rotary, degrees, 0.0), normal_of(self.place)) > UPRIGHT
         ):
             raise block.refuse(
-                "the tool does not stand along the normal of the plane as the program has turned it: how G53.1 turns "
-                "the axes is the control's choice. Turn them in a block before it"
+                "the tool is not perpendicular to the tilted plane, and the control chooses how G53.1 turns "
+                "the rotary axes: turn them in a block before it"
             )
         self.upright = True

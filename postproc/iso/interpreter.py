@@ -130,7 +130,10 @@ class IsoInterpreter:
             if any(word.address == "O" for word in block.words):
                 raise block.refuse("a second program in one file")
             if self.torn and block.kind != "tape_mark":
-                raise block.refuse("behind a tape mark that none opened: for some controls the program begins here")
+                raise block.refuse(
+                    "text after a tape mark (%) that has no first one: for some controls the program "
+                    "begins here. Write % before the first block too"
+                )
             if block.kind != "tape_mark":
                 note_after_end(block, self.notes)
         elif block.kind == "words":
@@ -396,7 +399,7 @@ class IsoInterpreter:
         if None in said or self.motion not in (0.0, 1.0):
             raise content.refuse("a tool vector needs I, J and K, and a straight line")
         vector = [content.block.words[i].value or 0.0 for i in said if i is not None]
-        self.notes.add("G43.5: rotary axes taken nearest to where they stand", content.block.line)
+        self.notes.add("G43.5: rotary axes taken nearest to their present positions", content.block.line)
         places = turned_to(content.block, self.recorder, target, vector)
         for axis, value in places.items():
             target[axis] = value
@@ -447,7 +450,7 @@ class IsoInterpreter:
         self._check_cycle_frame(content, cycle)
         times = [self.values.whole(block, content.other[letter]) for letter in "KL" if letter in content.other]
         if len(times) > 1 or any(not 0 <= n <= MOST_HOLES for n in times):
-            raise content.refuse("a canned cycle that runs very many times, or K and L at once")
+            raise content.refuse("a canned cycle needs K or L, at most 9999: write one of them")
         words, polar = (
             (self.axis_words(content), None) if self.polar is None else self._polar_words(content, self.polar)
         )
@@ -504,7 +507,9 @@ class IsoInterpreter:
         if depth and "R" in content.other:
             cycle.incremental = not self.modes.absolute
         elif depth or "R" in content.other:
-            raise content.refuse("depth without R, or R without depth, in G90 within a cycle of G91, or the reverse")
+            raise content.refuse(
+                "G90 or G91 changed within the cycle, and the block has only one of depth and R: write both"
+            )
         if self.polar is not None:
             raise content.refuse("G90 or G91 within a canned cycle in polar coordinates")
 

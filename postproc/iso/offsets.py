@@ -87,7 +87,9 @@ class Offsets:
             code = "G92.2" if suspended else "G92.3"
             raise block.refuse(f"{code} while G52 is on: one store on some controls, two on others")
         if not suspended and self.preset is None:
-            raise block.refuse("brings back what a G92 of another program has left")
+            raise block.refuse(
+                "G92.3 restores the G92 of another program, which is not known: write G92 with its values"
+            )
         self.suspended = suspended
 
 
@@ -143,7 +145,10 @@ class Lengths:
     def set(self, block: Block, store: dict[str, float], number: int, length: float) -> None:
         """G10: a length of the table, or its wear, from now on; mm."""
         if number == self.number:
-            raise block.refuse("changes the length in force: some controls take it at once, others do not")
+            raise block.refuse(
+                "G10 changes the length offset in force, which some controls apply at once and others at "
+                "the next G43: write G49 before it and G43 H after it"
+            )
         store[str(number)] = length
 
     def give(self, length: float) -> None:

@@ -81,7 +81,7 @@ def check_content(content: Content, begun: bool, family: str) -> None:
     if len(g) > 1:
         naming = NAMING - {DWELL} if family == "linuxcnc" else NAMING
         if content.axes and not naming.isdisjoint(g) and not (MOTION.keys() | CYCLES).isdisjoint(g):
-            raise block.refuse("coordinates that two codes may take")
+            raise block.refuse("two G codes of the block can use its coordinates: write them in two blocks")
         alone = [code for code in g if code not in content.ends]
         refuse_two_of_a_group(block, alone, GROUPS)
 
@@ -97,7 +97,10 @@ def _check_line_end(block: Block) -> None:
     """Refuse words behind a semicolon that stands behind words: where it ends a block, they are the next one."""
     _, mark, rest = block.text[block.words[-1].end :].partition(";")
     if mark and WORDS.fullmatch(rest.rstrip("\r\n")) and not MEANINGFUL.isdisjoint(rest.upper()):
-        raise block.refuse("words behind a semicolon: a comment on some controls, the next block on others")
+        raise block.refuse(
+            "words after a semicolon are a comment on some controls and the next block on others: write "
+            "them in parentheses or in a block of their own"
+        )
 
 
 # ---- words that codes of the block use: the time of a dwell, the angle of an oriented stop
@@ -140,7 +143,9 @@ def take_own_words(content: Content, motion: float | None, family: str) -> None:
     for address in content.other:
         names = [name for name, letters in takers if address in letters]
         if len(names) > 1:
-            raise content.refuse(f"{address} in one block with {' and '.join(names)}, which may both take it")
+            raise content.refuse(
+                f"{address} in one block with {' and '.join(names)}, which can both use it: write them in two blocks"
+            )
     for code in content.m:
         if code == ORIENTED_STOP or (code in OUTPUTS and family == "linuxcnc"):
             for address in content.other.keys() & set(TAKEN_BY_M[code]):
@@ -158,7 +163,10 @@ def dwells_alone(content: Content, family: str) -> bool:
             return False
         raise content.refuse(f"axis words beside G4 P: a move on LinuxCNC and Mach3, refused by others; {DIFFERS}")
     if "P" not in other and (len(times) > 1 or not set(times) <= set(DWELL_TIMES)):
-        raise content.refuse("a dwell with axis words that are no time: some controls move there")
+        raise content.refuse(
+            "G4 has axis words that are no dwell time, and some controls move there: write the move in a "
+            "block of its own"
+        )
     return True
 
 

@@ -66,7 +66,7 @@ def centre_words(
 def radius_alone(block: Block, other: Mapping[str, int], radius: str) -> int | None:
     """The index of the radius word, if any; Refusal if the block also has words of a centre."""
     if radius in other and not other.keys().isdisjoint(CENTRES):
-        raise block.refuse("an arc by its radius and its centre at once")
+        raise block.refuse("the arc has a radius and a centre: write one of them")
     return other.get(radius)
 
 

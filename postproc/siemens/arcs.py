@@ -60,7 +60,7 @@ def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, targe
     if index is None:
         return _by_centre(block, content, turn, ends)._replace(turns=int(turns))
     if turns:
-        raise block.refuse("TURN beside a radius, or beside an angle and an end")
+        raise block.refuse("TURN needs an arc with a centre: a radius or an angle AR excludes it")
     return arc_by_radius(block, ends, value_of(block, block.words[index]) * turn.unit, index)
 
 
@@ -76,7 +76,9 @@ def _centre(block: Block, content: Content, turn: Turn) -> tuple[Point, bool]:
     words = [None if i is None else block.words[i] for i in indices]
     modes = {"" if word.mode == "IC" else word.mode for word in words if word is not None}
     if len(modes) > 1 or not modes <= {"", "AC"}:
-        raise block.refuse("one coordinate of a centre absolute and the other not")
+        raise block.refuse(
+            "one coordinate of the centre is absolute and the other incremental: write both in the same way"
+        )
     absolute = modes == {"AC"}
     if absolute and None in indices:
         raise block.refuse(f"an absolute centre takes both {' and '.join(turn.letters)}")
@@ -127,7 +129,7 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
         words = [*said.words, (AxisWord(first, index, not absolute), value)]
         return Said(with_word(block, index, coordinate), words, {second: end[1]})
     if content.other.keys() & set(CENTRES):
-        raise block.refuse("AR beside an end and a centre")
+        raise block.refuse("the arc has AR, an end point and a centre: write AR with one of the others")
     radius = math.dist(start, end) / 2.0 / math.sin(math.radians(angle) / 2.0)
     if radius == 0.0:
         raise block.refuse("AR of an arc that ends where it starts")
@@ -146,7 +148,7 @@ def _middle(block: Block, content: Content, turn: Turn, start: Point, *, absolut
         raise block.refuse(f"CIP takes {names[0]} and {names[1]}: a circle in its plane")
     x, y = (block.words[content.other[name]] for name in names[:2])
     if {x.mode, y.mode} - {"", "AC", "IC"}:
-        raise block.refuse("CIP with a point between that is neither absolute nor an increment")
+        raise block.refuse("the intermediate point of CIP must be absolute (AC) or incremental (IC)")
     said = [value_of(block, word) * turn.unit for word in (x, y)]
     counts = [word.mode == "IC" or (not word.mode and not absolute) for word in (x, y)]
     first, second = (value + base * more for value, base, more in zip(said, start, counts, strict=True))
@@ -160,7 +162,9 @@ def worked_out(
     _, _, start, end = turn.ends(block, recorder, target)
     columns = turn.columns(recorder)
     if target[columns[2]] != recorder.position[columns[2]]:
-        raise block.refuse("CIP or CT out of its plane: a circle in space, or a helix by its tangent")
+        raise block.refuse(
+            "CIP or CT leaves the working plane: circles in space and tangential helices are not corrected"
+        )
     if content.other.keys() & (ARC_WORDS - {*MIDDLES}):
         raise block.refuse("CIP or CT with a centre, a radius or turns")
     name = next(name for name in WORKED_OUT if name in content.names)
@@ -169,7 +173,7 @@ def worked_out(
     else:
         heading = recorder.heading(columns)
         if heading is None or content.other.keys() & {*MIDDLES}:
-            raise block.refuse("CT without a move in its plane right before it, or with a point between")
+            raise block.refuse("CT needs a move in its plane directly before it and takes no intermediate point")
         found = tangent_circle(start, end, heading)
     if found is None:
         raise block.refuse(f"{name} that is a straight line")

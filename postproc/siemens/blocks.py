@@ -96,7 +96,9 @@ def _checked(block: Block) -> Block:
     if block.code is not None and block.code.turns:
         others = [word for word in block.words if word.address != "N"]
         if others or (len(steps) > 1 and not all(_is_jump(step) for step in steps)):
-            raise block.refuse("a statement that turns the run of the program, and something beside it")
+            raise block.refuse(
+                "a jump, loop or branch must be alone in its block: write the other words in a block of their own"
+            )
     return check_order(block)
 
 

@@ -44,7 +44,7 @@ def _with_call(block: Block, programs: set[str]) -> Block:
     word, name = called[0]
     others = [other for other in block.words if other.address not in ("N", "P") and other is not word]
     if others or block.skippable or (block.code is not None and block.code.turns):
-        raise block.refuse(f"a call of {name} and something beside it")
+        raise block.refuse(f"the call of {name} must be alone in its block: write the other words in a block before it")
     passes = next((other for other in block.words if other.address == "P"), None)
     given = [argument for argument in enumerate(word.arguments or (), start=1) if argument[1] != EMPTY]
     call = Call(f"%{name}", tuple(given), _times(passes))

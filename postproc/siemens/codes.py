@@ -41,10 +41,13 @@ GROUPS = (
 )  # fmt: skip
 REFUSED_G = {
     **dict.fromkeys((33.0, 34.0, 35.0, 63.0, 331.0, 332.0), "threading is not corrected"),
-    **dict.fromkeys(map(float, (140, 141, 142, 143, 147, 148, 247, 248, 347, 348)), "the control works out the way"),
+    **dict.fromkeys(
+        map(float, (140, 141, 142, 143, 147, 148, 247, 248, 347, 348)),
+        "is an approach or retraction path that the control calculates: not corrected",
+    ),
     **dict.fromkeys((58.0, 59.0), "shifts the coordinates"),
-    5.0: "is a way into a groove that the control works out",
-    7.0: "is a way into a groove that the control works out",
+    5.0: "is a groove path that the control calculates: not corrected",
+    7.0: "is a groove path that the control calculates: not corrected",
     291.0: "switches to the language of ISO programs",
 }  # fmt: skip
 
@@ -81,9 +84,14 @@ REFUSED_NAMES = {
     **dict.fromkeys(("INVCW", "INVCCW"), "an arc whose circle the control works out is not corrected"),
     **dict.fromkeys(("DIAMON", "DIAM90", "DIAMONA"), "diameter programming is not corrected"),
     **dict.fromkeys(("TRANSMIT", "TRACYL", "TRAANG"), "transforms the coordinates"),
-    **dict.fromkeys(("CALL", "PCALL", "EXTCALL", "ISOCALL"), "calls what stands elsewhere"),
-    **dict.fromkeys(("PROC", "DEFINE", "SETINT"), "declares what other programs are needed for"),
-    **dict.fromkeys(("WHEN", "WHENEVER", "EVERY", "FROM", "DO", "ID", "IDS"), "acts beside the program"),
+    **dict.fromkeys(
+        ("CALL", "PCALL", "EXTCALL", "ISOCALL"), "calls a program that is not in this file: insert its blocks"
+    ),
+    **dict.fromkeys(("PROC", "DEFINE", "SETINT"), "declares a program of another file: not followed"),
+    **dict.fromkeys(
+        ("WHEN", "WHENEVER", "EVERY", "FROM", "DO", "ID", "IDS"),
+        "is a synchronised action, which runs in parallel with the program: not corrected",
+    ),
     **dict.fromkeys(("TOROT", "TOFRAME", "PAROT", "TOFRAMEX", "TOFRAMEY", "TOROTX", "TOROTY"), "turns the coordinates"),
     **dict.fromkeys(("MEAS", "MEAW", "MEASA", "MEAWA"), "where a probing move ends is not known"),
     **dict.fromkeys(("CUT3DC", "CUT3DF", "CUT3DFS", "CUT3DFF"), "tool radius compensation in space is not corrected"),

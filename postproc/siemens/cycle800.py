@@ -68,10 +68,13 @@ def rotary_positions(block: Block, machine: Machine, swivel: Swivel) -> dict[int
     """
     rotary = np.flatnonzero(machine.rotary).tolist()
     if not rotary:
-        raise block.refuse(f"a tilted plane on machine {machine.name}, which has no axis that turns")
+        raise block.refuse(f"a tilted plane needs a rotary axis, and machine {machine.name} has none")
     found, _ = perpendicular(machine, normal_of(swivel.plane), dict.fromkeys(rotary, 0.0))
     if not found:
-        raise block.refuse("no position of the rotary axes sets the tool upright on this plane")
+        raise block.refuse(
+            "no position of the rotary axes within their travel makes the tool perpendicular to this "
+            "plane: check the angles and the travel in the machine file"
+        )
     tilting = min(rotary, key=lambda i: np.ptp(machine.axes[i].travel))
     sign = 1.0 if swivel.lower else -1.0
     return min(found, key=lambda at: (sign * at[tilting], sum(abs(angle) for angle in at.values()), -sum(at.values())))

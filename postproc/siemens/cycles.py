@@ -40,7 +40,7 @@ class Cycles:
         if not called and not modal:
             return False
         if len(called) > 1 or len(content.names) > len(called) + modal or content.axes or content.g:
-            raise block.refuse("a cycle and something beside it")
+            raise block.refuse("a cycle call must be alone in its block: write the other words in a block before it")
         cycle = self._cycle(called[0]) if called else None
         if modal:
             self.modal = cycle
@@ -66,10 +66,10 @@ class Cycles:
         machine = recorder.machine
         if cycle.name not in CYCLES_AT_PLACE:
             forget_named(recorder, "XYZ")
-            text = f"{cycle.name}: its places are arguments, which stay as they are: not corrected"
+            text = f"{cycle.name}: its positions are arguments, which stay as programmed: not corrected"
             self.notes.add(text, block.line)
             return
-        self.notes.add(f"{cycle.name} runs from the corrected place; its arguments stay as they are", block.line)
+        self.notes.add(f"{cycle.name} runs from the corrected position; its arguments stay as programmed", block.line)
         axis = machine.index(normal)
         if cycle.retraction is None:
             recorder.forget([axis])

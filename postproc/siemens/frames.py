@@ -46,7 +46,7 @@ class Places:
             if axis not in self.machine.names:
                 raise block.refuse(f"machine {self.machine.name} ({self.machine.chain}) has no axis {axis}")
         if turned and kind != "TRANS":
-            raise block.refuse(f"{name} of an axis that turns")
+            raise block.refuse(f"{name} of a rotary axis: only TRANS and ATRANS shift rotary axes")
         inner = self._inner(block, content, kind, {a: v for a, v in words.items() if a in "XYZ"}, unit, plane)
         if kind == name:
             self.programmed, self.turning = Placement(), {}
@@ -69,7 +69,7 @@ class Places:
         angle = content.other.get("RPL")
         if angle is not None:
             if words:
-                raise block.refuse("RPL beside an axis")
+                raise block.refuse("RPL and an axis letter exclude each other: write one of them")
             return rotated(plain_of(block, block.words[angle]), plane)
         if len(words) > 1:
             self.notes.add("rotations in one block taken in the order Z, Y, X (RPY: MD10600 = 1)", block.line)

@@ -115,7 +115,9 @@ class SiemensInterpreter:
                 self.control_state.use(block, self.recorder.used)
             elif block.kind == "header":
                 if self.begun:
-                    raise block.refuse("the program before it has no end (M30, M17, RET)")
+                    raise block.refuse(
+                        "the program before this one has no end: write M30, M17 or RET before this block"
+                    )
                 self.begun = True
         return self.recorder.finish(done)
 
@@ -161,7 +163,7 @@ class SiemensInterpreter:
         """True where the corner that this block begins at, or ends at, is one that the control breaks."""
         before, here = self.cornered, not CORNERS.isdisjoint(content.other)
         if here:
-            self.notes.add("corners that the control breaks: their points are corrected", block.line)
+            self.notes.add("chamfers and roundings: the corner points are corrected", block.line)
         if "RNDM" in content.other:
             self.rounded = value_of(block, block.words[content.other["RNDM"]]) > 0.0
         if content.moves:
@@ -239,17 +241,19 @@ class SiemensInterpreter:
         if "ORIWKS" in content.names or "ORIMKS" in content.names:
             self.machine_vectors = "ORIMKS" in content.names
         if "RET" in content.names and block.words[content.names["RET"]].arguments is not None:
-            raise block.refuse("RET with arguments: a return to somewhere else")
+            raise block.refuse("RET with arguments returns to another block: not followed")
         return claimed
 
     def _work_out(self, block: Block, content: Content) -> None:
         """CIP and CT instead of G2 and G3."""
         if len(WORKED_OUT & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
-            raise block.refuse("CIP or CT beside another kind of move")
+            raise block.refuse("CIP and CT exclude G0 to G3 and each other in one block: write one of them")
         if not POLAR.isdisjoint(content.other) or self.tcp:
             raise block.refuse("CIP or CT with polar coordinates, or while TRAORI is on")
         if self.cornered or self.rounded:
-            raise block.refuse("CIP or CT behind a corner that the control breaks")
+            raise block.refuse(
+                "CIP or CT directly after a chamfer or rounding is not corrected: write G2 or G3 with a centre"
+            )
         self.motion = BY_CONTROL
 
     def _check_tolerance_cycle(self, block: Block, word: Word) -> None:
@@ -331,11 +335,11 @@ class SiemensInterpreter:
         """CYCLE800: turns the rotary axes on a way of its own, and tilts the coordinates with them."""
         swivel = read_swivel(block, block.words[content.names["CYCLE800"]], self.scope, self.unit)
         if content.axes or content.g or len(content.names) > 1 or self.tcp:
-            raise block.refuse("CYCLE800 and something beside it, or TRAORI before it")
+            raise block.refuse("CYCLE800 must be alone in its block, and TRAORI must be off: write TRAFOOF before it")
         self.polar.forget()
         if swivel is None:
             self.places.swivel(None)
-            self.notes.add("CYCLE800(): rotary axes taken to stay where they are", block.line)
+            self.notes.add("CYCLE800(): rotary axes taken to keep their positions", block.line)
         else:
             before = self.places.swivelled
             if swivel.added and before is not None:
@@ -377,10 +381,10 @@ class SiemensInterpreter:
                 axis = self.recorder.axis(block, word.address)
             rotary = self.machine.axes[axis].rotary
             if word.mode in ("DC", "ACP", "ACN") and not rotary:
-                raise block.refuse(f"{word.mode} for an axis that does not turn")
+                raise block.refuse(f"{word.mode} needs a rotary axis")
             if rotary and self.places.swivelled is not None and not self.tcp:
                 raise block.refuse(
-                    "a rotary axis in a plane of CYCLE800: the control leaves the coordinates as they are"
+                    "a rotary axis moves in a tilted plane of CYCLE800: end the plane by CYCLE800() before it"
                 )
             incremental = word.mode == "IC" or (not word.mode and not self.absolute)
             result.append((AxisWord(axis, i, incremental), value_of(block, word) * (1.0 if rotary else self.unit)))
@@ -448,13 +452,14 @@ class SiemensInterpreter:
         if not self.tcp or self.machine_vectors:
             raise block.refuse("a tool vector without TRAORI, or in machine coordinates (ORIMKS)")
         turn_to_vector(block, content, self.recorder, target)
-        self.notes.add("tool vectors: the control is taken to turn the rotary axes the nearest way", block.line)
+        self.notes.add("tool vectors: the control is taken to turn the rotary axes to the nearest solution", block.line)
 
     def _check_increments(self, block: Block, said: Said) -> None:
         for word, _ in said.words:
             if word.incremental and self.recorder.known[word.axis] == Known.MACHINE:
                 name = self.machine.names[word.axis]
                 raise block.refuse(
-                    f"an increment of {name} before its position is said in this frame: whether the control runs the "
-                    "new offset with it depends on its settings"
+                    f"an increment of {name} before its first absolute position in this frame: whether "
+                    "the control moves by the "
+                    "new offset too depends on its settings. Write an absolute position first"
                 )

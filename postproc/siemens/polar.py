@@ -47,7 +47,7 @@ class Polar:
             shift = _around((0.0, 0.0), radius * turn.unit, angle)
         else:
             if POLAR & content.other.keys():
-                raise block.refuse("a pole takes AP and RP, or coordinates")
+                raise block.refuse("a pole has AP and RP or Cartesian coordinates: write one kind")
             shift = self._shift(block, content, turn)
         self.pole = (base[0] + shift[0], base[1] + shift[1])
         self.forget()
@@ -69,7 +69,7 @@ class Polar:
         """
         first, second, _ = turn.columns(recorder)
         if any(word.axis in (first, second) for word, _ in said.words):
-            raise block.refuse("polar coordinates and others in one plane")
+            raise block.refuse("Cartesian and polar coordinates are mixed in the working plane: write one kind")
         indices = {address: content.other.pop(address) for address in ("AP", "RP") if address in content.other}
         words = {address: block.words[index] for address, index in indices.items()}
         self.angle = self._value(block, words.get("AP"), self.angle, 1.0, absolute)
@@ -100,16 +100,18 @@ class Polar:
         if word.mode not in ("", "IC"):
             raise block.refuse(f"{word.mode} of a polar coordinate")
         if before is None:
-            raise block.refuse("an increment of a polar coordinate that no block before has said")
+            raise block.refuse(
+                "an increment of a polar coordinate needs a value from an earlier block: write the absolute value"
+            )
         return before + value
 
     def arc(self, block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float]) -> Arc:
         """The arc round the pole to polar coordinates."""
         ends = turn.ends(block, recorder, target)
         if content.other.keys() & {"I", "J", "K", "CR", "AR", "TURN"}:
-            raise block.refuse("an arc round the pole, and another circle")
+            raise block.refuse("the arc about the pole has a second centre or radius: write AP and RP only")
         if same(ends.start, ends.end):
-            raise block.refuse("an arc round the pole that ends where it starts")
+            raise block.refuse("the arc about the pole ends at its start: write a full circle with a centre I J K")
         return arc_by_centre(block, ends, self.pole, (None, None), absolute=True)._replace(form="incremental")
 
 

@@ -210,7 +210,7 @@ def _declare(parts: list[Any]) -> list[Step]:
 def _receive(parts: list[Any]) -> Receive:
     """PROC: the parameters of a subprogram."""
     if any(str(part).upper() == "SAVE" for part in parts[2:]):
-        raise Ambiguous("SAVE brings back the modes of the caller behind the subprogram: not followed")
+        raise Ambiguous("SAVE restores the modes of the caller after the subprogram: not followed")
     found = []
     for part in parts[2:]:
         if isinstance(part, Token):

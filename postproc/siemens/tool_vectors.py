@@ -18,7 +18,7 @@ def turn_to_vector(block: Block, content: Content, recorder: Recorder, target: l
     program's own words, so none of ours ever names them.
     """
     if not recorder.machine.rotary.any():
-        raise block.refuse(f"a tool vector on machine {recorder.machine.name}, which has no axis that turns")
+        raise block.refuse(f"a tool vector needs a rotary axis, and machine {recorder.machine.name} has none")
     if not all(recorder.frame.keeps_circles(plane) for plane in ("XY", "YZ")):
         raise block.refuse("a tool vector where the axes are scaled by different factors")
     words = {address: content.other.pop(address) for address in VECTOR if address in content.other}

@@ -103,7 +103,7 @@ OPERATIONS: Operations = {
 
 def _bits(a: float) -> int:
     if a != int(a) or a < 0.0:
-        raise NotKnown(f"{a:g} bit by bit")
+        raise NotKnown(f"{a:g} is no whole number of 0 or more, which a bit operation needs")
     return int(a)
 
 

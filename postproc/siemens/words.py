@@ -94,7 +94,10 @@ def check(block: Block, content: Content) -> None:
     if len(content.g) > 1:
         refuse_two_of_a_group(block, content.g, GROUPS)
     if content.frames and (content.g or content.m or len(content.names) > 1 or content.other.keys() - {"N", "RPL"}):
-        raise block.refuse("a frame and something beside it")
+        raise block.refuse(
+            "a frame statement (TRANS, ROT, SCALE, MIRROR, ...) must be alone in its block: write the "
+            "other words in a block of their own"
+        )
 
 
 def _check_others(block: Block, content: Content) -> None:
