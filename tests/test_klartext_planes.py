@@ -168,7 +168,7 @@ REFUSED = [
 @pytest.mark.parametrize(("machine", "text", "reason"), REFUSED)
 def test_refused(machine, text, reason):
     rotary = [axis.name for axis in load(machine).axes if axis.rotary]
-    said = "" if "not said" in reason else " ".join(f"{axis}+0" for axis in rotary)
+    said = "" if "not given" in reason else " ".join(f"{axis}+0" for axis in rotary)
     with pytest.raises(Refusal) as fault:
         run(text, machine=machine, head=HEAD.replace("B+0 C+0", said))
     assert reason in fault.value.reason

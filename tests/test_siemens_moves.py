@@ -234,7 +234,7 @@ def test_holes():
     assert re.findall("(?m)^.*CYCLE.*$|^MCALL$", written) == re.findall("(?m)^.*CYCLE.*$|^MCALL$", HEAD + DRILLED)
     assert re.search(r"(?m)^X30\.\d+ Y9\.\d+ Z10\.\d+$", written), written
     notes = corrected(HEAD + DRILLED)[1]
-    assert any(note.startswith("CYCLE81 runs from the corrected place; its arguments stay") for note in notes)
+    assert any(note.startswith("CYCLE81 runs from the corrected position; its arguments stay") for note in notes)
 
 
 def test_check_counts_a_hole_once():
