@@ -1,1 +1,1 @@
-"""Corrected moves written back into the words of the program."""
+"""Writes corrected moves back into the words of the program."""

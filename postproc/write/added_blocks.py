@@ -1,4 +1,4 @@
-"""Blocks of ncomp's own: how they are written beside the program's, and how they are known again."""
+"""Blocks that ncomp adds beside those of the program: their text, and the tags by which they are recognised."""
 
 from __future__ import annotations
 
@@ -16,64 +16,64 @@ from postproc.text.editing import Iterations, Layout, place
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
 ALONE = "no block may stand beside it: a jump, a call, radius compensation, a rounded corner, a cycle or a tool axis"
-"""Why a block has none of ncomp's own beside it."""
+"""Reason why no block may be added beside a block."""
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
-"""M functions that every control runs before the move of their block: they stay with the first piece of it."""
+"""M functions that every control runs before the move of their block: they stay with its first segment."""
 END_M = frozenset((0.0, 1.0, 2.0, 30.0))
-"""Those that every control runs behind it: they go to the last piece."""
+"""M functions that every control runs after the move of their block: they go to its last segment."""
 EXACT_STOP = 9.0
-"""G9: at the end of its block."""
+"""G9: exact stop at the end of its block."""
 SINGLE_FEEDS = frozenset(("FB", "FT", "FMAXT"))
-"""Feeds of one block."""
+"""Addresses of feeds that are in force for one block only."""
 LASTING = frozenset(("DC", "ACP", "ACN"))
-"""Siemens: which way round an axis turns to a position."""
+"""Siemens: modes of a rotary position with a given direction of rotation."""
 
 TURN_WORDS = frozenset(("P", "TURN"))
-"""ISO and Siemens: how many turns an arc has."""
+"""ISO and Siemens: addresses of the number of turns of an arc."""
 
 
 class Tag(StrEnum):
-    """What a block of ncomp's own is, in its comment; upper case and plain, as the oldest control reads it."""
+    """Kind of an added block, in its comment; upper case and plain characters, so that the oldest control reads it."""
 
     TAKE_UP = "NCOMP TAKE-UP"
     PIECE = "NCOMP ARC"
-    """Of an arc, from where an axis turns back."""
+    """Segment of an arc, from a reversal of an axis."""
     PART = "NCOMP FROM"
-    """Of a move, from a share of its way that stands behind it: NCOMP FROM 3/8."""
+    """Segment of a move, with its start fraction: NCOMP FROM 3/8."""
 
 
 _SHARE = re.compile(rf"{Tag.PART} (\d+)/(\d+)")
 
 
 def tag_of(text: str) -> Tag | None:
-    """What a block is, None for one of the program."""
+    """Tag of an added block; None for a block of the program."""
     return next((tag for tag in Tag if tag in text), None) if "NCOMP" in text else None
 
 
 def begin_of(text: str) -> float:
-    """The share of its programmed move at which a block of ncomp's own begins; nan where it does not say it."""
+    """Share of its programmed move at which an added block begins; nan if its comment has no share."""
     match = _SHARE.search(text)
     return int(match[1]) / max(int(match[2]), 1) if match else math.nan
 
 
 def part(begin: float) -> str:
-    """The comment of a block that begins at a share of its programmed move."""
+    """Comment of a block that begins at a share of its programmed move."""
     count, of = begin.as_integer_ratio()
     return f"{Tag.PART} {count}/{of}"
 
 
 def mode_words(block: Block) -> list[str]:
-    """The G codes of a block that say how it is read: whoever stands before it and is read alike says them too."""
+    """G codes of a block for distances, feed and unit: a block added before it needs them too."""
     return [block.text[word.at : word.end] for word in block.words if word.address == "G" and word.value in MODES]
 
 
 def feed_words(block: Block) -> list[str]:
-    """What a block says of the feed, as it stands there."""
+    """Feed words of a block, as written."""
     return [block.text[word.at : word.end] for word in block.words if word.address in ("F", "FU", "FZ", "FAUTO")]
 
 
 def end_words(block: Block) -> list[Word]:
-    """What the control does at the end of a block."""
+    """Words of a block that take effect at its end: M functions and exact stop."""
     return [
         word
         for word in block.words
@@ -82,31 +82,31 @@ def end_words(block: Block) -> list[Word]:
 
 
 def feed_index(block: Block) -> int | None:
-    """Index of the F word."""
+    """Index of the F word; None if there is none."""
     return next((i for i, word in enumerate(block.words) if word.address == "F"), None)
 
 
 def lacks_motion(block: Block) -> bool:
-    """True for an ISO arc that has G2 or G3 from a block before."""
+    """True for the block of an arc without a word for it: G2 or G3 is in force from an earlier block."""
     said = (w.address in WORKED_OUT or (w.address == "G" and w.value in ARCS) for w in block.words)
     return block.kind == "words" and not any(said)
 
 
 @dataclass
 class AddedBlock:
-    """A block beside one of the program, word by word, in the program's style."""
+    """Block added beside a block of the program, built word by word in the style of the program."""
 
     beside: Block
     layout: Layout
     tag: str
     sense: int = 0
-    """Of an arc, 0 of a straight line."""
+    """Sense of an arc, +1 counter-clockwise; 0 for a straight line."""
     preface: str = ""
-    """A block before it."""
+    """Text of a block before it; empty for none."""
     iterations: Iterations | None = None
     """Iterations of the block beside it, if that may run several times."""
     number: int = 0
-    """Number among the blocks that are added beside the same block."""
+    """Number among the blocks added beside the same block, from 0."""
     _modes: list[str] = field(default_factory=list)
     _words: list[tuple[str, str]] = field(default_factory=list)
     _feed: list[str] = field(default_factory=list)
@@ -123,20 +123,20 @@ class AddedBlock:
 
     @property
     def says_nothing(self) -> bool:
-        """True as long as it names no axis."""
+        """True while it names no axis."""
         return not self._words
 
     def names(self, axis: str) -> bool:
-        """True when it says where an axis goes."""
+        """True if it has a word for the axis."""
         return any(address == axis for address, _ in self._words)
 
     def agreed(self, name: str, number: float, decimals: int) -> float:
-        """The number that a word of this name had when the block ran first, where that is near enough."""
+        """The number of this word in the first iteration of the block, if it is near enough; otherwise `number`."""
         own = f"{self.number} {name}"
         return number if self.iterations is None else self.iterations.agreed(own, number, decimals)
 
     def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
-        """Add a word if the rounded wanted value differs from the held one; returns the value of the control then."""
+        """Add a word if the rounded wanted value differs from the held one; returns the value on the control then."""
         number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
         if self.iterations is not None:
             number = self.iterations.added(f"{self.number} {address}", number, wanted, held, decimals)
@@ -150,34 +150,34 @@ class AddedBlock:
         self._words.append((address, self.layout.numbers.write(value, decimals)))
 
     def modes(self, *texts: str) -> None:
-        """Say how it is read."""
+        """Add words for distances, feed and unit."""
         self._modes += texts
 
     def feed(self, *texts: str) -> None:
-        """Say the feed."""
+        """Add feed words."""
         self._feed += texts
 
     def functions(self, *texts: str) -> None:
-        """Say what the control does at the end of the move."""
+        """Add words that take effect at the end of the move."""
         self._functions += texts
 
     def feed_of(self, value: float) -> None:
-        """Say the feed by its number, with six digits."""
+        """Add an F word with this value, with six digits."""
         digits = max(0, 6 - len(f"{value:.0f}"))
         self._feed.append(f"F{self.layout.numbers.write(value, max(1, digits)).lstrip('+')}")
 
     def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
-        """Klartext: the pole of an arc."""
+        """Klartext: put the pole of an arc before the block."""
         body = " ".join(address + self.layout.numbers.write(value, decimals) for address, value in words)
         self.preface = f"CC {body}"
 
     def end_by_angle(self, axes: list[str], angle: float, decimals: int) -> None:
-        """Klartext: say the end of an arc by an angle about its pole in the place of axes, as a helix has to."""
+        """Klartext: replace the words of axes by an angle, degrees, about the pole, as a helix requires."""
         self._words = [word for word in self._words if word[0] not in axes]
         self.insert("IPA", angle, decimals)
 
     def lines(self, comment: str) -> list[str]:
-        """The block, and the one before it, without ends of line; `comment` with a place for the tag."""
+        """The block and its preface, without line ends; `comment`: format of a comment, for the tag."""
         ordered = [address + number for address, number in sorted(self._words, key=lambda w: place(w[0]))]
         if self.klartext:
             heads = {"R": "CR", "IPA": "CP"}

@@ -1,4 +1,4 @@
-"""Arcs as they are written: where ends and middle go, one circle again, by its centre, radius or pole."""
+"""Written arcs: one circle through the corrected ends, by its centre, radius or pole."""
 
 from __future__ import annotations
 
@@ -28,18 +28,20 @@ from postproc.write.added_blocks import AddedBlock
 from postproc.write.poles import Ends, PoleWriter
 
 STRAY = 5e-4
-"""mm: an arc by radius whose middle strays farther than this is rewritten by its centre. Near a half circle rounding
-the radius, and near a full one rounding the end points, moves the path by many times as much."""
+"""Deviation, mm, of the middle of an arc above which a radius is replaced by the centre.
+
+Near a half circle the rounding of the radius, and near a full circle the rounding of the end points, moves the path
+by many times the rounding."""
 HALF = 1e-6
-"""rad: arcs nearer than this to half a turn are half a turn, which the signs of the radius say alike."""
+"""Difference from half a turn, rad, below which an arc is a half circle: both signs of the radius then give it."""
 DOT = 0.01
-"""mm: the radius of an arc so small that it does not matter which way round it is run."""
+"""Radius of an arc, mm, below which its direction does not matter."""
 ABOUT_POLES = frozenset(("pole", "polar", "tangent"))
-"""Forms of arcs whose centre is a pole, or is written as one."""
+"""Forms of arcs whose centre is a pole or is written as a pole."""
 
 
 class CircleWriter:
-    """Makes arcs with corrected ends circles again."""
+    """Writes arcs with corrected ends as circles."""
 
     def __init__(self, machine: Machine, poles: PoleWriter) -> None:
         self.machine, self._poles = machine, poles
@@ -54,10 +56,11 @@ class CircleWriter:
         pole_editor: WordEditor | None,
         dropped: list[int] | None = None,
     ) -> Arc:
-        """Make start, end and centre as written one circle again, moved as the path along the arc is moved.
+        """Write one circle through start and end, with the correction of the path along the arc.
 
-        Returns it round the centre that the control finds. `pole_editor`, `dropped`: as of `PoleWriter.write_arc`,
-        which `ends` are for too. Refusal if the written text would be another arc.
+        `middle_shift` `(axes,)`: correction in the middle of the arc. `ends`, `pole_editor`, `dropped`: as for
+        `PoleWriter.write_arc`. Returns the arc about the centre that the control uses. Refusal if the written text
+        would be another arc.
         """
         arc, block = motions.arcs[row], motions.blocks[motions.block[row]]
         i, j = arc.plane[:2]
@@ -76,7 +79,7 @@ class CircleWriter:
         elif arc.form.startswith("radius") and not (isinstance(editor, AddedBlock) and not editor.klartext):
             centre = self._write_radius(editor, arc, (start, end, centre), unit, turned)
         else:
-            # a Siemens block says by itself that its centre is absolute (I=AC), one of our own does not
+            # a Siemens block marks its centre as absolute (I=AC), an added block does not
             absolute = arc.form.endswith("absolute") and not (
                 isinstance(editor, AddedBlock) and editor.beside_says("AC")
             )
@@ -93,7 +96,7 @@ class CircleWriter:
         return arc._replace(centre=centre)
 
     def _helix_beside(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
-        """True for a Klartext piece of ncomp's own that moves across the plane of its arc, which CR can't."""
+        """True for an added Klartext segment that moves across the plane of its arc, which CR cannot."""
         return isinstance(editor, AddedBlock) and editor.klartext and editor.names(self.machine.names[arc.plane[2]])
 
     def _centre_letter(self, axis: int) -> str:
@@ -102,7 +105,7 @@ class CircleWriter:
     def _write_centre(
         self, editor: WordEditor | AddedBlock, arc: Arc, base: Point, centre: Point, unit: float
     ) -> Point:
-        """Say the centre as seen from `base`; returns where that puts it."""
+        """Write the centre relative to `base`; returns the written centre."""
         written = []
         for axis, index, origin, place in zip(arc.plane, arc.words, base, centre, strict=False):
             decimals = decimals_for(self.machine.axes[axis].resolution / unit)
@@ -125,7 +128,7 @@ class CircleWriter:
         unit: float,
         turned: float,
     ) -> Point:
-        """Say the radius, or the centre in its place where that leads the path astray; returns the control's centre."""
+        """Write the radius, or the centre if the radius moves the path too far; returns the centre on the control."""
         start, end, centre = points
         decimals = decimals_for(self.machine.axes[arc.plane[0]].resolution / unit)
         radius = math.hypot(math.dist(start, end) / 2, height_over_chord(start, end, centre)) / unit
@@ -139,7 +142,7 @@ class CircleWriter:
         index = arc.words[0]
         assert index is not None
         said = editor.block.words[index].value or 0.0
-        # a piece of an arc of more than half a turn may be less than that
+        # a segment of an arc of more than half a turn may itself be below half a turn
         signed = math.copysign(radius, said if abs(turned) > math.pi - HALF else 1.0)
         by_radius = centre_from_radius(start, end, editor.rounded(index, signed, decimals) * unit, arc.sense)
         if by_radius is not None and _strays(start, end, centre, by_radius, arc.sense) < STRAY:
@@ -156,9 +159,9 @@ class CircleWriter:
 
 
 def round_off(motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
-    """Move the wanted end of a nearly full circle in or out where it would be too far from round.
+    """Move the wanted end of an arc radially if the difference of its radii would change by more than OUT_OF_ROUND / 2.
 
-    A full circle ends where it starts, whatever the correction there; so does one that is nearly full.
+    This occurs on nearly full circles: their ends are close together, but may have different corrections.
     """
     arc = motions.arcs[row]
     i, j, _ = arc.plane
@@ -175,7 +178,7 @@ def round_off(motions: Motions, row: int, start: list[float], wanted: list[float
 
 
 def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:
-    """Centre of an arc whose ends go to other places, and its middle by `middle_shift` `(axes,)`, mm."""
+    """Centre of an arc with new ends in its plane and its middle shifted by `middle_shift` `(axes,)`, mm."""
     arc = motions.arcs[row]
     before, after = arc_ends(motions, row)
     start_shift = (start[0] - before[0], start[1] - before[1])
@@ -186,7 +189,7 @@ def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shi
 
 
 def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
-    """Distance of the middles of two arcs with the same ends."""
+    """Distance of the middles of two arcs with the same ends, mm."""
     middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
     return math.dist(*middles)
 

@@ -1,7 +1,7 @@
 """Numbers of Klartext blocks: the control requires a sequence, so blocks after added blocks are renumbered.
 
-Nothing in Klartext refers to them: jumps and calls find labels. ISO and Siemens blocks need none, and jumps go to
-them, so there the program's own stay and blocks of ncomp's own have none.
+Nothing in Klartext refers to block numbers: jumps and calls refer to labels. In ISO and Siemens programs blocks need
+no numbers and jumps refer to them: there the blocks of the program keep their numbers and added blocks have none.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ _NUMBER = re.compile(r"[ \t]*(\d+)(?=[ \t])")
 
 
 class BlockNumbers:
-    """Numbers the lines of a program, in their order; leaves those without a number, and all before the first one."""
+    """Renumbers the lines of a program in their order; blocks without a number stay without one."""
 
     def __init__(self, *, klartext: bool) -> None:
         self._klartext = klartext
         self._added = 0
         self._last: int | None = None
-        """The number of the last block; None where it has none."""
+        """Number of the last block; None if it has none."""
 
     def renumbered(self, block: Block, text: str) -> str:
-        """What has become of a block, with lines of ncomp's own before and behind it."""
+        """Text `text` of a block, with the lines added before and after it, renumbered."""
         own = _NUMBER.match(block.text) if self._klartext else None
         if own is None:
             self._last = None if block.kind != "blank" else self._last
@@ -43,7 +43,7 @@ class BlockNumbers:
         return "".join([*before, kept, *lines[at + 1 : behind], *after])
 
     def next_number(self) -> str:
-        """What a line of ncomp's own begins with, behind those before it."""
+        """Number and blank at the start of the next added line; empty if the block before has no number."""
         if self._last is None:
             return ""
         self._added += 1

@@ -1,4 +1,4 @@
-"""Holes of canned cycles written at their corrected depth; R goes with it, so that pecks stay as many as they were."""
+"""Holes of canned cycles at their corrected depth; R gets the same correction, so the number of pecks stays."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from postproc.text.editing import WordEditor
 
 
 class Depth(NamedTuple):
-    """Where a hole is to end along the axis that drills it; mm, programmed coordinates."""
+    """Bottom of a hole along the drilling axis, corrected and nominal; mm, programmed coordinates."""
 
     wanted: float
     nominal: float
     said: bool
-    """The program has said where the axis stands: it is corrected."""
+    """True if the program has given the position of the axis, so that it is corrected."""
 
 
 class Scale(NamedTuple):
@@ -24,13 +24,13 @@ class Scale(NamedTuple):
     """Unit of the numbers, mm."""
     decimals: int
     corrected: bool
-    """Depth and R are corrected, not left unchanged."""
+    """True if depth and R are corrected."""
     both: bool
-    """Both R and the depth are written, even if one of them has not changed."""
+    """True if both R and the depth are written, even if only one of them has changed."""
 
 
 class HoleWriter:
-    """Says depth and R of holes; both hold from block to block where a block leaves them out.
+    """Writes depth and R of holes; both remain in force in blocks that omit them.
 
     With increments R is never written without the depth: if only R changes, some controls keep the bottom and others
     its distance from R.
@@ -38,16 +38,16 @@ class HoleWriter:
 
     def __init__(self) -> None:
         self._level = 0.0
-        """Where the axis stood before the first cycle, mm."""
+        """Position of the axis before the first cycle, mm."""
         self._held: dict[str, float] = {}
         """Last written positions of R and the depth, mm."""
 
     def write(
         self, editor: WordEditor, cycle: Cycle, name: str, depth: Depth, held: float, unit: float, decimals: int
     ) -> tuple[float, float]:
-        """Edit the block of a hole; its bottom as written, and where the axis comes back to, mm.
+        """Edit the block of a hole; returns its written bottom and the level to which the axis returns, mm.
 
-        name: of the axis that drills. held: where it stands.
+        name: name of the drilling axis. held: its position before the hole, mm.
         """
         if cycle.first:
             self._level = held
@@ -62,7 +62,7 @@ class HoleWriter:
         return bottom, clear if cycle.to_retract else self._level
 
     def _differ(self, wanted: dict[str, float], unit: float, decimals: int) -> bool:
-        """True if one of both differs from the value that the control has."""
+        """True if one of the positions differs from the value on the control."""
         return any(self._differs(what, value, unit, decimals) for what, value in wanted.items())
 
     def _differs(self, what: str, wanted: float, unit: float, decimals: int) -> bool:
@@ -71,7 +71,7 @@ class HoleWriter:
     def _say(
         self, editor: WordEditor, index: int | None, name: tuple[str, str], wanted: float, base: float, scale: Scale
     ) -> float:
-        """Written position of one word, mm; unchanged if the axis is not corrected.
+        """Write one word; returns its position, mm, unchanged if the axis is not corrected.
 
         `name`: its address and its quantity; `base`: origin of its value, mm.
         """

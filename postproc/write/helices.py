@@ -18,7 +18,7 @@ BY_ANGLE = frozenset(("circle", "circle_radius", "tangent", "polar_circle", "pol
 
 
 def axes_across(motions: Motions, row: int, moved: Iterable[int]) -> list[int]:
-    """Those of the `moved` axes that a Klartext arc holds still nominally and does not name."""
+    """Axes of `moved` that a Klartext arc nominally does not move and does not name."""
     arc = motions.arcs.get(row)
     if arc is None or motions.blocks[motions.block[row]].kind == "words":
         return []
@@ -30,9 +30,9 @@ def axes_across(motions: Motions, row: int, moved: Iterable[int]) -> list[int]:
 def replaced_by_angle(
     motions: Motions, row: int, across: list[int], editor: WordEditor | AddedBlock
 ) -> list[int] | None:
-    """Indices of the words that an angle has to replace so that the block may name the axes `across`.
+    """Indices of the words that an angle must replace so that the block can name the axes `across`.
 
-    None where it may name none of them, because of the control (`klartext_arcs`) or of how the block is written.
+    None if the block cannot name them, because of the control (`klartext_arcs`) or the words of the block.
     """
     how, arc = motions.machine.control.klartext_arcs, motions.arcs[row]
     if how == "axes":
@@ -59,7 +59,7 @@ class FlatArcs:
     largest_um: float = 0.0
 
     def take(self, motions: Motions, correction: Correction, ends: np.ndarray) -> None:
-        """Take in a chunk, which the control ends at positions `ends` `(n, axes)`, mm and degrees."""
+        """Add the arcs of a chunk; `ends` `(n, axes)`: written ends of the moves, mm and degrees."""
         translators = list(motions.machine.translators)
         for row, arc in motions.arcs.items():
             block = motions.blocks[motions.block[row]]

@@ -1,4 +1,4 @@
-"""Inverse time (G93): what F of a piece of a move, and of a take-up, has to say."""
+"""Inverse time (G93): F of the segments of a move and of backlash take-ups."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from postproc.write.added_blocks import AddedBlock, Tag, feed_index
 
 
 def say_time(motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
-    """Under G93: a piece takes its share of the time of its move, a take-up goes as fast as the move does."""
+    """F under G93: of a segment by its share of the time of its move; of a take-up by the speed of the move."""
     if added.tag is Tag.TAKE_UP:
         added.feed_of(_per_minute(motions, row, _way) / max(moved, SAME))
     else:
@@ -25,14 +25,14 @@ def say_time(motions: Motions, row: int, added: AddedBlock, moved: float) -> Non
 
 
 def share_time(motions: Motions, row: int, editor: WordEditor) -> None:
-    """Under G93: the first piece of a move takes its share of the time that the block says for all."""
+    """Under G93: F of the first segment of a move, for its share of the time of the move."""
     index = feed_index(editor.block)
     assert index is not None
     editor.set(index, _per_minute(motions, row, _extent) / max(_extent(motions, row), SAME), 3)
 
 
 def _per_minute(motions: Motions, row: int, way: Callable[[Motions, int], float]) -> float:
-    """Under G93: how far the programmed move of a row goes in a minute, by what `way` measures of its pieces."""
+    """Under G93: length per minute of the programmed move of a row; `way`: length of one segment."""
     block = motions.blocks[motions.block[row]]
     index = feed_index(block)
     assert index is not None
@@ -41,7 +41,7 @@ def _per_minute(motions: Motions, row: int, way: Callable[[Motions, int], float]
 
 
 def _extent(motions: Motions, row: int) -> float:
-    """Length of a piece, in a measure that is the same for all pieces of its move."""
+    """Length of a segment, in a measure common to all segments of its move."""
     way = motions.target[row] - motions.start[row]
     return _way(motions, row) if row in motions.arcs else float(np.linalg.norm(way))
 

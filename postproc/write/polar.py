@@ -1,4 +1,4 @@
-"""Corrected places written in polar coordinates."""
+"""Corrected positions written in polar coordinates."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ Place = tuple[float, float]
 
 
 class PolarWriter:
-    """Says radius and angle of places in a plane; both hold from block to block where a block leaves them out."""
+    """Writes radius and angle of positions in a plane; both remain in force in blocks that omit them."""
 
     def __init__(self) -> None:
         self._held: Place = (math.nan, math.nan)
-        """Radius, mm, and angle, degrees, as last written."""
+        """Last written radius, mm, and angle, degrees."""
 
     def write(
         self, editor: WordEditor, polar: Polar, names: tuple[str, str], wanted: Place, unit: float, resolution: float
     ) -> Place:
-        """Make a block say the place `wanted`, mm; where it then is.
+        """Write the position `wanted`, mm, in the plane; returns the written position, mm.
 
-        resolution: mm; the angle has as many decimals as it takes to hold it at that radius.
+        resolution: of the position, mm; the angle gets the decimals that this requires at the radius.
         """
         sign = math.copysign(1.0, polar.radius)
         radius = sign * math.hypot(*wanted)
@@ -41,7 +41,7 @@ class PolarWriter:
     def _say(
         editor: WordEditor, index: int | None, name: str, values: tuple[float, float], steps: tuple[float, float]
     ) -> float:
-        """One word: its value and what holds, counted in a unit, at a resolution."""
+        """Write one word; returns its value. `values`: wanted and held; `steps`: unit and resolution."""
         (wanted, held), (unit, resolution) = values, steps
         decimals = decimals_for(resolution / unit)
         if index is not None:

@@ -1,4 +1,4 @@
-"""Klartext moves that are said by an angle about a pole, or by a tangent, written back into their own words."""
+"""Klartext moves with an angle about a pole, or with a tangent, written back into their own words."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ FINEST = 9
 def write_line_end(
     editor: WordEditor, polar: PolarEnd, pole: Point, way: tuple[Point, Point], unit: float, resolution: float
 ) -> Point:
-    """Make an LP, or its first piece, from the first point of `way` end at the second, mm; returns where it then ends.
+    """Write the end of an LP, or of its first segment; returns the written end, mm.
 
-    `pole`: as the control holds it. `unit`: mm per unit of the words; `resolution`: mm.
+    `way`: start and end, mm. `pole`: the pole on the control, mm. `unit`: mm per unit of the words. `resolution`: mm.
     """
     start, end = (_seen_from(pole, point) for point in way)
     radius = _set(editor, ("PR", polar.radius), start[0] / unit, end[0] / unit, decimals_for(resolution / unit)) * unit
@@ -33,9 +33,10 @@ def write_line_end(
 def write_arc_end(
     editor: WordEditor, polar: PolarEnd, pole: Point, way: tuple[Point, Point], turned: float, resolution: float
 ) -> Point:
-    """Make a CP about `pole` end at the angle of the second point of `way`, at the radius of the first.
+    """Write the end of a CP about `pole`; returns the written end, mm.
 
-    `turned`: what it turns through nominally, degrees.
+    `way`: start and end, mm; the end has the angle of the end and the radius of the start. `turned`: nominal sweep,
+    degrees. `resolution`: mm.
     """
     (radius, begun), (_, ended) = (_seen_from(pole, point) for point in way)
     angle = _set_angle(editor, polar, (begun, ended), turned, angle_decimals(resolution, radius))
@@ -43,7 +44,7 @@ def write_arc_end(
 
 
 def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, way: tuple[Point, Point], resolution: float) -> Point:
-    """A piece of a helix, about the pole that stands before it: its end by an angle in the place of two axes."""
+    """Write the end of a helix segment by an angle instead of two axes; returns the written end, mm."""
     (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in way)
     decimals = angle_decimals(resolution, radius)
     turned = round(arc.sense * ((arc.sense * (ended - begun)) % 360.0), decimals)
@@ -54,7 +55,7 @@ def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, way: tuple[Point
 def write_circle_as_helix(
     editor: WordEditor, dropped: list[int], arc: Arc, way: tuple[Point, Point], turned: float, resolution: float
 ) -> Point:
-    """Turn C, CR, CT, CTP or CP PA into CP IPA about the pole before it, instead of the words `dropped`.
+    """Write C, CR, CT, CTP or CP PA as CP IPA about the pole before it, which replaces the words `dropped`.
 
     `turned`: nominal sweep of the arc, degrees. Returns the end of the written arc.
     """
@@ -76,9 +77,9 @@ def write_circle_as_helix(
 def write_tangent_as_circle(
     editor: WordEditor, polar: PolarEnd | None, end: list[tuple[str, float]], decimals: int, sense: int
 ) -> None:
-    """Turn CT or CTP into C, for the pole that has been put before it; a polar end becomes that of two axes.
+    """Write CT or CTP as C about the pole added before it; a polar end becomes two coordinates.
 
-    `end`: names and values of the axes in its plane, for CTP.
+    `end`: names and values of the axes in its plane, for CTP. `sense`: +1 counter-clockwise.
     """
     block = editor.block
     match = _TANGENT.search(block.text, 0, block.words[0].at)
@@ -95,25 +96,25 @@ def write_tangent_as_circle(
 
 
 def _say_sense(editor: WordEditor, sense: int) -> None:
-    """DR behind the last coordinate."""
+    """Add DR after the last coordinate."""
     block = editor.block
     last = max(word.end for word in block.words if word.start < word.end and word.address[-1] in "XYZABCUVWR")
     editor.put(last, last, f" DR{'+' if sense > 0 else '-'}")
 
 
 def angle_decimals(resolution: float, radius: float) -> int:
-    """Decimals of an angle, degrees, that tell points apart as finely as coordinates do."""
+    """Decimals of an angle, degrees, for the resolution of the coordinates, mm, at a radius, mm."""
     return min(FINEST, decimals_for(math.degrees(resolution / max(radius, resolution))))
 
 
 def at_polar(pole: Point, radius: float, degrees: float) -> Point:
-    """The point at polar coordinates about a pole."""
+    """The point at a radius, mm, and angle, degrees, about a pole."""
     angle = math.radians(degrees)
     return pole[0] + radius * math.cos(angle), pole[1] + radius * math.sin(angle)
 
 
 def _seen_from(pole: Point, point: Point) -> tuple[float, float]:
-    """Distance and angle, degrees."""
+    """Distance, mm, and angle, degrees, of a point from a pole."""
     x, y = point[0] - pole[0], point[1] - pole[1]
     return math.hypot(x, y), math.degrees(math.atan2(y, x))
 
@@ -123,7 +124,7 @@ def _said(editor: WordEditor, polar: PolarEnd) -> float:
 
 
 def _set_angle(editor: WordEditor, polar: PolarEnd, angles: tuple[float, float], turned: float, decimals: int) -> float:
-    """Say the angle of the end, degrees, in the turn that the block means; returns it as it then is."""
+    """Write the angle of the end, degrees, in the turn that the block gives; returns the written angle."""
     begun, ended = angles
     said = _said(editor, polar)
     if polar.angle is None:
@@ -134,7 +135,7 @@ def _set_angle(editor: WordEditor, polar: PolarEnd, angles: tuple[float, float],
 
 
 def _set(editor: WordEditor, word: tuple[str, int | None], before: float, wanted: float, decimals: int) -> float:
-    """Say a polar coordinate; returns its value, which may be said as an increment, or left out where it stays."""
+    """Write a polar coordinate, as an increment if its word is one, or omit it if it stays; returns its value."""
     name, index = word
     if index is None:
         return editor.add(name, wanted, before, decimals)

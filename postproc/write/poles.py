@@ -1,4 +1,4 @@
-"""Klartext moves about poles, as they are written: poles where arcs need them, ends by angles, tangents as circles."""
+"""Written Klartext moves about poles: poles before arcs, ends by angles, tangential arcs as circles."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from postproc.write.polar_words import (
 )
 
 NEAR = 3e-4
-"""Distance of a pole from the centre of an arc, mm, up to which the arc keeps its path but for this distance."""
+"""Distance, mm, below which the pole on the control is used as the centre of an arc."""
 Ends = tuple[list[float], list[float]]
-"""Where the control stands before a move, and behind it: positions of all axes, mm and degrees."""
+"""Positions of all axes on the control before and after a move, mm and degrees."""
 
 
 class PoleWriter:
-    """Keeps account of the pole that the control holds."""
+    """Writes moves about poles; keeps track of the pole on the control."""
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
         self._held: tuple[int, Point] | None = None
-        """The pole that an arc was given, which the control holds in the place of the program's of that number."""
+        """Number of a pole of the program, and the written pole, mm, that the control has instead of it."""
 
     def _decimals(self, axis: int, unit: float) -> int:
         return decimals_for(self.machine.axes[axis].resolution / unit)
 
     def write_line(self, motions: Motions, row: int, ends: Ends, said: list[bool], editor: WordEditor) -> None:
-        """An LP: its end as seen from the pole that the control holds; `ends` takes what it then is."""
+        """Write the end of an LP relative to the pole on the control; `ends` becomes the written end."""
         polar, unit = motions.polar_ends[int(motions.block[row])], float(motions.unit[row])
         (start, held), (i, j, _) = ends, polar.plane
         if not (said[i] and said[j]):
@@ -62,10 +62,10 @@ class PoleWriter:
         editor: WordEditor | AddedBlock,
         dropped: list[int] | None = None,
     ) -> Point:
-        """An arc with its corrected centre; `ends` takes what its end then is; returns the centre as it is written.
+        """Write an arc about its corrected centre; returns the written centre; `ends` becomes the written end.
 
-        `pole_editor`: of a CC right before it, None where it takes one of ncomp's own. `dropped`: indices of the words
-        that an angle replaces if the arc becomes a helix.
+        `pole_editor`: of the CC directly before it; None if there is none. `dropped`: indices of the words that an
+        angle replaces if the arc becomes a helix.
         """
         if arc.form == "tangent" and not dropped and isinstance(editor, WordEditor) and _still(motions, row, ends):
             return motions.arcs[row].centre
@@ -82,12 +82,12 @@ class PoleWriter:
         return centre
 
     def _stands(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
-        """The pole that the control holds is near enough to the centre of an arc."""
+        """True if the pole on the control is near enough to the centre of an arc."""
         near = self._held is not None and self._held[0] == arc.pole and math.dist(self._held[1], arc.centre) < NEAR
         return near and (editor.iterations is None or editor.iterations.chosen("pole stands", near))
 
     def _say(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
-        """The pole in a CC of the program."""
+        """Write the pole into a CC of the program; returns the written pole, mm."""
         said = []
         for axis, index, place in zip(arc.plane, arc.words, arc.centre, strict=False):
             assert index is not None
@@ -95,7 +95,7 @@ class PoleWriter:
         return said[0], said[1]
 
     def _put(self, plane: tuple[int, int, int], pole: Point, unit: float, editor: WordEditor | AddedBlock) -> Point:
-        """A pole of our own before a block; returns it as it is written."""
+        """Add a pole before a block; returns the written pole, mm."""
         names = [self.machine.names[axis] for axis in plane[:2]]
         decimals = self._decimals(plane[0], unit)
         values = [
@@ -114,7 +114,7 @@ class PoleWriter:
         editor: WordEditor | AddedBlock,
         dropped: list[int] | None,
     ) -> None:
-        """The end of an arc, where it is not said by its axes; `ends` takes what it then is."""
+        """Write the end of an arc if axes do not give it; `ends` becomes the written end."""
         (start, held), (i, j, normal) = ends, arc.plane
         way, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
         names, unit = [self.machine.names[axis] for axis in (i, j)], float(motions.unit[row])
@@ -138,7 +138,7 @@ class PoleWriter:
 
 
 def _still(motions: Motions, row: int, ends: Ends) -> bool:
-    """True where an arc begins and ends where it does nominally."""
+    """True if an arc has its nominal start and end in its plane."""
     plane = list(motions.arcs[row].plane[:2])
     nominal = motions.start[row, plane].tolist(), motions.target[row, plane].tolist()
     return nominal == tuple([at[axis] for axis in plane] for at in ends)

@@ -1,7 +1,7 @@
-"""Corrected moves back into the text: only coordinate words change, each in the style it was written in.
+"""Writes corrected moves into the text: only coordinate words change, each in its own style.
 
-A block that does not name an axis leaves it where the control holds it; where the correction of that axis has changed
-by then, a word is inserted. The writer keeps what the control will hold after rounding, so increments never drift.
+An axis that a block does not name keeps its position on the control; if its correction has changed, a word is inserted.
+The writer keeps the positions on the control after rounding, so that increments never drift.
 """
 
 from __future__ import annotations
@@ -41,30 +41,30 @@ from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
 
 MOST_APART_UM = 1.0
-"""Half of it is the most that iterations of a block may need of other corrections than its text has."""
+"""Twice the largest difference, um, between the corrections of iterations of a block that share its text."""
 
 
 class Written(NamedTuple):
-    """A chunk as it was written; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
+    """A written chunk; positions `(rows, axes)` in programmed coordinates, mm and degrees."""
 
     texts: list[str]
-    """Of all blocks, edited, with blocks of our own beside them."""
+    """Texts of all blocks, edited, with the added blocks beside them."""
     starts: Array
-    """Where the control stands before each move."""
+    """Positions on the control before each move."""
     ends: Array
-    """Where each move takes it, after rounding."""
+    """Positions on the control after each move, after rounding."""
     arcs: dict[int, Arc]
-    """By row, round the centres that the control finds."""
+    """Arcs by row, about the centres that the control uses."""
     added: int
-    """Blocks of our own."""
+    """Number of added blocks."""
 
     def moves(self, motions: Motions) -> Motions:
-        """The rows as the control moves them."""
+        """The rows with starts, ends and arcs as written."""
         return replace(motions, start=self.starts, target=self.ends, arcs=self.arcs)
 
 
 class Writer:
-    """Turns corrections into text, chunk after chunk."""
+    """Writes corrections into the text, chunk after chunk."""
 
     def __init__(
         self, machine: Machine, *, orientation: bool = False, comment: str = "({})", tolerance_um: float = 1.0
@@ -88,11 +88,11 @@ class Writer:
         self._ours: list[bool] = []
         self._inner: list[bool] = []
         self._at_end: dict[int, list[str]] = {}
-        """By block of the chunk: words that go to the last piece of its move."""
+        """Words that go to the last segment of the move, by block of the chunk."""
         self._begun: set[int] = set()
-        """Blocks of the chunk whose own move is written."""
+        """Blocks of the chunk whose own move has been written."""
         self._straight = False
-        """The last move written is a take-up: where G2 or G3 is in force, it no longer is."""
+        """True if the last written move is a backlash take-up: its G1 ends a G2 or G3 that was in force."""
         self._arcs: dict[int, Arc] = {}
         self._added = 0
         self._polar = PolarWriter()
@@ -100,7 +100,7 @@ class Writer:
         self._circles = CircleWriter(machine, self._poles)
         self._holes = HoleWriter()
         self._bottom = 0.0
-        """Of the last hole."""
+        """Written bottom of the last hole, mm."""
 
     def _letter(self, axis: int) -> int:
         return ORDER.index(self.machine.names[axis][0])
@@ -133,9 +133,9 @@ class Writer:
         return Written(texts, starts, ends, self._arcs, self._added)
 
     def _before(self, motions: Motions, row: int, assumed: list[bool]) -> list[float]:
-        """Programmed position that the control holds before the row, in the row's frame.
+        """Programmed position on the control before the row, in the frame of the row.
 
-        These are the written positions; for axes that the program has not given since, the assumed start.
+        It is the written position; for axes with an assumed position, the start of the row.
         """
         frame = motions.frames[motions.frame[row]]
         start: list[float] = motions.start[row].tolist()
@@ -147,14 +147,14 @@ class Writer:
         return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
 
     def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
-        """A move in machine coordinates: the axes that it names move to its coordinates, all others stay."""
+        """A move in machine coordinates: named axes move to its coordinates, all others keep their positions."""
         frame, moved = motions.frames[motions.frame[row]], [word.axis for word in motions.words[row]]
         q = to_machine(self.machine, frame, np.array([held]))
         q[0, moved] = motions.machine_target[row, moved]
         held[:] = to_program(self.machine, frame, q)[0].tolist()
 
     def _call_here(self, motions: Motions, row: int, held: list[float]) -> None:
-        """G92: the place that the control holds is called as much another as it is another."""
+        """G92: the preset is shifted by the correction in force."""
         editor = self._editor(motions, int(motions.block[row]))
         for axis, index, _ in motions.words[row]:
             unit = 1.0 if self.machine.rotary[axis] else float(motions.unit[row])
@@ -162,7 +162,7 @@ class Writer:
             held[axis] = editor.set(index, held[axis] / unit, decimals) * unit
 
     def _follow(self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array) -> None:
-        """A hole of a pattern goes by `shift` `(axes,)` as its first one does; Refusal where that is not its own."""
+        """A hole of a pattern gets the `shift` `(axes,)` of the first one; Refusal if its own correction differs."""
         own = (correction.target - motions.target)[row]
         named = [axis for axis in cartesian(self.machine)[:2] if self._said[row][axis]]
         apart = max((abs(float(own[axis] - shift[axis])) for axis in named), default=0.0) * 1e3
@@ -185,12 +185,12 @@ class Writer:
         return WordEditor(motions.blocks[block], layout, iterations)
 
     def _iterations_of(self, motions: Motions, block: int) -> Iterations | None:
-        """What a block of the chunk was given when it ran first; None in a program whose blocks all run once."""
+        """Numbers of the first iteration of a block of the chunk; None in a program whose blocks all run once."""
         if self._places is None:
             return None
         if self._places[block] not in self._iterations:
-            # half of the tolerance, but not of one that splits nothing; in units of the last decimal of a coordinate
-            unit = float(motions.unit[np.searchsorted(motions.block, block)])  # of a CC that of its arc
+            # half of the tolerance, at most half of MOST_APART_UM, in units of the last decimal of a coordinate
+            unit = float(motions.unit[np.searchsorted(motions.block, block)])  # for a CC, that of its arc
             counts = (
                 0.5e-3
                 * min(self.tolerance_um, MOST_APART_UM)
@@ -204,7 +204,7 @@ class Writer:
         return decimals_for(self.machine.axes[axis].resolution / unit)
 
     def _write_row(self, motions: Motions, correction: Correction, row: int, held: list[float], turning: bool) -> None:
-        """Edit the block of one move, or write one of our own; `held` becomes the position after it."""
+        """Edit the block of one move, or write an added block; `held` becomes the position after it."""
         block = int(motions.block[row])
         if self._ours[row]:
             added, start = self._added_block(motions, row), list(held)
@@ -247,7 +247,7 @@ class Writer:
         linear_unit = float(motions.unit[row])
         said = self._said[row]
         named = set()
-        # pieces of a move end where the program says no word: all axes that move are written
+        # a segment ends at a position without words in the program: all moving axes are written
         written = self._all_by_letter if self._inner[row] or self._ours[row] else self._by_letter
         exact = {*written} - {*self._by_letter} | {*kept}
         dropped = self._keep_in_plane(motions, row, editor, wanted, start)
@@ -262,7 +262,7 @@ class Writer:
                 base = start[axis] if incremental else 0.0
                 number = (wanted[axis] - base) / unit
                 decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
-                assert isinstance(editor, WordEditor)  # one of our own names no axis before
+                assert isinstance(editor, WordEditor)  # an added block has no axis words yet
                 held[axis] = base + editor.set(index, number, decimals) * unit
             else:
                 held[axis] = float(motions.target[row, axis])
@@ -300,9 +300,9 @@ class Writer:
     def _keep_in_plane(
         self, motions: Motions, row: int, editor: WordEditor | AddedBlock, wanted: list[float], start: list[float]
     ) -> list[int]:
-        """Klartext arcs: leave axes across the plane where they are if the block can't name them.
+        """Klartext arcs: axes across the plane keep their positions if the block cannot name them.
 
-        Otherwise indices of the words that an angle replaces, so that it can.
+        If it can, the result is the indices of the words that an angle must replace.
         """
         if row not in motions.arcs:
             return []
@@ -319,7 +319,7 @@ class Writer:
         return dropped or []
 
     def _kept(self, motions: Motions, row: int, turning: bool) -> tuple[int, ...]:
-        """Axes that have to end where they start, to the last digit."""
+        """Columns of the axes whose end must equal their start to the last digit."""
         arc, still = motions.arcs.get(row), motions.still.get(row, ())
         if turning:
             return (*self.machine.translators, *still)
@@ -330,8 +330,8 @@ class Writer:
     def _write_polar(
         self, motions: Motions, row: int, wanted: list[float], held: list[float], editor: WordEditor | AddedBlock
     ) -> tuple[int, int]:
-        """Say a place by radius and angle; the axes that this places."""
-        assert isinstance(editor, WordEditor)  # beside polar coordinates none of our own stands
+        """Write a position by radius and angle; returns the columns of the two axes."""
+        assert isinstance(editor, WordEditor)  # no block is added beside polar coordinates
         polar = motions.polars[row]
         i, j = polar.axes
         place = (wanted[i], wanted[j]) if self._said[row][i] and self._said[row][j] else motions.target[row, [i, j]]
@@ -344,7 +344,7 @@ class Writer:
     def _write_depth(
         self, motions: Motions, correction: Correction, row: int, held: list[float], editor: WordEditor
     ) -> None:
-        """Say depth and R of a hole, where they are others than those that hold; leaves Z where the cycle does."""
+        """Write depth and R of a hole if they differ from those in force; `held` becomes the level after the cycle."""
         cycle, unit = motions.cycles[row], float(motions.unit[row])
         z = cycle.axis
         depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), self._said[row][z])
@@ -361,18 +361,18 @@ class Writer:
         unit: float,
         decimals: int,
     ) -> float:
-        """Name an axis that the block leaves out, if it has to move; returns where it stands after the block."""
+        """Add a word for an axis that the block omits, if it has to move; returns its position after the block."""
         before = (held - base) / unit
         after = editor.add(self.machine.names[axis], number, before, decimals)
         return held if after == before else base + after * unit
 
     def _pole_editor(self, motions: Motions, row: int) -> WordEditor | None:
-        """Klartext: where the pole of an arc can be said, in a CC right before it."""
+        """Klartext: editor of the CC directly before an arc; None if there is no CC that may be changed."""
         arc = motions.arcs[row]
         own = arc.form in ABOUT_POLES and arc.pole_block == motions.block[row] - 1 and None not in arc.words
         return self._editor(motions, arc.pole_block) if own else None
 
-    # ---- blocks of our own
+    # ---- added blocks
 
     def _added_block(self, motions: Motions, row: int) -> AddedBlock:
         arc, begin = motions.arcs.get(row), float(motions.begin[row])
@@ -385,7 +385,7 @@ class Writer:
         return AddedBlock(block, layout, tag, 0 if arc is None else arc.sense, iterations=iterations, number=number)
 
     def _put_beside(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
-        """Put a block of our own before or behind the one whose move it belongs to, unless it moves nothing."""
+        """Put an added block before or after the block of its move; a backlash take-up without words is dropped."""
         if added.says_nothing and added.tag is Tag.TAKE_UP:
             return
         block = int(motions.block[row])
@@ -408,10 +408,10 @@ class Writer:
 def _wanted(
     motions: Motions, correction: Correction, row: int, start: list[float], kept: tuple[int, ...]
 ) -> list[float]:
-    """Corrected position, mm and degrees, with `kept` axes where the move starts, and its arc round enough."""
+    """Corrected end of a move, mm and degrees, with `kept` axes at its start; for an arc, after `round_off`."""
     wanted: list[float] = correction.target[row].tolist()
     for axis in kept:
-        # exactly: a full circle that closes but for a hair is, for the control, just that hair
+        # exactly: a full circle with the smallest gap would be, for the control, an arc across this gap
         wanted[axis] = start[axis]
     if row in motions.arcs and not motions.arcs[row].full:
         round_off(motions, row, start, wanted, correction.middle_shift[row])
