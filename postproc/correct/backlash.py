@@ -1,8 +1,8 @@
-"""Where axes with play turn back: arcs are cut there, and the play is taken up before the move goes on.
+"""Reversals of axes with backlash: arcs are cut there, and the backlash is taken up before the move continues.
 
-The command is the position without play, plus what the play asks for in the direction of the last move. At a reversal
-that jumps. Before a feed move a block of its own makes the jump, so that the move runs true over its whole length; a
-rapid makes it on its way.
+The command is the position without backlash plus the correction for the direction of the last move, which jumps at a
+reversal. An added block makes this jump before a feed move, so that the move is correct over its whole length; a rapid
+makes the jump along its path.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ from postproc.text.notes import Notes
 from postproc.write.added_blocks import ALONE, START_M
 
 PRECISION = 0.1
-"""Last step of the iteration that finds the directions of moves, as a share of the dead band."""
+"""Last step of the iteration that finds the directions of moves, as a fraction of the dead band."""
 NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
 
 
 class Directed(NamedTuple):
-    """Moves, and the direction `(n, axes)`, -1, 0, 1, in which each comes to its end; None if nothing asks for it."""
+    """Moves, and the direction `(n, axes)`, -1, 0, 1, of each at its end; None if no error depends on a direction."""
 
     motions: Motions
     approach: Array | None
 
 
 class TakeUps:
-    """Cuts arcs and inserts take-ups, chunk after chunk."""
+    """Cuts arcs at reversals and inserts backlash take-ups, chunk after chunk."""
 
     def __init__(
         self,
@@ -66,10 +66,10 @@ class TakeUps:
         self._orientation = orientation and orientation.part(lambda effect: not needs_direction(effect))
         self._directions = Directions(self.axes, self.band)
         self._shift = np.zeros(len(machine.axes))
-        """Of the last row, corrected minus nominal."""
+        """Corrected minus nominal axis positions `(axes,)` at the last row, mm and rad."""
 
     def prepare(self, motions: Motions) -> Directed:
-        """The moves of a chunk with all that has to be added; none where no error depends on a direction."""
+        """The moves of a chunk with cut arcs and backlash take-ups; unchanged if no error depends on a direction."""
         if not self.axes:
             return Directed(motions, None)
         motions = split(motions, self._cuts(motions), at_quadrants=True)
@@ -78,7 +78,7 @@ class TakeUps:
         return self._with_take_ups(motions, np.vstack([before, last[:-1]]), first, last)
 
     def _cuts(self, motions: Motions) -> dict[int, list[float]]:
-        """By row of an arc: the shares of its way at which it is to be cut."""
+        """Shares at which arcs are cut, by row."""
         cuts: dict[int, list[float]] = {}
         for row, arc in motions.arcs.items():
             points = [p for p in turning_points(motions, row) if p[2] > self.band[p[1]]]
@@ -89,13 +89,13 @@ class TakeUps:
             if obstacle:
                 self._note("an arc stays in one piece though an axis turns back in it", obstacle, block)
                 continue
-            # a piece by its radius is no more than a quarter: near half a circle a radius says little
+            # a segment by its radius is at most a quarter: near half a circle a radius hardly determines the centre
             every = arc.form.startswith("radius")
             cuts[row] = [share for share, axis, _ in points if every or axis in self.axes]
         return cuts
 
     def _directions_of(self, motions: Motions) -> tuple[Array, Array]:
-        """Directions `(n, axes)` in which moves begin and end, were there no play."""
+        """Directions `(n, axes)` at the starts and ends of moves, from the commands without backlash."""
         if not len(motions):
             return np.zeros_like(motions.target), np.zeros_like(motions.target)
         precision = PRECISION * float(self.band[list(self.machine.translators)].min())
@@ -126,7 +126,7 @@ class TakeUps:
         linear[list(self.machine.translators)] = True
         others = asked & ~linear
         coupled = motions.coupled
-        # here an axis of the machine lies across the programmed ones: all of them move, or none
+        # here a machine axis depends on several programmed ones: all of them move, or none
         together = coupled[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
         wanted = (asked & linear) | together
         said = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
@@ -162,7 +162,7 @@ class TakeUps:
             self._note(f"the play of {name} is taken up along a feed move, not before it", "it turns back in it", block)
 
     def _note_returned(self, motions: Motions, first: Array) -> None:
-        """Say which feed moves turn an axis back that a canned cycle has just taken back to where they start."""
+        """Note the feed moves at whose start an axis reverses after the return of a canned cycle."""
         returned = self._directions.returned
         turns = (returned * first < 0.0) & feeds(motions)[:, None]
         for row, axis in np.argwhere(turns):
@@ -171,7 +171,7 @@ class TakeUps:
             self._note(f"the play of {name} is taken up along a feed move, not before it", "a cycle ends there", block)
 
     def _note_unknown(self, motions: Motions, approach: Array) -> None:
-        """Say which axes are taken in the middle of their play."""
+        """Note the axes that are assumed in the middle of their backlash."""
         for axis in self.axes:
             rows = np.flatnonzero(motions.judged & (approach[:, axis] == 0.0))
             if rows.size:
@@ -185,7 +185,7 @@ class TakeUps:
 
 
 def _obstacle(motions: Motions, row: int, block: Block) -> str:
-    """Why an arc can't be written in pieces, empty when it can."""
+    """Reason why an arc cannot be written in segments; empty if it can."""
     named = [word.axis for word in motions.words[row]]
     codes = {word.value or 0.0 for word in block.words if word.address == "M"}
     obstacles = {

@@ -1,4 +1,4 @@
-"""What correcting a program would do to it, block by block, without doing it; goes on behind what is refused."""
+"""Check of a program without correcting it: result by block; the check continues after a refusal."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from postproc.text.source import CHUNK, Source, chunks
 
 @dataclass
 class Findings:
-    """What was found; lists of line numbers, a line as often as it runs."""
+    """Findings of a check; lists of line numbers contain a line as often as it runs."""
 
     dialect: str
     evidence: str = ""
     """The reason for this dialect; empty if the user has chosen it."""
     blocks: int = 0
     corrected: list[int] = field(default_factory=list)
-    """Moves whose end is put right."""
+    """Lines of moves whose end is corrected."""
     unsaid: list[int] = field(default_factory=list)
-    """Moves at whose end the program has not said yet, in its frame, where all linear axes are."""
+    """Lines of moves at whose end the program has not yet given all linear axes in its frame."""
     machine: list[int] = field(default_factory=list)
-    """Moves to machine coordinates, which pass as they are."""
+    """Lines of moves to machine coordinates, which are not changed."""
     not_run: list[int] = field(default_factory=list)
-    """Blocks that a jump leaves out, or that stand behind the end."""
+    """Lines of blocks that jumps skip, or that follow the end of the program."""
     refused: list[tuple[int, str, str]] = field(default_factory=list)
-    """Line, text and reason; those behind the first may be its consequences."""
+    """Line, text and reason; later refusals may be consequences of the first."""
     notes: list[str] = field(default_factory=list)
     assumed: list[str] = field(default_factory=list)
     """Work offsets and tools that the machine file assumes."""
     assumption: str = ""
-    """The same in a sentence; empty for none."""
+    """`assumed` as a sentence; empty for none."""
 
     @property
     def repeated(self) -> list[int]:
@@ -70,17 +70,17 @@ class Findings:
         }
 
     def take(self, motions: Motions) -> None:
-        """Sort in the moves of a chunk."""
+        """Add the moves of a chunk."""
         judged, before = motions.judged.tolist(), -1
         for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
             if kind == Kind.PRESET or (kind == Kind.MACHINE and index == before):
-                continue  # the second is what a cycle does behind the move of its block
+                continue  # the second is the end of a cycle after the move of its block
             before = index
             line = motions.blocks[index].line
             (self.machine if kind == Kind.MACHINE else self.corrected if judged[row] else self.unsaid).append(line)
 
     def take_travel(self, refusals: Iterable[Refusal]) -> None:
-        """Note moves out of travel: every line once for each axis, however often it runs."""
+        """Note moves outside the travel: each line once for each axis, however often it runs."""
         known = {(line, reason.split()[0]) for line, _, reason in self.refused}
         for refusal in refusals:
             place = refusal.line, refusal.reason.split()[0]
@@ -94,7 +94,7 @@ class Findings:
 
 
 def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, travel_check: bool = True) -> Findings:
-    """Read a program as the main job would, and look at travel as it would."""
+    """Check a program, and its travel, as its correction would read it."""
     notes = Notes()
     interpreter, findings = dialect.interpreter(machine, setup, notes), Findings(dialect.name, dialect.evidence)
     state = interpreter.control_state
@@ -131,7 +131,7 @@ def _blocks(
 def _read(
     blocks: Iterator[Block], interpreter: Interpreter, findings: Findings, take: Callable[[Motions], None]
 ) -> None:
-    """Read a chunk, block by block; behind a block that is refused nothing is known of where the axes are."""
+    """Read a chunk, block by block; after a refused block the positions of all axes are unknown."""
     while True:
         done: list[Block] = []
         try:
@@ -157,7 +157,7 @@ def _walk(
     findings: Findings,
     take: Callable[[Motions], None],
 ) -> None:
-    """A program with jumps: run up to what is refused."""
+    """Run a program with jumps up to the first refusal."""
     lines = list(dialect.join_lines(source.lines()))
     findings.blocks = len(lines)
     blocks = list(_blocks(lines, dialect, interpreter, findings))

@@ -1,10 +1,10 @@
-"""How the correction bends along moves, and where they are cut so that the control stays beside the corrected path.
+"""Chord error of corrected moves, and the cuts that keep the path on the control near the corrected path.
 
-The control joins the corrected ends of a piece by a straight line in programmed coordinates, or by an arc. What that
-leaves is sampled, and between two samples bounded by second differences: a coordinate that bends one way over three
-steps strays from the straight line between two samples by no more than (|second difference at the one| + |at the
-other|) / 4, for it lies between that line and those of its neighbours, kinks of tables included. The steps are a
-quarter of the shortest way on which errors of the model bend there and back.
+The control joins the corrected ends of a segment by a straight line in programmed coordinates, or by an arc. The
+deviation from the corrected path is sampled, and bounded between two samples by second differences: a coordinate with
+a curvature of one sign over three steps deviates from the straight line between two samples by at most (|second
+difference at the one| + |at the other|) / 4, because it lies between that line and those of the neighbouring samples.
+This includes the kinks of tables. The steps are a quarter of the shortest feature length of the model.
 """
 
 from __future__ import annotations
@@ -36,27 +36,27 @@ from postproc.motion.reversals import needs_direction
 from postproc.motion.segments import arc_ends, arc_turned, part_of
 
 STEPS = 8
-"""Fewest steps that a piece is looked at in."""
+"""Smallest number of steps in which a segment is evaluated."""
 MOST_STEPS = 8192
 BATCH = 100_000
-"""Samples worked out together."""
+"""Number of samples that are evaluated together."""
 JUMP_STEPS = 10
-"""How often a piece is halved to find where its error jumps."""
+"""Number of bisections to find the jump of the error in a segment."""
 SHORTEST_MM, SHORTEST_DEG = 0.2, 0.05
-"""No piece is cut shorter: where errors jump, no path that hangs together can follow."""
+"""Shortest length of a segment: no continuous path can follow a jump of the error."""
 
 
 @dataclass(frozen=True)
 class CorrectedWays:
-    """Where the corrected paths of a chunk of moves lead, at any place along them."""
+    """Corrected paths of a chunk of moves, at any position along them."""
 
     motions: Motions
     models: tuple[ErrorModel, ErrorModel | None]
-    """Of the tool point, and where it is corrected of the orientation."""
+    """Models of the tool point and, if it is corrected, of the orientation."""
     conditions: Conditions
 
     def shifts(self, rows: np.ndarray, shares: Array) -> Array:
-        """Corrected minus nominal programmed positions `(k, axes)` at shares `(k,)` of the ways of rows `(k,)`."""
+        """Corrected minus nominal programmed positions `(k, axes)` at shares `(k,)` of the paths of rows `(k,)`."""
         program, bare = places(self.motions, rows, shares), self._bare.take(rows)
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
         machine, movable = self.motions.machine, self._movable[rows]
@@ -66,9 +66,9 @@ class CorrectedWays:
         return np.asarray(bare.in_program(corrected) - program)
 
     def misses(self, rows: np.ndarray, shares: Array) -> Array:
-        """What the uncorrected machine misses `(k, 3)`, mm: minus the shifts, nearly.
+        """Tool point errors `(k, 3)` of the uncorrected machine, mm: approximately minus the shifts.
 
-        In the workpiece frame; along the axes that place the tool where rotary axes turn without TCP.
+        In the workpiece frame; where rotary axes turn without TCP, along the linear axes.
         """
         bare, machine = self._bare.take(rows), self.motions.machine
         q = bare.in_machine(places(self.motions, rows, shares))
@@ -84,13 +84,13 @@ class CorrectedWays:
 
     @cached_property
     def turned(self) -> NDArrayBool:
-        """Moves `(n,)` along which rotary axes turn without TCP."""
+        """True `(n,)` for moves along which rotary axes turn without TCP."""
         tcp = np.array([frame.tcp for frame in self.motions.frames], bool)[self.motions.frame]
         return np.asarray((self.extents[:, self.motions.machine.rotary] > 0.0).any(axis=1) & ~tcp)
 
     @cached_property
     def weights(self) -> Array:
-        """What a difference of programmed positions counts at the tool `(n, axes)`, mm per mm or degree; at most."""
+        """Largest displacement of the tool per programmed displacement `(n, axes)`, mm per mm or degree."""
         frames = [self._weights_in(frame) for frame in self.motions.frames]
         return np.asarray(np.array(frames)[self.motions.frame])
 
@@ -107,7 +107,7 @@ class CorrectedWays:
 
     @cached_property
     def extents(self) -> Array:
-        """How far the axes go along the moves `(n, axes)`, mm and rad; at most, but for what rounding adds."""
+        """Upper bound of the travel of the axes along the moves `(n, axes)`, mm and rad, except for rounding."""
         motions, machine = self.motions, self.motions.machine
         way = np.abs(motions.target - motions.start)
         extents = np.abs(motions.machine_target - motions.in_machine(motions.start))
@@ -122,7 +122,7 @@ class CorrectedWays:
 
     @cached_property
     def steps(self) -> Array:
-        """In how many steps `(n,)`, not whole, a move has to be looked at so that no bend is missed."""
+        """Number of steps `(n,)`, not rounded, in which a move must be evaluated so that no feature is missed."""
         steps = 4.0 * (self.extents / self.models[0].feature_lengths(self.motions.machine)).max(axis=1, initial=0.0)
         for row in self.motions.arcs:
             if self.motions.arcs[row].turns:
@@ -131,7 +131,7 @@ class CorrectedWays:
 
     @cached_property
     def shortest(self) -> Array:
-        """Share `(n,)` of the way of a move under which it is not cut."""
+        """Smallest share `(n,)` of the path of a move that a segment may have."""
         linear = ~self.motions.machine.rotary
         mm = self.extents[:, linear].max(axis=1, initial=0.0)
         degrees = np.rad2deg(self.extents[:, ~linear].max(axis=1, initial=0.0))
@@ -153,7 +153,7 @@ class CorrectedWays:
 
     @cached_property
     def _heading(self) -> Array | None:
-        """Which way axes go along straight moves `(n, axes)`; round arcs and under TCP, amid their play."""
+        """Directions along straight moves `(n, axes)`; 0, the middle of the backlash, on arcs and under TCP."""
         if not any(needs_direction(effect) for model in self.models if model is not None for effect in model.effects):
             return None
         motions = self.motions
@@ -170,20 +170,20 @@ def way_round(motions: Motions, row: int) -> float:
 
 
 class Limits(NamedTuple):
-    """How far a move may stray from its corrected path: not beyond a tolerance, and no farther than the input errs."""
+    """Limits of the deviation of a move from its corrected path: a tolerance, and the error of the input."""
 
     tolerance: float
-    """mm."""
+    """Largest deviation, mm."""
     rounding: float
-    """mm, by which a move may stray farther than it errs in the input; infinite where that does not matter."""
+    """Excess, mm, of the deviation over the error in the input; infinite if a move may be worse than in the input."""
 
     def of(self, errors: Array) -> Array:
-        """The limits, mm, of moves with these largest errors in the input, mm, of any shape."""
+        """Limits, mm, of moves with these largest errors in the input, mm, of any shape."""
         return np.minimum(errors + self.rounding, self.tolerance)
 
 
 class _Piece(NamedTuple):
-    """A part of the way of a move."""
+    """Segment of a move, by shares of its path."""
 
     row: int
     low: float
@@ -191,18 +191,18 @@ class _Piece(NamedTuple):
 
 
 class Cuts(NamedTuple):
-    """Where moves are cut."""
+    """Cuts of moves."""
 
     shares: dict[int, list[float]]
     """Shares of the cuts by row; rows that need no cut are left out."""
     steep: list[_Piece]
-    """Pieces at the shortest length that stray farther than they may."""
+    """Segments of the shortest length that deviate by more than their limits."""
 
 
 def find_cuts(ways: CorrectedWays, rows: np.ndarray, limits: Limits) -> Cuts:
-    """Where to cut some rows so that all pieces stay within their limits.
+    """Cuts of rows `(k,)` so that all segments stay within their limits.
 
-    By halves, so that shares are sums of powers of 1/2.
+    Segments are halved, so that all shares are sums of powers of 1/2.
     """
     found = Cuts(defaultdict(list), [])
     most: dict[int, float] = {}
@@ -221,9 +221,10 @@ def find_cuts(ways: CorrectedWays, rows: np.ndarray, limits: Limits) -> Cuts:
 
 
 def _cross_jumps(ways: CorrectedWays, found: Cuts, limits: Limits) -> None:
-    """Move the cuts of steep pieces so that the error jumps in the middle of one of the shortest length.
+    """Move the cuts of steep segments so that the error jumps in the middle of a segment of the shortest length.
 
-    A straight line over the middle of a jump misses it by half of it on either side, and so does the input on one.
+    A straight line across the middle of a jump deviates by half of the jump on either side; on one side the error of
+    the input is at least as large.
     """
     if not found.steep or math.isinf(limits.rounding):
         return
@@ -244,7 +245,7 @@ def _cross_jumps(ways: CorrectedWays, found: Cuts, limits: Limits) -> None:
 
 
 def _cross(shares: list[float], place: float, length: float) -> None:
-    """Make a piece of this length about a place the only one near, where the move leaves so much room for it."""
+    """Replace the cuts near the share `place` by a segment of this length about it, if the move has room for it."""
     half = min(length / 2, place, 1.0 - place)
     if half < length / 20:
         return
@@ -254,7 +255,7 @@ def _cross(shares: list[float], place: float, length: float) -> None:
 
 
 def _batches(ways: CorrectedWays, pieces: list[_Piece]) -> Iterator[list[tuple[_Piece, Array]]]:
-    """The pieces with the shifts `(steps + 1, axes)` along them, some at a time."""
+    """The segments with the shifts `(steps + 1, axes)` along them, in batches."""
     rows, low, high = (np.array(column) for column in zip(*pieces, strict=True))
     wanted = np.maximum(ways.steps[rows] * (high - low) / STEPS, 1.0)
     steps = np.minimum(STEPS * 2 ** np.ceil(np.log2(wanted)), MOST_STEPS).astype(int)
@@ -276,9 +277,9 @@ def _cut(
     found: Cuts,
     following: list[_Piece],
 ) -> None:
-    """Halve a piece, with shifts `(steps + 1, axes)`, as often as need be; `following` takes what needs finer steps.
+    """Halve a segment, with shifts `(steps + 1, axes)`, as often as its limits require.
 
-    limits: mm, as `strays` has them.
+    `found` takes the cuts, `following` the segments that need finer steps. limits: mm, for the results of `strays`.
     """
     steps = len(shifts) - 1
     row, low, length = piece.row, piece.low, piece.high - piece.low
@@ -301,9 +302,9 @@ def _cut(
 
 
 def strays(ways: CorrectedWays, piece: _Piece, shifts: Array) -> tuple[float, float]:
-    """How far the control strays along a piece with corrected ends, mm; shifts `(steps + 1, axes)` on it.
+    """Deviations of the control along a segment with corrected ends, mm; shifts `(steps + 1, axes)` along it.
 
-    At most; and as far as an even bend between two places that are looked at explains.
+    First an upper bound, then the deviation for a uniform curvature between two samples.
     """
     even = np.linspace(0.0, 1.0, len(shifts))[:, None]
     rest = (1.0 - even) * shifts[0] + even * shifts[-1] - shifts
@@ -314,14 +315,14 @@ def strays(ways: CorrectedWays, piece: _Piece, shifts: Array) -> tuple[float, fl
         rest[:, i], rest[:, j] = plane.real, plane.imag
     rest *= ways.weights[piece.row]
     bends = np.linalg.norm(np.diff(rest, 2, axis=0), axis=1)
-    bends = np.concatenate([3.0 * bends[:1], bends, 3.0 * bends[-1:]])  # it may bend beside an end, with none beyond
+    bends = np.concatenate([3.0 * bends[:1], bends, 3.0 * bends[-1:]])  # an end has no second difference of its own
     sizes = np.linalg.norm(rest, axis=1)
     sizes, bends = np.maximum(sizes[:-1], sizes[1:]), bends[:-1] + bends[1:]
     return float((sizes + bends / 4.0).max()), float((sizes + bends / 16.0).max())
 
 
 def _arc_rest(motions: Motions, piece: _Piece, arc: Arc, shifts: np.ndarray) -> np.ndarray:
-    """What the corrected arc of a piece misses of the corrected path `(steps + 1,)`, in the plane; shifts likewise."""
+    """Complex deviations `(steps + 1,)` of the corrected arc of a segment from the corrected path; shifts likewise."""
     start, end = (complex(*point) for point in arc_ends(motions, piece.row))
     turned = arc_turned(motions, piece.row) * (piece.high - piece.low)
     even = np.linspace(0.0, 1.0, len(shifts))
@@ -338,9 +339,9 @@ def _arc_rest(motions: Motions, piece: _Piece, arc: Arc, shifts: np.ndarray) -> 
 
 
 def bent(ways: CorrectedWays, rows: np.ndarray, limits: Limits) -> np.ndarray:
-    """Those of some rows that may stray farther than their limits in one piece; quickly, by uncorrected errors.
+    """Rows of `rows` `(k,)` that may exceed their limits in one segment, by a fast test on uncorrected errors.
 
-    Of straight moves by the error in the middle; a row that has to be looked at more closely is among them.
+    A straight move is tested by the error in its middle. Rows that need a closer evaluation are included.
     """
     motions = ways.motions
     close = (ways.models[1] is not None) | (ways.steps[rows] > 2.0)
@@ -361,7 +362,7 @@ def _largest(vectors: list[Array]) -> Array:
 
 
 def _looked_at(ways: CorrectedWays, rows: np.ndarray, shares: tuple[float, ...]) -> list[Array]:
-    """Misses `(n, 3)` at each of some shares of all rows."""
+    """Tool point errors `(n, 3)`, mm, as of `misses`, at each share of all rows."""
     each = len(shares)
     found = ways.misses(np.repeat(rows, each), np.tile(shares, len(rows))) if len(rows) else np.empty((0, 3))
     return [found[i::each] for i in range(each)]

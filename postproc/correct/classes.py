@@ -1,4 +1,4 @@
-"""What each compensation class of ISO/TR 16907 would leave of the errors along a program."""
+"""Residual errors along a program with each compensation class of ISO/TR 16907."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ CHOICES = (*CLASSES, "L-VOL,R-VOL", "L-VOL+,R-VOL+")
 
 @dataclass(frozen=True)
 class Left:
-    """Errors left at block ends when one choice of classes is corrected."""
+    """Residual errors at block ends after the correction of one choice of classes."""
 
     choice: str
     position: Statistic = field(default_factory=Statistic)
-    """Of the tool point, um."""
+    """Errors of the tool point, um."""
     tilt: Statistic = field(default_factory=Statistic)
-    """Of the tool axis, urad."""
+    """Errors of the tool axis, urad."""
     turning: Statistic = field(default_factory=Statistic)
-    """How far the rotary axes are moved for it, urad."""
+    """Corrections of the rotary axes, urad."""
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form."""
@@ -42,9 +42,9 @@ class Left:
 
 
 def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = COLD) -> list[Left]:
-    """What is left by no correction, each class, and their usual combinations, at the judged moves of a program.
+    """Residual errors at the evaluated moves of a program: without correction, and for each of CHOICES.
 
-    Choices that need rotary axes are left out on a machine that has none. Directions are those of the nominal moves.
+    Choices that need rotary axes are omitted on a machine that has none. Directions are those of the nominal moves.
     """
     machine, judged, model = motions.machine, motions.judged, model.part(in_a_program)
     judge = Judge(model, machine, conditions, 1.0)

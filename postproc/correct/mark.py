@@ -1,4 +1,4 @@
-"""The mark of a corrected program: the program is not corrected twice, and not confused with that of another set-up."""
+"""Mark of a corrected program: it prevents a second correction and identifies the set-up of the correction."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _MARK = re.compile(
 )
 _PLAIN = re.compile(r"[^A-Z0-9_.-]")
 NAME_LENGTH = 20
-"""Characters of a machine's name in a mark, which has to fit on the lines of old controls."""
+"""Largest number of characters of the machine name in a mark, which must fit on the lines of old controls."""
 DIGITS = 8
-"""Number of hexadecimal digits of the fingerprints of set-up and datum."""
+"""Number of hexadecimal digits in the fingerprints of set-up and datum."""
 DECIMALS = 6
 """Decimals of mm and degrees in the text of a fingerprint."""
 PARTS = ("calibration", "set-up", "datum")
-"""What a mark holds, by the names that `ncomp verify --accept` takes."""
+"""Parts of a mark, by the names of `ncomp verify --accept`."""
 
 
 class Mark(NamedTuple):
@@ -48,12 +48,12 @@ class Mark(NamedTuple):
 
 
 def mark_of(model: ErrorModel, state: ControlState) -> Mark:
-    """The mark for a calibration and the set-up that a program, which has run, has used."""
+    """The mark for a calibration and the set-up that a program has used in its run."""
     return Mark(model.id.upper(), _short(_setup_lines(state)), _short(_datum_lines(state)))
 
 
 def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, accepted: Iterable[str] = ()) -> str:
-    """The comment line put into a corrected program; upper case and plain, as the oldest control reads it."""
+    """Comment line for a corrected program; upper case and plain characters, so that the oldest control reads it."""
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
     text = f"NCOMP {version('ncomp')} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
     named = "".join(f" {what} {value}" for what, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
@@ -62,13 +62,13 @@ def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, ac
 
 
 def mark_in(text: str) -> Mark | None:
-    """The mark in the text of a block, None where there is none."""
+    """The mark in the text of a block; None if there is none."""
     match = _MARK.search(text) if "NCOMP" in text else None
     return Mark(*match.groups()) if match else None
 
 
 def mark_in_program(source: Source) -> Mark | None:
-    """The mark of a corrected program, None when it bears none."""
+    """The mark of a corrected program; None if there is none."""
     return next((found for _, text in source.lines() if (found := mark_in(text))), None)
 
 
@@ -88,15 +88,15 @@ def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> l
 
 
 def mark_place(dialect: Dialect, blocks: Sequence[Block]) -> int | None:
-    """Index of the block before which the mark is inserted: the first after the head.
+    """Index of the block before which the mark is inserted: the first after the head; None if there is none yet.
 
-    That is behind tape mark, program number, BEGIN PGM and the comments around them. None when there is none yet.
+    The head is tape mark, program number, BEGIN PGM and the comments around them.
     """
     return next((i for i, b in enumerate(blocks) if b.kind != "blank" and not dialect.is_head(b)), None)
 
 
 class MarkedOutput:
-    """Writes a program with room for its mark, which is known only when the whole program has run."""
+    """Writes a program with room for its mark, which is known only after the whole program has run."""
 
     def __init__(self, out: IO[bytes], rest: IO[bytes]) -> None:
         self._out, self._rest = out, rest
@@ -104,15 +104,15 @@ class MarkedOutput:
         self._number = ""
 
     def write(self, texts: Iterable[str]) -> None:
-        """Write lines, behind the room for the mark if there is one."""
+        """Write lines, after the room for the mark if there is one."""
         (self._rest if self.has_room else self._out).writelines(text.encode(ENCODING) for text in texts)
 
     def leave_room(self, number: str = "") -> None:
-        """The mark comes here, behind the number of its block."""
+        """Leave room for the mark here, after the number of its block."""
         self.has_room, self._number = True, number
 
     def finish(self, mark: str) -> None:
-        """Write the mark, if there is room for it, and all that comes behind it."""
+        """Write the mark, if there is room for it, and the lines after it."""
         if self.has_room:
             self._out.write((self._number + mark).encode(ENCODING))
             self._rest.seek(0)
@@ -124,7 +124,7 @@ def _short(lines: Iterable[str]) -> str:
 
 
 def _setup_lines(state: ControlState) -> Iterable[str]:
-    """Parts of the set-up that a program has used, one entry a line, in a fixed order."""
+    """Set-up that a program has used, one entry per line, in a fixed order."""
     setup = state.setup
     yield setup.machine.chain_hash
     for name in sorted(state.used_offsets):
@@ -136,7 +136,7 @@ def _setup_lines(state: ControlState) -> Iterable[str]:
 
 
 def _datum_lines(state: ControlState) -> Iterable[str]:
-    """Datum entries of the work offsets that a program has used, one a line."""
+    """Datum entries of the work offsets that a program has used, one per line."""
     for name in sorted(state.used_offsets):
         datum = state.setup.datum(name)
         at = " ".join(f"{axis}{_numbers((value,))}" for axis, value in sorted(datum.at.items()))

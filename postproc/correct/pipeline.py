@@ -1,9 +1,9 @@
-"""The main job: an NC program in, the corrected program out, chunk by chunk.
+"""Correction of an NC program, chunk by chunk.
 
     lines -> blocks -> Motions -> Correction -> edits -> lines
 
-Modal state, the position that the control holds and the statistics carry over from chunk to chunk; memory does not
-grow with the program.
+Modal state, the position on the control and the statistics carry over from chunk to chunk; memory does not grow with
+the program.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ from postproc.write.helices import FlatArcs
 from postproc.write.writer import Writer, Written
 
 UNCERTAINTY_ROWS, UNCERTAINTY_STEP = 500, 8
-"""The uncertainty of the prediction is worked out for so many first moves, and then for every eighth."""
+"""The uncertainty of the prediction is computed for so many first moves, then for every eighth."""
 SPOOLED = 1 << 24
-"""Bytes of a program that are kept in memory until its mark is known."""
+"""Bytes of a corrected program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)
-"""Shares of the way of a written block at which the error between its ends is predicted."""
+"""Shares of the path of a written block at which the error between its ends is predicted."""
 CLOSELY = tuple(i / 32 for i in range(1, 33))
-"""The same where a move may be worse than in the input."""
+"""Shares for moves that may be worse than in the input."""
 ERROR_JUMPS = "its error jumps, or an axis with play turns back in it"
 TURNED_ALONE = "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else"
 
@@ -76,19 +76,19 @@ class Job:
     classes: frozenset[str] | None = None
     """Elementary compensation classes, and FOR, that are corrected; None for all but FOR."""
     tolerance_um: float = 1.0
-    """Feed moves that would stray farther than this between their ends are split; half of it is no reversal."""
+    """Largest deviation of a feed move between its ends, um, without splitting; half of it is no reversal."""
     conditions: Conditions = COLD
-    """While the program runs."""
+    """Conditions during the run of the program."""
     max_correction_um: float | None = None
-    """Largest correction of a linear axis; None for that of `CorrectionLimit`."""
+    """Largest correction of a linear axis, um; None for the default of `CorrectionLimit`."""
     accepted: frozenset[str] = frozenset(REASONS)
     """Names of implausible conditions that are accepted; the command line accepts none by default."""
     unroll: bool = False
-    """Loops and calls are written out."""
+    """True if loops and calls are written out."""
 
 
 class Pipeline:
-    """Carries the state between chunks; `run` is its one use."""
+    """Correction of one program, with the state between its chunks; use it once, by `run`."""
 
     def __init__(self, job: Job, *, traced: bool = False) -> None:
         self.job = job
@@ -96,7 +96,7 @@ class Pipeline:
         self.interpreter = job.dialect.interpreter(job.machine, job.setup, self.notes)
         self.orientation = job.classes is not None and ORIENTATION in job.classes
         self.model = job.model.part(in_a_program)
-        """What is judged; of it, what is corrected."""
+        """Evaluated part of the model; `corrected_part` is the corrected part of it."""
         self.corrected_part = self.model if job.classes is None else select(self.model, job.classes)
         models = (self.corrected_part, self.model if self.orientation else None)
         worse = "worse" in job.accepted
@@ -113,7 +113,7 @@ class Pipeline:
         )
         self.report = _new_report(job)
         self.trace = Trace(job.machine, self.model) if traced else None
-        """For figures; None where nobody asked for them."""
+        """Record for figures; None if not requested."""
         self.report.notes = standing_notes(job.model, job.conditions)
         self.plausibility = Plausibility(job.accepted)
         self.limit = CorrectionLimit(
@@ -124,9 +124,9 @@ class Pipeline:
         self._flat_arcs = FlatArcs()
 
     def run(self, out: BinaryIO, progress: Callable[[int], None]) -> Report:
-        """Write the corrected program to `out`; `progress` is told the number of bytes read since the last call.
+        """Write the corrected program to `out`; `progress` gets the number of bytes read since its last call.
 
-        UserError, located in the program, for what can't be used; `out` is then to be thrown away.
+        UserError, located in the program, for a block that cannot be corrected; discard `out` then.
         """
         job, report = self.job, self.report
         if self.model.effects:
@@ -161,7 +161,7 @@ class Pipeline:
         self._check_whole()
 
     def _program(self) -> Execution:
-        """The program, or on request the text that is written out of it."""
+        """The program, or on request its text without loops and calls."""
         job = self.job
         if job.unroll and turns(job.source, job.dialect):
             interpreter = job.dialect.interpreter(job.machine, job.setup, Notes())
@@ -169,14 +169,14 @@ class Pipeline:
         return execution(job.source, job.dialect, self.interpreter)
 
     def _check_whole(self) -> None:
-        """The checks of plausibility that need all moves: UserError for conditions that are not accepted."""
+        """Plausibility checks that need all moves; UserError for conditions that are not accepted."""
         self.plausibility.check_outside(self._outside)
-        if not self.job.model.demonstration:  # its uncertainty is that of no machine
+        if not self.job.model.demonstration:  # its uncertainty does not belong to a real machine
             self.plausibility.check_significance(self.report.significance)
         self.report.accepted = self.plausibility.met
 
     def _summary(self) -> list[str]:
-        """Notes that belong to no line."""
+        """Notes on the whole program."""
         unused = self.interpreter.control_state.unused()
         beyond = [
             f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
@@ -247,7 +247,7 @@ class Pipeline:
             self.notes.add(f"already corrected (calibration {calibration}), corrected again", block.line)
 
     def _judge(self, motions: Motions, correction: Correction, written: Written) -> None:
-        """Gather what the correction is and what the exact model predicts before and after it."""
+        """Add the corrections, and the errors that the exact model predicts before and after them, to the report."""
         job, report, own = self.job, self.report, ~motions.inner
         machine, judged, correctable = job.machine, motions.judged, motions.programmed & own
         moved, said = written.ends - motions.target, motions.correctable & correctable[:, None]
@@ -272,7 +272,7 @@ class Pipeline:
             self.trace.add_ways(motions, self.before)
 
     def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, judged: NDArrayBool) -> Array:
-        """Errors `(judged, 2)`, um, before and after at the ends of judged rows; nominal `(n, axes)`, mm and rad."""
+        """Errors `(judged, 2)`, um, before and after at the ends of evaluated rows; nominal `(n, axes)`, mm and rad."""
         job, report, tool = self.job, self.report, motions.tool[judged]
         machine = job.machine
         states_before = self.before.states(motions, judged)
@@ -301,7 +301,7 @@ class Pipeline:
         return np.stack([before.point_um, after.point_um], axis=1)
 
     def _note_assumed(self, motions: Motions, correctable: NDArrayBool) -> None:
-        """Say which moves were corrected although the program had not said yet where an axis stands."""
+        """Note the moves that were corrected with an assumed position of an axis."""
         for i, axis in enumerate(self.job.machine.axes):
             rows = np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED))
             if rows.size:
@@ -310,21 +310,21 @@ class Pipeline:
                 self.notes.add(text, line, rows.size)
 
     def _note_left(self, motions: Motions) -> None:
-        """Gather the lines whose moves are not corrected in all axes."""
+        """Collect the lines of moves that are not corrected in all axes."""
         left = motions.left
         for row in np.flatnonzero(left.any(axis=1)).tolist():
             names = " ".join(self.job.machine.names[i] for i in np.flatnonzero(left[row]))
             self.report.left.setdefault(names, []).append(motions.blocks[motions.block[row]].line)
 
     def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
-        """Say where a feed move of rotary axes alone leaves an error that the next move takes out."""
+        """Note the feed moves of rotary axes alone with a residual error that the next move corrects."""
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
         for row in np.flatnonzero(motions.turning & (behind * 1e3 > self.job.tolerance_um)):
             line = motions.blocks[motions.block[row]].line
             self.notes.add(TURNED_ALONE, line)
 
     def _judge_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
-        """Along feed moves, where nothing is corrected by itself; errors before at the ends of all rows `(n,)`, um."""
+        """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um."""
         rows = motions.known_ways
         if not rows.any():
             return
@@ -343,9 +343,10 @@ class Pipeline:
     def _guard_between(
         self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, strayed: Array
     ) -> None:
-        """Hold programmed moves, whose pieces err by `strayed` `(rows,)`, um, between their ends, to the input.
+        """Compare programmed moves between their ends with the input; strayed `(rows,)`: errors of their segments, um.
 
-        In the input no path has a smaller error than its end: moves within that error are not examined further.
+        In the input the largest error of a path is at least that of its end: moves within that error need no further
+        evaluation.
         """
         ends = np.flatnonzero(~motions.inner)
         move = np.searchsorted(ends, rows)

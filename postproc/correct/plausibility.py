@@ -1,6 +1,6 @@
-"""Plausibility of a correction: its calibration, its size, where it is used, and whether it improves anything.
+"""Plausibility of a correction: its calibration, its size, its range of use, and its improvement.
 
-An implausible correction is refused with the figure, unless the user has accepted the condition by name.
+An implausible correction is refused with its value, unless the user has accepted the condition by name.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ REASONS: Mapping[str, str] = {
     "insignificant": "for most moves the predicted improvement is below twice its standard uncertainty (k=2)",
     "worse": "a move is predicted to be worse than in the input",
 }
-"""Conditions that are refused, by the name that `--accept` takes."""
+"""Conditions that are refused, by their names in `--accept`."""
 CLOCKS = datetime.timedelta(minutes=10)
-"""A calibration may be dated so far ahead: clocks differ."""
+"""Tolerance of the date of a calibration in the future, for differences of clocks."""
 OUTSIDE_SHARE = 0.01
 """Share of the evaluated moves that may end outside the measured range."""
 MOST = 0.5
-"""Share of the moves worth correcting beyond which their improvement must be significant."""
+"""Share of the moves worth correcting that may have an improvement that is not significant."""
 TURNING_HINT = (
     ": rotary axes turn at feed, and the linear axes keep the correction from before; turn at rapid (G0), or move X, Y "
     "or Z in this block"
 )
 HIGHEST_UM = 500.0
-"""No correction is larger than this unless the user sets the limit."""
+"""Largest correction, um, unless the user sets another limit."""
 MOST_LINES = 1000
-"""Largest number of lines with moves outside the measured range that are kept for the message."""
+"""Largest number of lines that are kept for a message."""
 ENDLESS_MM = 1000.0
-"""Stretch of a linear axis without limits over which the largest error is looked for, mm."""
+"""Length, mm, over which the largest error is searched along a linear axis without travel limits."""
 UNSEEN_UM = 1e-4
-"""A move that is worse by less is not counted."""
+"""Increase of the error, um, below which a move does not count as worse."""
 SAMPLES = 4096
-"""Positions over the travel of the machine at which the largest error is looked for."""
+"""Number of positions, besides the corners of the travel, for the search of the largest error."""
 
 
 def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozenset[str]:
-    """Names of `--accept`, separated by commas; UserError, with the list of names, for any other."""
+    """Names of `--accept`, separated by commas; UserError, with the list of names, for any other name."""
     names = [name.strip().lower() for name in (text or "").split(",")] if text is not None else []
     for name in names:
         if name not in allowed:
@@ -67,20 +67,20 @@ def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozen
 
 @dataclass
 class Plausibility:
-    """Refuses conditions that are not accepted, and stores accepted ones, by name, with the figure."""
+    """Refuses conditions that are not accepted, and stores accepted ones by name."""
 
     accepted: frozenset[str] = frozenset()
     met: dict[str, str] = field(default_factory=dict)
-    """Accepted conditions that were met: the figure, by name."""
+    """Accepted conditions that were met: text with the value, by name."""
 
     def meet(self, name: str, found: str) -> None:
-        """Something that is not plausible: UserError unless its name is accepted."""
+        """Store an implausible condition; UserError unless its name is accepted."""
         if name not in self.accepted:
             raise UserError(f"{found}; --accept {name} continues nevertheless")
         self.met.setdefault(name, found)
 
     def check_calibration(self, model: ErrorModel, conditions: Conditions, now: datetime.datetime) -> None:
-        """The age of a calibration, and the temperatures of the run against its range."""
+        """Check the age of a calibration, and the temperatures of the run against its range."""
         age = model.age_days(now)
         made = f"calibration {model.id} is dated {model.provenance.made_at.isoformat(' ', 'minutes')}"
         if age > model.valid_days:
@@ -94,19 +94,19 @@ class Plausibility:
                 self.meet("temperature", f"temperature {sensor} is {value:g} degC; {measured}")
 
     def check_outside(self, outside: Outside) -> None:
-        """Once all moves are known."""
+        """Check the share of moves outside the calibrated range, once all moves are known."""
         if outside.share > OUTSIDE_SHARE:
             self.meet("outside", outside.text())
 
     def check_significance(self, significance: Significance) -> None:
-        """Once all moves are known."""
+        """Check the significance of the improvement, once all moves are known."""
         if significance.unsure > MOST * significance.worthwhile:
             self.meet("insignificant", significance.text())
 
 
 @dataclass
 class Outside:
-    """Gathers evaluated moves that end outside the range for which a calibration is known."""
+    """Evaluated moves that end outside the range of the calibration, collected chunk by chunk."""
 
     moves: int = 0
     outside: int = 0
@@ -133,7 +133,7 @@ class Outside:
         return self.outside / self.moves if self.moves else 0.0
 
     def text(self) -> str:
-        """The figure, with lines."""
+        """Text with numbers and lines."""
         return (
             f"{self.outside} of {self.moves} evaluated moves ({self.share:.1%}) end outside the range for which "
             f"the calibration was measured (lines {shortened(ranges(self.lines))})"
@@ -141,11 +141,11 @@ class Outside:
 
 
 class Guard:
-    """Holds every evaluated move to its error in the input.
+    """Compares the error of every evaluated move with its error in the input.
 
-    It may be worse by no more than the rounding of its words, in multiples of `rounding_mm`: once at its end; along a
-    straight move twice, for that is how far it may bend before it is split; along an arc four times, for the rounding
-    of its centre moves a nearly full circle by as much as two of its ends.
+    It may exceed it by the rounding of its words: once at its end; twice along a straight move, because its chord error
+    may be that large before it is split; four times along an arc, because the rounding of its centre moves a nearly
+    full circle by as much as the rounding of two ends.
     """
 
     def __init__(self, machine: Machine, plausibility: Plausibility, *, turns: bool) -> None:
@@ -155,21 +155,21 @@ class Guard:
         self._largest = (0.0, 0.0)
         self._worse = 0
         self._rounded: dict[str, tuple[int, float]] = {}
-        """How many moves are worse by their rounding, and by how much, um, by where that is."""
+        """Number of moves that are worse by their rounding, and the largest increase, um; by `where` of `_check`."""
 
     def check_ends(self, motions: Motions, rows: np.ndarray, errors: Array) -> None:
-        """Errors `(k, 2)`, um, before and after at the ends of some rows `(k,)` of a chunk.
+        """Compare errors `(k, 2)`, um, before and after at the ends of rows `(k,)` of a chunk.
 
-        Refusal at the first that is worse by more than its rounding, unless that is accepted.
+        Refusal at the first move that is worse by more than its rounding, unless that is accepted.
         """
         self._check(motions, rows, errors, np.full(len(rows), self._rounding_um), "at its end", {})
 
     def check_ways(
         self, motions: Motions, rows: np.ndarray, errors: Array, reasons: Mapping[int, str], otherwise: str
     ) -> None:
-        """The largest errors `(k, 2)`, um, before and after along moves that end at some rows `(k,)`.
+        """Compare the largest errors `(k, 2)`, um, before and after along moves that end at rows `(k,)`.
 
-        Refusal as by `check_ends`, with the reason, by block, why a move is not split.
+        Refusal as by `check_ends`; `reasons`: why a move is not split, by block.
         """
         factors = np.where(motions.kind[rows] == Kind.ARC, 4.0, 2.0)
         hints = {int(block): f": {reasons.get(int(block), otherwise)}" for block in motions.block[rows]}
@@ -184,7 +184,7 @@ class Guard:
         where: str,
         hints: Mapping[int, str],
     ) -> None:
-        """Refusal, with the hint of its block, at the first move that is worse by more than its limit `(k,)`, um."""
+        """Refusal, with the hint for its block, at the first move that is worse by more than its limit `(k,)`, um."""
         before, after = errors.T
         excess = after - before
         rounded = (excess > UNSEEN_UM) & (excess <= limits)
@@ -201,7 +201,7 @@ class Guard:
             self._add(block.line, float(before[i]), float(after[i]))
 
     def notes(self) -> list[str]:
-        """How many moves are worse than in the input by their rounding."""
+        """Notes with the numbers of moves that are worse than in the input by their rounding."""
         return [
             f"{count} moves are predicted to be worse than in the input {where.replace('its', 'their')} by at most "
             f"{largest:.2g} um, the rounding of their words"
@@ -220,11 +220,11 @@ class Guard:
 
 
 class CorrectionLimit:
-    """The largest correction of a linear axis that is plausible, um.
+    """Largest plausible correction of a linear axis, um.
 
-    The user's figure, or twice the largest error of the calibration over the travel of the machine with the tools that
-    the program uses, at most HIGHEST_UM. Twice, since a correction relative to a datum is a difference of two errors.
-    Where the orientation is corrected, linear axes make up for the turning of rotary ones too: then HIGHEST_UM.
+    It is the limit of the user, or twice the largest error of the calibration over the travel of the machine with the
+    tools that the program uses, at most HIGHEST_UM. Twice, because a correction relative to a datum is a difference of
+    two errors. If the orientation is corrected, linear axes also compensate the rotation of rotary axes: HIGHEST_UM.
     """
 
     def __init__(
@@ -235,7 +235,7 @@ class CorrectionLimit:
         self._largest: dict[tuple[float, ...], float] = {}
 
     def um(self, frame: Frame) -> float:
-        """In a frame: with its tool, and with the probe of its touch-off."""
+        """Limit in a frame, um, for its tool and for the probe of its touch-off."""
         if self._given_um is not None:
             return self._given_um
         if self._turns:
@@ -250,7 +250,7 @@ class CorrectionLimit:
 
     @property
     def origin(self) -> str:
-        """Text for the origin of the limit."""
+        """Text on the origin of the limit."""
         if self._given_um is not None:
             return "--max-correction-um"
         if self._turns:
@@ -258,7 +258,10 @@ class CorrectionLimit:
         return f"twice the largest error of the calibration over the machine's travel, at most {HIGHEST_UM:g} um"
 
     def check(self, motions: Motions, nominal: Array, corrected: Array) -> float:
-        """Largest limit of a chunk, um; Refusal at the first correction `(n, axes)`, mm and rad, beyond its own."""
+        """Largest limit of a chunk, um; Refusal at the first move with a correction beyond the limit of its frame.
+
+        Nominal and corrected positions `(n, axes)`, mm and rad.
+        """
         used = set(motions.frame.tolist())
         limits = np.array([self.um(frame) if i in used else 0.0 for i, frame in enumerate(motions.frames)])
         columns = motions.machine.translators
@@ -290,7 +293,7 @@ def largest_error_um(machine: Machine, model: ErrorModel, conditions: Conditions
 
 
 def _evenly(n: int, dimensions: int) -> Array:
-    """Points `(n, dimensions)` that fill the unit cube evenly: multiples of powers of the generalised golden ratio."""
+    """Evenly distributed points `(n, dimensions)` of the unit cube, from powers of the generalised golden ratio."""
     ratio = 2.0
     for _ in range(64):
         ratio = (1.0 + ratio) ** (1.0 / (dimensions + 1))
@@ -298,6 +301,6 @@ def _evenly(n: int, dimensions: int) -> Array:
 
 
 def _corners(axes: int) -> Array:
-    """Ends of the travels, all approached in the same direction, and in the other `(2 ** (axes + 1), 2 * axes)`."""
+    """Corners of the travel as shares, with approach in both directions `(2 ** (axes + 1), 2 * axes)`."""
     ends = np.array(list(itertools.product((0.0, 1.0), repeat=axes)))
     return np.vstack([np.hstack([ends, np.full_like(ends, way)]) for way in (0.0, 1.0)])

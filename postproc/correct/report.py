@@ -1,4 +1,4 @@
-"""What a correction did, in numbers: gathered chunk by chunk, given as JSON or as a table."""
+"""Results of a correction in numbers: collected chunk by chunk, given as JSON or as a table."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ class Statistic:
     largest: float = 0.0
 
     def add(self, values: Array) -> None:
-        """Take in values of any shape; signs do not matter."""
+        """Add values of any shape; signs do not matter."""
         self.count += values.size
         self.square_sum += float(np.sum(values * values))
         self.largest = max(self.largest, float(np.abs(values).max(initial=0.0)))
 
     @property
     def rms(self) -> float:
-        """Root mean square; 0 of nothing."""
+        """Root mean square; 0 without values."""
         return math.sqrt(self.square_sum / self.count) if self.count else 0.0
 
     def json(self) -> dict[str, float | int]:
-        """With rounding to 0.1 nm where the numbers are um."""
+        """The machine-readable form, rounded to 4 decimals: 0.1 nm for numbers in um."""
         return {"max": round(self.largest, 4), "rms": round(self.rms, 4), "count": self.count}
 
 
 @dataclass
 class Straying:
-    """Moves that stray farther than the tolerance between their ends, and could not be split."""
+    """Moves that deviate by more than the tolerance between their ends, and could not be split."""
 
     lines: list[int] = field(default_factory=list)
     largest_um: float = 0.0
 
     def add(self, line: int, size_um: float) -> None:
-        """Take in a move."""
+        """Add a move."""
         self.lines.append(line)
         self.largest_um = max(self.largest_um, size_um)
 
@@ -76,45 +76,45 @@ class Report:
     corrected: int = 0
     changed_blocks: int = 0
     added_blocks: int = 0
-    """Of ncomp's own: where play is taken up, and where moves are split."""
+    """Number of blocks added for backlash take-ups and for the segments of moves."""
     split_moves: int = 0
-    """Written in more than one block, so that the path between stays within the tolerance."""
+    """Number of moves written in several blocks, so that the path stays within the tolerance."""
     straying: dict[str, Straying] = field(default_factory=dict)
-    """By reason: moves that stay in one piece and exceed the tolerance."""
+    """Moves in one segment that exceed the tolerance, by reason."""
     left: dict[str, list[int]] = field(default_factory=dict)
     """Lines of feed moves with axes that are not corrected, by these axes."""
     conditions: Conditions = field(default_factory=Conditions)
     correction: dict[str, Statistic] = field(default_factory=dict)
-    """By axis, um."""
+    """Corrections by linear axis, um."""
     turning: dict[str, Statistic] = field(default_factory=dict)
-    """By rotary axis, urad, when the orientation is corrected."""
+    """Corrections by rotary axis, urad, if the orientation is corrected."""
     before: Statistic = field(default_factory=Statistic)
     after: Statistic = field(default_factory=Statistic)
     absolute_before: Statistic = field(default_factory=Statistic)
-    """The same from the nominal tool point of the work offsets as they were given, taken for true."""
+    """Errors before correction from the nominal tool point, um, if the given work offsets are true."""
     absolute_after: Statistic = field(default_factory=Statistic)
     tilt_before: Statistic = field(default_factory=Statistic)
-    """Of the tool axis, urad."""
+    """Errors of the tool axis, urad."""
     tilt_after: Statistic = field(default_factory=Statistic)
     between_ends: Statistic = field(default_factory=Statistic)
     uncertainty: Statistic = field(default_factory=Statistic)
     significance: Significance = field(default_factory=Significance)
     max_correction_um: float | None = None
-    """Largest correction that is not refused; None where nothing is corrected."""
+    """Largest correction that is not refused, um; None if nothing is corrected."""
     accepted: dict[str, str] = field(default_factory=dict)
-    """Implausible conditions that were accepted: the figure, by the name of `--accept`."""
+    """Implausible conditions that were accepted: text with the value, by the name of `--accept`."""
     not_judged: int = 0
-    """Moves to machine coordinates, or before the program has said where all linear axes are."""
+    """Number of moves to machine coordinates, or before the program has given all linear axes."""
     work_offsets: dict[str, str] = field(default_factory=dict)
     tools: dict[str, str] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)
     """Work offsets and tools that the machine file assumes."""
     assumption: str = ""
-    """The same in a sentence; empty for none."""
+    """`assumed` as a sentence; empty for none."""
     notes: list[str] = field(default_factory=list)
 
     def facts(self) -> list[tuple[str, str]]:
-        """What ran, in which set-up, and how much it was, in words for people."""
+        """Texts for the user: program, set-up and numbers of moves."""
         program, machine, calibration = self.program, self.machine, self.calibration
         age = f", {calibration['age_days']:.0f} days old" if calibration["id"] != "none" else ""
         split = f"; {self.split_moves} moves split" if self.split_moves else ""
@@ -135,12 +135,12 @@ class Report:
         return [(what, text) for what, text in facts if text or what != "conditions"]
 
     def corrections(self) -> list[tuple[str, Statistic]]:
-        """By axis, with its unit where that is not um."""
+        """Corrections by axis, with the unit if it is not um."""
         turning = [(f"correction {axis}, urad", statistic) for axis, statistic in self.turning.items()]
         return [(f"correction {axis}", statistic) for axis, statistic in self.correction.items()] + turning
 
     def errors(self) -> list[tuple[str, Statistic]]:
-        """Of what was judged: predicted errors, in um where no unit is named."""
+        """Predicted errors of the evaluated moves, in um if no unit is named."""
         error = self.error
         absolute = [("absolute error at block ends before", self.absolute_before)] if self.relative else []
         absolute += [("absolute error at block ends after", self.absolute_after)] if self.relative else []
@@ -157,12 +157,12 @@ class Report:
 
     @property
     def relative(self) -> str:
-        """What errors are relative to, in words; empty where all work offsets are true, so that they are absolute."""
+        """Text on the reference of the errors; empty if all work offsets are true and errors are absolute."""
         return "relative to the datum" if self.datums.used else ""
 
     @property
     def error(self) -> str:
-        """The error that counts: relative to the datum, unless all work offsets are true."""
+        """Name of the error: relative to the datum, unless all work offsets are true."""
         return f"error {self.relative}".strip()
 
     def json(self) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""Feed moves of rotary axes alone: they keep the linear axes, and with them the correction of the position before.
+"""Feed moves of rotary axes alone: the linear axes keep their positions and the correction of the position before.
 
-During the move that correction may become wrong, up to twice the error. If such a move would be worse than in the
-input, the position before it is left as in the input too.
+During the move this correction may become wrong, up to twice the error. If such a move would be worse than in the
+input, the position before it is not corrected either.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def leave_before_turning(
     approach: Array | None,
     notes: Notes,
 ) -> Correction:
-    """The correction without that of positions from which rotary axes turn at feed, where it would do harm.
+    """The correction, removed at positions before feed moves of rotary axes alone that would become worse by it.
 
-    approach `(n, axes)`: the direction in which each move comes to its end.
+    approach `(n, axes)`: direction of each axis at the end of each move.
     """
     turning = motions.turning
     before = np.maximum.accumulate(np.where(turning, -1, np.arange(len(motions))))
@@ -67,7 +67,7 @@ def _worse(
     conditions: Conditions,
     approach: Array | None,
 ) -> np.ndarray:
-    """True `(rows,)` for moves that with `kept` `(n, axes)`, mm, added all along err more than without it."""
+    """True `(rows,)` for moves with a larger error if the shift `kept` `(n, axes)`, mm, is added along the move."""
     shift, tool = datum_shifts(motions, model, conditions)[rows], motions.tool[rows]
     states = conditions.states(None if approach is None else approach[rows])
 

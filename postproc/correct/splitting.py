@@ -1,4 +1,4 @@
-"""Long moves in pieces, where a corrected end alone would let the path between stray beyond the tolerance."""
+"""Splits long moves into segments if the path between their corrected ends would exceed the tolerance."""
 
 from __future__ import annotations
 
@@ -29,33 +29,33 @@ HALF_TURN = math.pi - 1e-6
 
 @dataclass
 class Splitter:
-    """Cuts moves, chunk after chunk."""
+    """Splits moves, chunk after chunk."""
 
     machine: Machine
     models: tuple[ErrorModel, ErrorModel | None]
-    """Of the tool point, and where it is corrected of the orientation."""
+    """Models of the tool point and, if it is corrected, of the orientation."""
     conditions: Conditions
     tolerance_um: float
     worse: bool = False
-    """Moves may become worse than in the input, so that it is no reason to cut them."""
+    """True if moves may become worse than in the input, so that this is no reason to split them."""
 
     def __post_init__(self) -> None:
         self.whole: dict[int, str] = {}
-        """By block of the last chunk: why its move, which strays, stays in one piece."""
+        """Reason why a move beyond the tolerance is not split, by block of the last chunk."""
         self.uneven: Set[int] = set()
-        """Blocks of the last chunk whose moves may stray farther than they should."""
+        """Blocks of the last chunk whose moves may exceed their limits."""
         self.moves = 0
-        """That were cut."""
+        """Number of moves that were split."""
 
     @property
     def limits(self) -> Limits:
-        """Tolerance of the path after the rounding of its ends; never less than half of the requested one."""
+        """Limits of the path without the rounding of its ends; at least half of the requested tolerance."""
         rounding = self.machine.rounding_mm
         asked = 1e-3 * self.tolerance_um
         return Limits(max(asked - 1.1 * rounding, asked / 2, rounding), math.inf if self.worse else rounding)
 
     def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
-        """The moves of a chunk, those in pieces that would stray; blocks `varied` run several times, not alike."""
+        """The moves of a chunk, split where necessary; `varied`: blocks that run several times with different moves."""
         self.whole, self.uneven = {}, set()
         rows = np.flatnonzero(motions.known_ways & ~motions.turning)
         if not rows.size or not self.models[0].effects:
@@ -74,7 +74,7 @@ class Splitter:
 
 
 def _runs_by_move(motions: Motions, rows: list[int]) -> dict[int, list[int]]:
-    """The rows of the same move, by the first of them: the iterations of a loop are cut alike."""
+    """The rows with the same move, by the first of them: the iterations of a loop are split alike."""
     frames: dict[Frame, int] = {}
     number = [frames.setdefault(frame, i) for i, frame in enumerate(motions.frames)]
     groups: dict[Hashable, list[int]] = {}
@@ -88,7 +88,7 @@ def _runs_by_move(motions: Motions, rows: list[int]) -> dict[int, list[int]]:
 
 
 def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset[int]) -> str:
-    """Why a move can't be written in pieces, empty when it can."""
+    """Reason why a move cannot be written in segments; empty if it can."""
     machine, block, arc = motions.machine, motions.blocks[motions.block[row]], motions.arcs.get(row)
     moved = motions.target[row] != motions.start[row]
     moved[[word.axis for word in motions.words[row]]] = True
@@ -126,14 +126,14 @@ def _obstacle_in_words(block: Block, *, timed: bool) -> str:
 
 
 def _endless(machine: Machine) -> NDArrayBool:
-    """Axes `(axes,)` that may go round: their positions a turn apart are one place."""
+    """True `(axes,)` for rotary axes with a travel of a full turn: positions one turn apart are equal."""
     return np.array([axis.rotary and axis.travel[1] - axis.travel[0] >= 360.0 for axis in machine.axes])
 
 
 def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
-    """The cuts of a move, with more for an arc by its radius: near half a circle a radius hardly determines the centre.
+    """The cuts of a move, with additional ones for arcs by their radius and for arcs of several turns.
 
-    An arc of several turns gets more cuts too: its segments have no number of turns.
+    Near half a circle a radius hardly determines the centre. Segments of an arc have no number of turns.
     """
     arc = motions.arcs.get(row)
     if arc is None or not (arc.turns or arc.form.startswith("radius")):
@@ -148,12 +148,12 @@ def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
 
 
 def _with_round_angles(motions: Motions) -> Motions:
-    """The pieces with the ends of rotary axes where the control counts them, and the tool point where it was.
+    """The segments with rotary positions rounded to the resolution, and with unchanged tool points.
 
-    Otherwise the rounding of an angle would move the tool point by as much as the tool is far from the axis.
+    Otherwise the rounding of an angle would move the tool point by the angle times its distance from the axis.
     """
     machine = motions.machine
-    inner = np.flatnonzero(motions.added)  # begin where the row before ends
+    inner = np.flatnonzero(motions.added)  # each begins at the end of the row before
     columns = np.flatnonzero(machine.rotary)
     if not columns.size or not (motions.target != motions.start)[inner][:, columns].any():
         return motions

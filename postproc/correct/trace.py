@@ -1,4 +1,4 @@
-"""What a correction did along a program, for figures: bounded memory, however long the program is."""
+"""Record of a correction along a program, for figures; its memory is bounded for programs of any length."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from postproc.motion.along import places
 from postproc.motion.motions import Motions
 
 BINS = 2000
-"""At most so many stretches of the program are told apart."""
+"""Largest number of stretches of the program."""
 WAYS = 4000
-"""At most so many moves are kept to be drawn."""
+"""Largest number of moves that are kept for drawing."""
 PIECES = 16
-"""Straight pieces that a move is drawn in."""
+"""Number of straight segments in the drawing of a move."""
 WORST = 10
-"""Moves that are named."""
+"""Number of listed moves."""
 
 
 class Bins:
-    """Stretches of as many moves each, in the order they run: what is largest, smallest and RMS in each.
+    """Stretches of the program with equal numbers of moves, in order of execution: extreme and RMS values of each.
 
-    Their number is kept by joining neighbours: a stretch is `width` moves, a power of two.
+    A stretch has `width` moves, a power of two; neighbours are joined to limit the number of stretches.
     """
 
     def __init__(self, axes: int) -> None:
@@ -41,7 +41,7 @@ class Bins:
         self._high, self._low = np.full((2, BINS, axes), np.nan)
 
     def add(self, errors: Array, corrections: Array) -> None:
-        """Moves `(n,)`: errors before and after `(n, 2)`, nan where not judged; corrections `(n, axes)`."""
+        """Add `n` moves: errors before and after `(n, 2)`, nan if not evaluated; corrections `(n, axes)`."""
         end = self.moves + len(errors)
         while end > BINS * self.width:
             self._join()
@@ -54,7 +54,7 @@ class Bins:
         self.moves = end
 
     def _join(self) -> None:
-        """Make every two neighbours one."""
+        """Join neighbouring stretches in pairs."""
         self.width *= 2
         self._largest, self._high = _halved(self._largest, np.fmax), _halved(self._high, np.fmax)
         self._low = _halved(self._low, np.fmin)
@@ -65,17 +65,17 @@ class Bins:
 
     @property
     def edges(self) -> Array:
-        """Numbers of moves `(bins + 1,)` between which the stretches lie, from 0."""
+        """Bounds of the stretches `(bins + 1,)`, by numbers of moves from 0."""
         return np.minimum(np.arange(len(self) + 1) * self.width, self.moves).astype(float)
 
     @property
     def largest(self) -> Array:
-        """Largest errors before and after `(bins, 2)`, nan where nothing is judged."""
+        """Largest errors before and after `(bins, 2)`; nan without evaluated moves."""
         return self._largest[: len(self)]
 
     @property
     def rms(self) -> Array:
-        """RMS errors before and after `(bins, 2)`, nan where nothing is judged."""
+        """RMS errors before and after `(bins, 2)`; nan without evaluated moves."""
         count = np.where(self._judged > 0, self._judged, np.nan)[: len(self), None]
         return np.asarray(np.sqrt(self._squares[: len(self)] / count))
 
@@ -92,29 +92,29 @@ def _halved(values: Array, join: np.ufunc, empty: float = np.nan) -> Array:
 
 
 class Place(NamedTuple):
-    """The end of a move, for a person to find."""
+    """Position at the end of a move, and its errors, um."""
 
     line: int
     target: tuple[float, ...]
-    """By axis, in programmed coordinates, mm and degrees."""
+    """Programmed position by axis, mm and degrees."""
     before: float
     after: float
-    """um"""
+    """Error after correction, um."""
 
 
 @dataclass
 class Ways:
-    """Every `stride`-th feed move, as points of the nominal tool path with the error there before correction."""
+    """Every `stride`-th feed move: points of its nominal tool path, with the errors before correction."""
 
     stride: int = 1
     seen: int = 0
     points: Array = field(default_factory=lambda: np.empty((0, PIECES + 1, 3)))
-    """`(n, PIECES + 1, 3)`, mm, workpiece frame."""
+    """Tool points `(n, PIECES + 1, 3)`, mm, workpiece frame."""
     errors: Array = field(default_factory=lambda: np.empty((0, PIECES + 1)))
-    """um"""
+    """Errors `(n, PIECES + 1)`, um."""
 
     def rows(self, rows: np.ndarray) -> np.ndarray:
-        """Of the next feed moves `(n,)` those that are kept; what was kept is thinned out to make room for them."""
+        """Rows of the next feed moves `(n,)` that are kept; earlier moves are thinned out to make room for them."""
         end = self.seen + len(rows)
         while -(-end // self.stride) > WAYS:
             self.stride *= 2
@@ -124,28 +124,28 @@ class Ways:
         return rows[first :: self.stride]
 
     def add(self, points: Array, errors: Array) -> None:
-        """Take in rows that `rows` gave."""
+        """Add points and errors of the rows that `rows` has returned."""
         self.points = np.concatenate([self.points, points])
         self.errors = np.concatenate([self.errors, errors])
 
 
 class Trace:
-    """Follows a correction, chunk by chunk."""
+    """Record of a correction, chunk by chunk."""
 
     def __init__(self, machine: Machine, model: ErrorModel) -> None:
         self.machine, self._model = machine, model
         self.bins = Bins(len(machine.axes))
         self.ways = Ways()
         self.between_before = Statistic()
-        """Of feed moves, between their ends, um."""
+        """Errors of feed moves between their ends before correction, um."""
         self.worst: tuple[list[Place], list[Place]] = ([], [])
-        """Moves with the largest errors before, and after."""
+        """Moves with the largest errors before and after correction."""
 
     def add(self, motions: Motions, rows: NDArrayBool, moved: Array, errors: Array) -> None:
-        """Take in the rows `(n,)` of a chunk that are whole programmed moves.
+        """Add the rows of a chunk, by a mask `(n,)`, that end programmed moves.
 
-        moved `(n, axes)`: correction of their ends, mm and degrees, nan of axes that the program has not given; errors
-        `(n, 2)`, um, before and after, nan where they are not evaluated.
+        moved `(n, axes)`: correction of their ends, mm and degrees; nan for axes that the program has not given. errors
+        `(n, 2)`, um, before and after; nan if they are not evaluated.
         """
         scale = np.where(self.machine.rotary, np.deg2rad(1.0) * 1e6, 1e3)
         self.bins.add(errors[rows], (moved * scale)[rows])
@@ -153,7 +153,7 @@ class Trace:
             known[:] = _worst(known, motions, errors, which)
 
     def add_ways(self, motions: Motions, judge: Judge) -> None:
-        """Take in some feed moves of a chunk, in the states that the judge of the program as it was last found."""
+        """Add some feed moves of a chunk, in the last states of `judge`, which follows the uncorrected program."""
         rows = self.ways.rows(np.flatnonzero(motions.judged_ways))
         if not len(rows):
             return
@@ -168,7 +168,7 @@ class Trace:
 
 
 def _worst(known: list[Place], motions: Motions, errors: Array, which: int) -> list[Place]:
-    """The worst of those known and of a chunk, before (0) or after (1); of equal ones the earlier."""
+    """Moves with the largest errors, of those known and of a chunk, before (0) or after (1), the earliest of equals."""
     size = errors[:, which]
     largest = np.argsort(-size, kind="stable")[:WORST]  # nan comes last
     here = [

@@ -1,4 +1,4 @@
-"""Travel check: every commanded position lies inside the travel of its axis."""
+"""Travel check: every commanded position must be inside the travel of its axis."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def refuse_outside(motions: Motions, positions: Array, when: str, state: Control
 
 
 def refusals_outside(motions: Motions, positions: Array, when: str, state: ControlState) -> Iterator[Refusal]:
-    """A refusal for every move and axis outside travel, as `refuse_outside` has it; the set-up is named first."""
+    """A refusal for every move and axis outside the travel, as by `refuse_outside`; the message names the set-up."""
     machine, programmed = motions.machine, motions.programmed
     for row, i in np.argwhere(_outside(motions, positions)):
         axis = machine.axes[i]
@@ -42,7 +42,7 @@ def refusals_outside(motions: Motions, positions: Array, when: str, state: Contr
 
 
 def note_outside(motions: Motions, positions: Array, notes: Notes) -> None:
-    """Note the moves that `refuse_outside` would refuse."""
+    """Add notes on the moves that `refuse_outside` would refuse."""
     for row, i in np.argwhere(_outside(motions, positions)):
         axis = motions.machine.axes[i]
         text = f"{axis.name} outside its travel {axis.travel[0]:g}..{axis.travel[1]:g} {axis.unit}"

@@ -1,6 +1,6 @@
-"""A program with jumps, loops and calls written out: the blocks as they run, with numbers in the place of formulas.
+"""Writes out a program with jumps, loops and calls: its blocks in order of execution, with numbers for formulas.
 
-The written text is a program of its own. It is interpreted once, when it is corrected, and must make the same moves.
+The written text is a program of its own. It is interpreted once, during its correction, and must make the same moves.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from postproc.text.source import ENCODING, HEAD_SIZE
 from postproc.text.statements import Return
 
 SAME = 1e-6
-"""mm and rad: literals have nine decimals."""
+"""Largest difference of equal positions, mm and rad: written numbers have nine decimals."""
 DECIMALS = 9
 COORDINATES = frozenset(AXES + "IJKRF")
 UNSIGNED = frozenset("FST")
-"""Klartext words that take no sign."""
+"""Klartext words without a sign."""
 SUBPROGRAM_END = 17.0
 ENDS = frozenset((*PROGRAM_ENDS, SUBPROGRAM_END))
 CLOSING = frozenset(("tape_mark", "end_pgm"))
-"""Blocks that stand behind the end of the program and close the file."""
+"""Kinds of blocks after the end of the program that close the file."""
 
 
 def unrolled(program: StoredProgram, interpreter: Interpreter) -> UnrolledProgram:
     """The program without jumps, loops and calls, for a new `interpreter`.
 
-    The program runs once. UserError, located in it, for a block that can't be written out.
+    The program runs once. UserError, located in it, for a block that cannot be written out.
     """
     moves: list[Motions] = []
     source, end = program.source, program.source.line_end
@@ -52,13 +52,13 @@ def unrolled(program: StoredProgram, interpreter: Interpreter) -> UnrolledProgra
 
 @dataclass
 class UnrolledProgram(StreamedProgram):
-    """The text that is written out of a program; its moves must be those of the program."""
+    """The written text of a program; its moves must be those of the program."""
 
     moves: Motions
-    """Of the program."""
+    """Moves of the program."""
 
     def parts(self) -> Iterator[Part]:
-        """Chunk by chunk; UserError for a chunk with other moves than the program."""
+        """The chunks of the text; UserError for moves that differ from those of the program."""
         done = 0
         for part in super().parts():
             first, done = done, done + len(part.motions)
@@ -72,7 +72,7 @@ class UnrolledProgram(StreamedProgram):
 
 
 def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[str]:
-    """With a comment where another block runs than the next of the program: its line, and how often it ran.
+    """The lines, with a comment after a jump: line of the next block, and number of its iteration.
 
     `moves` takes the moves of the program.
     """
@@ -96,7 +96,7 @@ def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[str]:
 
 
 def _runs(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[int, Block, bool]]:
-    """Index in the program and block of every run, true for the last one."""
+    """Index in the program and block of every run, and true for the last run."""
     held: tuple[int, Block] | None = None
     for part in program.parts():
         moves.append(replace(part.motions, blocks=[], words=[]))
@@ -109,7 +109,7 @@ def _runs(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[int, B
 
 
 def _straight(block: Block, written: Block, *, last: bool) -> str | None:
-    """The text of a block as it runs, without jumps, loops and calls; None if nothing is left of it.
+    """The text of a block in its run, without jumps, loops and calls; None if the text is empty then.
 
     `written`: the block with the arguments of its calls as in the program.
     """
@@ -135,7 +135,7 @@ def _straight(block: Block, written: Block, *, last: bool) -> str | None:
 
 
 def _call(block: Block, word: Word, written: Word) -> list[Edit]:
-    """The values instead of variables in the arguments of a call."""
+    """Edits that put values for the variables in the arguments of a call."""
     given = word.arguments or ()
     if given == (written.arguments or ()):
         return []
@@ -155,7 +155,7 @@ def _ends(word: Word) -> bool:
 
 
 def _literal(block: Block, word: Word) -> list[Edit]:
-    """The number in the place of a formula."""
+    """Edit that puts a number for a formula."""
     if word.formula is None or word.formula.instead:
         return []
     if word.value is None:
@@ -171,7 +171,7 @@ def _literal(block: Block, word: Word) -> list[Edit]:
 
 
 def _same(found: Motions, wanted: Motions) -> bool:
-    """True for the same moves, but for the rounding of the written numbers."""
+    """True if the moves are equal, except for the rounding of the written numbers."""
     if not np.array_equal(found.kind, wanted.kind) or found.arcs.keys() != wanted.arcs.keys():
         return False
     same = bool(np.abs(found.machine_target - wanted.machine_target).max(initial=0.0) < SAME)
