@@ -1,4 +1,4 @@
-"""Visits: in which order, from which side, how often and with which targets positions are measured."""
+"""Measuring sequence: order, direction of approach, runs, targets and reference measurements of the positions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinematics.user_error import UserError
 
 
 def visit(laid: Way, machine: Machine, strategy: str, choices: Choices, asked: int | None, reference: Array) -> Plan:
-    """The plan of positions that a strategy has laid, `reference` `(axes,)` in file units among them."""
+    """The plan for the positions of a strategy; `reference` `(axes,)`, in file units, is the reference position."""
     planned = len(laid.positions) * len(choices.targets) * choices.runs
     if planned > LARGEST:
         raise UserError(f"{planned} observations with all targets and runs, more than {LARGEST}")
@@ -27,7 +27,7 @@ def visit(laid: Way, machine: Machine, strategy: str, choices: Choices, asked: i
 
 
 def _ordered(way: Way, choices: Choices) -> Way:
-    """The way with its approach, shuffled or there and back."""
+    """The path with its directions of approach; shuffled, or forward and back."""
     n = len(way.positions)
     if choices.approach != "any":
         moves = np.ptp(way.positions, axis=0) > 0
@@ -41,7 +41,7 @@ def _ordered(way: Way, choices: Choices) -> Way:
 
 
 def _with_references(way: Way, every: int, reference: Array) -> Way:
-    """The way with the reference position at its start, after each `every` positions, and at its end."""
+    """The path with the reference position at its start, after every `every` positions, and at its end."""
     n = len(way.positions)
     at = np.unique(np.append(np.arange(0, n, every), n))
     axis = None if way.axis is None else np.insert(way.axis, at, way.axis[np.minimum(at, n - 1)])
@@ -53,14 +53,14 @@ def _with_references(way: Way, every: int, reference: Array) -> Way:
 
 
 def _finished(way: Way, machine: Machine, strategy: str, choices: Choices, asked: int | None, places: int) -> Plan:
-    """The plan of a way: with all runs and targets, and what follows from the order."""
+    """The plan of a path: with all runs and targets, and the approach and times that follow from the order."""
     index, run, target = _repeated(len(way.positions), choices)
     way = way.rows(index)
     positions = way.positions * machine.scale
     before = None
     if way.from_side is not None:
         first = way.from_side.any(axis=1)
-        first &= np.append(True, np.diff(index) != 0) | (run != np.roll(run, 1))  # stays for the other targets
+        first &= np.append(True, np.diff(index) != 0) | (run != np.roll(run, 1))  # no approach between targets
         start = np.where(first[:, None], (way.positions - way.from_side * choices.overrun) * machine.scale, np.nan)
         before = start if first.any() else None
     state = _with_way(State(positions), before)
@@ -77,7 +77,7 @@ def _finished(way: Way, machine: Machine, strategy: str, choices: Choices, asked
 
 
 def _repeated(n: int, choices: Choices) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Row of the way, number of the run from 1, and number of the target, of every observation."""
+    """Row of the path, number of the run from 1, and number of the target, for every observation."""
     targets, runs = len(choices.targets), choices.runs
     if choices.target_order == "alternating":
         return (
@@ -93,7 +93,7 @@ def _repeated(n: int, choices: Choices) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _with_way(state: State, before: Array | None) -> State:
-    """The state with approach and last moves, from all positions that are passed."""
+    """The state with approach and last moves, from all positions on the path."""
     if before is None:
         return with_moves(state)
     passed, measured = _passed(state.positions, before)
@@ -101,7 +101,7 @@ def _with_way(state: State, before: Array | None) -> State:
 
 
 def _passed(positions: Array, before: Array) -> tuple[Array, np.ndarray]:
-    """All positions of the way `(m, axes)`, and the rows `(n,)` among them that are measured."""
+    """All positions on the path `(m, axes)`, and the indices `(n,)` of the measured ones."""
     extra = ~np.isnan(before[:, 0])
     measured = np.arange(len(positions)) + np.cumsum(extra)
     passed = np.empty((len(positions) + int(extra.sum()), positions.shape[1]))
@@ -111,13 +111,13 @@ def _passed(positions: Array, before: Array) -> tuple[Array, np.ndarray]:
 
 
 def times(machine: Machine, positions: Array, before: Array | None, timing: Timing) -> tuple[Array, float]:
-    """Time `(n,)` of each observation, s, from the first; and minutes in all."""
+    """Time `(n,)` of each observation, s, from the first; and total duration, min."""
     each = timing.point_s if timing.dwell_s is None else timing.dwell_s
     time = each * np.arange(len(positions))
     if timing.feed is not None:
         passed, measured = (positions, np.arange(len(positions))) if before is None else _passed(positions, before)
         steps = np.diff(passed / machine.scale, axis=0, prepend=passed[:1] / machine.scale)
-        # a control's feed is that of the linear axes together, and of the rotary ones where those stand
+        # the feed refers to the linear axes together, or to the rotary axes if no linear axis moves
         linear, turned = (np.linalg.norm(steps[:, mask], axis=1) for mask in (~machine.rotary, machine.rotary))
         way = np.cumsum(np.maximum(linear, turned) / timing.feed * 60.0)[measured]
         time = time + way - way[0]

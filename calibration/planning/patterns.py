@@ -1,4 +1,4 @@
-"""Patterns of points in a box of any dimension: lines to walk along, grids, scattered points. Units are the box's."""
+"""Patterns of points in a box of any dimension: lines, grids, scattered points. Units are those of the box."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 LARGEST = 5_000_000
-"""Points; more are a slip of the pen."""
+"""Largest number of points; a larger number is regarded as a mistake."""
 
 
 class Box(NamedTuple):
-    """From low `(d,)` to high `(d,)`; patterns of planes lie at `share` of the way from the one to the other."""
+    """Box from low `(d,)` to high `(d,)`; planes lie at `share` of the distance from low to high."""
 
     low: Array
     high: Array
@@ -24,26 +24,26 @@ class Box(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Points `(n, d)` in the order of the way, and the number of the line that each is on `(n,)`, from 1."""
+    """Points `(n, d)` in the order of measuring, and the number of the line of each point `(n,)`, from 1."""
 
     positions: Array
     line: np.ndarray
 
 
 def hexahedron(box: Box, spacing: float) -> Points:
-    """The edges of the box, all lines of one direction one after the other, in turn forward and backward."""
+    """The edges of the box, ordered by direction, alternately forward and backward."""
     d = len(box.low)
     return _walk(box, _parallel(d, [(axis,) for axis in range(d)]), spacing)
 
 
 def space_diagonals(box: Box, spacing: float) -> Points:
-    """The diagonals through the middle (four of three axes; ISO 230-6)."""
+    """The diagonals through the middle (four for three axes; ISO 230-6)."""
     d = len(box.low)
     return _walk(box, _parallel(d, [tuple(range(d))]), spacing)
 
 
 def face_diagonals(box: Box, spacing: float) -> Points:
-    """Both diagonals of each face (twelve of three axes; ISO 230-6)."""
+    """Both diagonals of each face (twelve for three axes; ISO 230-6)."""
     d = len(box.low)
     return _walk(box, _parallel(d, list(itertools.combinations(range(d), 2))), spacing)
 
@@ -60,7 +60,7 @@ def diagonals(box: Box, spacing: float) -> Points:
 
 
 def planes(box: Box, spacing: float) -> Points:
-    """A plane for each two axes, all others at the box's share: lines along the second axis, a grid all over."""
+    """A plane for each pair of axes, with all others at the box's share: a grid of lines along the second axis."""
     positions, lines = [], []
     count = 0
     for pair in itertools.combinations(range(len(box.low)), 2):
@@ -75,12 +75,12 @@ def planes(box: Box, spacing: float) -> Points:
 
 
 def grid(box: Box, spacing: float) -> Points:
-    """A grid all over the box, the last axis to and fro in each line."""
+    """A grid over the whole box, with lines along the last axis, alternately forward and backward."""
     counts = np.ceil((box.high - box.low) / spacing - 1e-9).astype(int) + 1
     _check(float(np.prod(counts.astype(float))))
     index = np.zeros((1, 0), int)
     for count in counts[::-1]:
-        # one more axis in front: the way so far, there for its even and back for its odd positions
+        # one more axis in front: the path so far, forward at its even and backward at its odd positions
         ways = [index[::-1] if k % 2 else index for k in range(count)]
         index = np.concatenate([np.insert(way, 0, k, axis=1) for k, way in enumerate(ways)])
     share = index / np.maximum(counts - 1, 1)
@@ -93,7 +93,7 @@ def random(d: int, n: int, rng: np.random.Generator) -> Array:
 
 
 def space_filling(d: int, n: int, rng: np.random.Generator) -> Array:
-    """Points `(n, d)` in 0..1 of a scrambled Halton sequence: even also in its first few."""
+    """Points `(n, d)` in 0..1 of a scrambled Halton sequence, of which also the first few are evenly distributed."""
     from scipy.stats import qmc
 
     return np.asarray(qmc.Halton(d, seed=rng).random(n))
@@ -116,7 +116,7 @@ SCATTERED: Mapping[str, Callable[[int, int, np.random.Generator], Array]] = {
 
 
 def spaced(name: str, box: Box, points: int) -> Points:
-    """The pattern with the spacing that brings it nearest to so many points."""
+    """The pattern with the spacing for which its number of points is nearest to `points`."""
     pattern = SPACED[name]
     coarse = fine = float(np.linalg.norm(box.high - box.low))
     found = nearest = pattern(box, fine)
@@ -137,7 +137,7 @@ def spaced(name: str, box: Box, points: int) -> Points:
 
 
 def _parallel(d: int, bundles: list[tuple[int, ...]]) -> Iterator[tuple[Array, Array]]:
-    """Lines in the unit cube on which the axes of a bundle run together, from every corner, every second backward."""
+    """Lines in the unit cube along which the axes of a bundle move together; every second line is backward."""
     for bundle in bundles:
         backward = False
         for corner in itertools.product((0.0, 1.0), repeat=d):
@@ -149,7 +149,7 @@ def _parallel(d: int, bundles: list[tuple[int, ...]]) -> Iterator[tuple[Array, A
 
 
 def _walk(box: Box, lines: Iterator[tuple[Array, Array]], spacing: float) -> Points:
-    """Points along lines of the unit cube laid into the box, `spacing` apart or a little closer."""
+    """Points along lines of the unit cube, scaled to the box, at a distance of `spacing` or a little less."""
     span = box.high - box.low
     positions, numbers = [], []
     for number, (start, end) in enumerate(lines, start=1):
@@ -162,7 +162,7 @@ def _walk(box: Box, lines: Iterator[tuple[Array, Array]], spacing: float) -> Poi
 
 
 def _once(positions: Array, line: np.ndarray) -> Points:
-    """Each point where the way comes to it first: corners and crossings are not measured again."""
+    """The points without repetitions: corners and crossings are measured only the first time."""
     _, first = np.unique(np.round(positions, 6), axis=0, return_index=True)
     first.sort()
     return Points(positions[first], line[first])

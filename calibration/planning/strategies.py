@@ -1,6 +1,6 @@
-"""Strategies: where to measure (virtual calibration paper 3.1; Montavon et al. 5; ISO 230-2, ISO 230-6).
+"""Strategies: positions to measure (virtual calibration paper 3.1; Montavon et al. 5; ISO 230-2, ISO 230-6).
 
-A strategy gives positions; how they are visited - order, approach, runs, targets, references - is the same for all
+A strategy gives positions. The measuring sequence - order, approach, runs, targets, references - is independent of it
 (`calibration.planning.measuring_sequence`).
 """
 
@@ -21,18 +21,18 @@ from kinematics.user_error import UserError
 
 STRATEGIES = (*patterns.SPACED, *patterns.SCATTERED, "axes")
 DEFAULT_POINTS = 600
-"""Where more points gain little: virtual calibration paper, 3.2."""
+"""Number of points above which the improvement is small: virtual calibration paper, 3.2."""
 ON_AN_AXIS = 11
-"""Positions on each axis that is measured on its own, unless asked otherwise; ISO 230-2 wants five per metre."""
+"""Default number of positions on an axis that is measured alone; ISO 230-2 requires five per metre."""
 LETTERS = {
     "planes": "P", "hexahedron": "H", "diagonals": "D", "face-diagonals": "F", "space-diagonals": "S", "grid": "G",
     "random": "R", "space-filling": "Q",
 }  # fmt: skip
-"""Names of points begin with these."""
+"""First letter of the names of points, by strategy."""
 DECIMALS = 3
-"""Positions are whole um, and thousandths of a degree."""
+"""Decimals of the positions, in mm and degrees."""
 WAVES = (3, 5, 7, 11, 13, 17)
-"""Times that rotary axes run to and fro along the way when all axes move at once: never together."""
+"""Number of traverses of each rotary axis along the path if all axes move together; primes, so that they differ."""
 
 
 def plan(
@@ -44,7 +44,7 @@ def plan(
 ) -> Plan:
     """The plan of a strategy, or of several joined by `+` (`hexahedron+random`), with a number of points each.
 
-    `points` counts positions, before order, targets, runs and references multiply them. UserError for what can't be.
+    `points` counts positions before order, targets, runs and references multiply them. UserError for invalid arguments.
     """
     choices = choices or Choices()
     _check(machine, choices, points, spacing_mm)
@@ -66,7 +66,7 @@ def plan(
 
 
 def evaluation_grid(machine: Machine, n: int = 9) -> Array:
-    """Positions `(n ** linear axes, axes)`, mm and rad, all over the travel; rotary axes at home."""
+    """Positions `(n ** linear axes, axes)`, mm and rad, over the whole travel; rotary axes at home."""
     linear = [i for i, axis in enumerate(machine.axes) if not axis.rotary]
     low, high = limits(machine, Choices())
     ticks = [np.linspace(low[i], high[i], n) for i in linear]
@@ -77,13 +77,13 @@ def evaluation_grid(machine: Machine, n: int = 9) -> Array:
     return np.asarray(positions * machine.scale)
 
 
-# ---- where
+# ---- positions
 
 
 def _volume(
     machine: Machine, parts: list[str], points: int | Sequence[int] | None, spacing: float | None, choices: Choices
 ) -> Way:
-    """Positions of patterns in the volume of the linear axes, and what the rotary axes do meanwhile and afterwards."""
+    """Positions of patterns in the volume of the linear axes, with those of the rotary axes during and after these."""
     rng = np.random.default_rng(choices.seed)
     low, high = limits(machine, choices)
     moving = [i for i, axis in enumerate(machine.axes) if not axis.rotary and low[i] < high[i]]
@@ -126,7 +126,7 @@ def _spaced(name: str, box: patterns.Box, points: int | None, spacing: float | N
 
 
 def _axes(machine: Machine, points: int | Sequence[int] | None, spacing: float | None, choices: Choices) -> Way:
-    """Each axis on its own, forward and backward, the others in the middle (linear) or at home (rotary); ISO 230-2."""
+    """Each axis alone, forward and backward, with the others in the middle (linear) or at home (rotary); ISO 230-2."""
     both = replace(choices, approach="positive"), replace(choices, approach="negative")
     (low, _), (_, high) = (limits(machine, each) for each in both)
     moving = [
@@ -166,7 +166,7 @@ def _sweep(machine: Machine, i: int, low: Array, high: Array, choices: Choices) 
 
 
 def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
-    """Lower and upper ends `(axes,)` in file units, whole um; axes without end stay so."""
+    """Lower and upper ends `(axes,)` in file units, rounded inward to DECIMALS; infinite for axes without ends."""
     low, high = (machine.travel / machine.scale).copy()
     run_in = choices.overrun * (np.array([choices.approach == "positive", choices.approach == "negative"]))
     for i, axis in enumerate(machine.axes):
@@ -187,7 +187,7 @@ def limits(machine: Machine, choices: Choices) -> tuple[Array, Array]:
 
 
 def need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
-    """UserError for an axis between ends that are none."""
+    """UserError for an axis without finite ends."""
     if not (np.isfinite(low[i]) and np.isfinite(high[i])):
         name = machine.names[i]
         raise UserError(
@@ -196,8 +196,8 @@ def need_ends(machine: Machine, i: int, low: Array, high: Array) -> None:
 
 
 def stand(machine: Machine, choices: Choices) -> Array:
-    """Where axes stand `(axes,)` that are not moved: linear in the middle, rotary at home or in their range."""
-    # axes that move need room for their approach also where they wait
+    """Positions `(axes,)` of axes that do not move: linear axes in the middle, rotary axes nearest to home."""
+    # axes that move elsewhere in the plan need room for their approach here as well
     moved = choices if choices.rotary != "fixed" else replace(choices, approach="any")
     low, high = limits(machine, moved)
     home = np.clip([axis.home for axis in machine.axes], low, high)
@@ -207,18 +207,18 @@ def stand(machine: Machine, choices: Choices) -> Array:
 
 
 def rounded(positions: Array, machine: Machine, choices: Choices) -> Array:
-    """Whole um and thousandths of a degree, inside the ends."""
+    """Positions rounded to DECIMALS, inside the ends."""
     return np.clip(np.round(positions, DECIMALS) + 0.0, *limits(machine, replace(choices, approach="any")))
 
 
 def _waves(n: int, axes: int) -> Array:
-    """To and fro `(n, axes)` between 0 and 1, each axis another number of times."""
+    """Triangular waves `(n, axes)` between 0 and 1, with a different number of traverses for each axis."""
     phase = np.arange(n)[:, None] / max(n - 1, 1) * np.array(WAVES[:axes])
     return np.asarray(1.0 - np.abs(1.0 - phase % 2.0))
 
 
 def _numbered(letter: str, line: np.ndarray) -> list[str]:
-    """Names such as H3.7: the seventh point on the third line."""
+    """Names of points, such as H3.7 for the seventh point on the third line."""
     starts = np.flatnonzero(np.diff(line, prepend=0))
     place = np.arange(len(line)) - np.repeat(starts, np.diff(np.append(starts, len(line)))) + 1
     return [f"{letter}{a}.{b}" for a, b in zip(line.tolist(), place.tolist(), strict=True)]
@@ -238,7 +238,7 @@ def _shared(points: int | Sequence[int] | None, parts: list[str]) -> Sequence[in
     return counts
 
 
-# ---- what can't be
+# ---- checks of the arguments
 
 
 def _check(machine: Machine, choices: Choices, points: int | Sequence[int] | None, spacing: float | None) -> None:
