@@ -1,4 +1,4 @@
-"""Effects as people write them: `backlash:axis=X,width=12`, JSON, or a file of effects; checked against the table."""
+"""Effects as text: `backlash:axis=X,width=12`, JSON, or a file of effects; checked against the table of effects."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _OPEN, _CLOSED = "[{", "]}"
 
 
 def read_effects(texts: Sequence[str], machine: Machine, option: str = "--effect") -> list[Effect]:
-    """Effects of a machine from texts: `kind:field=value,...`, a JSON object, or the path of a JSON file of them.
+    """Effects of a machine from texts: `kind:field=value,...`, a JSON object, or the path of a JSON file of effects.
 
-    Values are JSON where they can be (numbers, rows `[1, 2]`, objects), and texts otherwise. UserError for what the
-    table of effects, or the machine, does not have; `option` is what the texts were given as.
+    Values are read as JSON if possible (numbers, rows `[1, 2]`, objects), otherwise as text. UserError for an effect
+    that is not in the table, or an axis that the machine does not have; `option` is the name of the option in messages.
     """
     found: list[Effect] = []
     for text in texts:
@@ -41,7 +41,7 @@ def read_effects(texts: Sequence[str], machine: Machine, option: str = "--effect
 
 
 def _from_file(path: Path) -> list[Effect]:
-    """Effects of a file: a list of them, or an object with a list `effects`, as a calibration has it."""
+    """Effects in a file: a list, a single effect, or an object with a list `effects`, such as a calibration."""
     where = f"file of effects {path}"
     content = _json(read_input(path, "file of effects"), where)
     if isinstance(content, dict) and isinstance(content.get("effects"), list):
@@ -68,7 +68,7 @@ def _fields(text: str, where: str) -> dict[str, Any]:
 
 
 def _split(text: str) -> list[str]:
-    """Parts between the commas that stand in no bracket."""
+    """Parts between the commas outside brackets."""
     parts, depth, start = [], 0, 0
     for i, letter in enumerate(text):
         depth += (letter in _OPEN) - (letter in _CLOSED)
@@ -89,7 +89,7 @@ def _effect(content: Any, where: str) -> Effect:
     kind = content.get("kind") if isinstance(content, dict) else None
     if kind not in KINDS:
         raise UserError(f"{where}: no effect {kind!r}; there are {', '.join(KINDS)} (docs/effects.md)")
-    # what a calibration file says besides: units are checked where calibrations are read
+    # calibration files also contain units; these are checked where calibrations are read
     fields = {name: value for name, value in content.items() if name != "units"}
     try:
         effect: Effect = msgspec.convert(fields, Effect)
@@ -100,7 +100,7 @@ def _effect(content: Any, where: str) -> Effect:
 
 
 def _of_lists(fault: str, fields: Mapping[str, Any]) -> str:
-    """How a list is written, for one that is none."""
+    """Hint on the notation of a list, for a value that is not a list."""
     field = re.search(r"Expected `array`.* at `\$\.(\w+)`", fault)
     if field is None or isinstance(fields[field[1]], list):
         return ""

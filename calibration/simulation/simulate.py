@@ -1,7 +1,7 @@
-"""Virtual measurements: what an instrument would observe of a machine with known errors.
+"""Virtual measurements: the observations by an instrument of a machine with known errors.
 
-The machine moves by the exact matrix product, and by it alone; no column of any fit is used. Noise is drawn from the
-instrument's full covariance. The same generator gives the same measurement.
+The motion of the machine comes from the exact matrix product alone; the linear equations of fits are not used. Noise is
+drawn from the full covariance of the instrument. The same generator gives the same measurement.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from kinematics.user_error import UserError
 __all__ = ["TABLE_1", "Faults", "at_stations", "observe", "random_truth", "spoil", "tracker_pose", "with_temperatures"]
 
 AT_A_TIME = 32_768
-"""Rows that are worked through together, which bounds the memory."""
+"""Number of rows evaluated together, which limits the memory."""
 ALIGNMENT_MM, ALIGNMENT_RAD = 0.1, 5e-4
-"""Half-widths of the shift and the turn by which a part lies off its nominal frame when it is measured."""
+"""Half-widths of the shift and the rotation of a part against its nominal frame on the measuring machine."""
 
 
 @dataclass(frozen=True)
 class Faults:
-    """What goes wrong in measuring, as shares of the observations."""
+    """Faults of a measurement, as shares of the observations."""
 
     outliers: float = 0.0
     outlier_mm: tuple[float, float] = (0.05, 0.5)
-    """Sizes of outliers, log-uniform between the two."""
+    """Smallest and largest outlier, mm; log-uniform between them."""
     duplicates: float = 0.0
     missing: float = 0.0
 
@@ -60,19 +60,19 @@ def observe(
     noise_scale: float = 1.0,
     progress: Callable[[int], None] = lambda _: None,
 ) -> Measurement:
-    """What the instrument observes of a machine that errs by `model`, in the states given, with noise.
+    """The observations by the instrument of a machine with the errors of `model`, in the given states, with noise.
 
-    poses: of a tracker, by station, from what it stands on to its own frame (see `tracker_pose`); of a part its
-    alignment, which is drawn where none is given. axis, run and component `(n,)`: of an interferometer; each run reads
-    zero at its start, and a run of a straightness also has a slope. For missing entries of the state, approach and last
-    moves follow from the order of its rows; target and station are the first ones, and velocity and acceleration are
-    zero. noise_scale: the instrument's noise as a multiple of its specification; 0 for none. `progress` is called with
-    the numbers of rows done.
+    `poses`: for a tracker, by station, from the frame to which it is fixed to its own (see `tracker_pose`); for a part,
+    its alignment, which is random without `poses`. `axis`, `run` and `component` `(n,)`: for an interferometer. Each
+    run reads zero at its start, and a run of a straightness also has a slope. For missing entries of the state,
+    approach and last moves follow from the order of its rows; target and station are the first ones, and velocity and
+    acceleration are zero. `noise_scale`: the instrument's noise as a multiple of its specification; 0 for none.
+    `progress` is called with the numbers of rows done.
     """
     blank = replace(_blank(machine, instrument, state, poses, targets, stands_on, axis, run), component=component)
     registration = _registration(blank, poses, rng)
     if isinstance(instrument, LaserTracker):
-        # instrument effects take the beam to the nominal point: errors of um change it by as little of their own size
+        # instrument effects use the beam to the nominal point: the influence of machine errors on it is negligible
         seen = [registration.seen(part, seen_points(part, None, part.tool)) for part in _parts(blank, AT_A_TIME)]
         blank = replace(blank, state=replace(blank.state, observed=np.concatenate(seen)))
     together = len(blank) if any(effect.HAS_MEMORY for effect in model.effects) else AT_A_TIME
@@ -94,13 +94,13 @@ def observe(
 
 
 def tracker_pose(position: Vector | Array, rng: np.random.Generator) -> Pose:
-    """A tracker levelled at a position, mm, of what it stands on, and turned about z by any angle: to its own frame."""
+    """Pose of a levelled tracker at a position, mm, with a random angle about z: from its base frame to its own."""
     rotation = rotation_vector_matrix([[0.0, 0.0, rng.uniform(-np.pi, np.pi)]])
     return Pose(rotation, -turn(rotation, position))
 
 
 def at_stations(state: State, stations: Sequence[str], pause_s: float = 0.0) -> State:
-    """The state once for each station of the instrument, one after the other, with a pause to move it."""
+    """The states repeated for each station of the instrument in turn, with a pause, s, to move it."""
     if state.last_move is None:
         state = with_moves(state, state.approach)
     n = len(state)
@@ -113,7 +113,7 @@ def at_stations(state: State, stations: Sequence[str], pause_s: float = 0.0) -> 
 
 
 def with_temperatures(state: State, courses: Mapping[str, tuple[float, float]]) -> State:
-    """The state with temperatures, K from 20 degC, that run straight from a start to an end, over time where known."""
+    """The state with temperatures, K from 20 degC, linear from start to end over time (without time, over the rows)."""
     n = len(state)
     share = np.linspace(0.0, 1.0, n) if state.time is None else state.time / max(state.time.max(), 1e-9)
     columns = {name: np.round(start + share * (end - start), 3) for name, (start, end) in courses.items()}
@@ -121,7 +121,7 @@ def with_temperatures(state: State, courses: Mapping[str, tuple[float, float]]) 
 
 
 def read_out(measurement: Measurement) -> Measurement:
-    """The measurement in the digits that an instrument shows, far below its noise: 10 nm; interferometers nm, nrad."""
+    """The measurement rounded to the digits of an instrument, far below its noise: 10 nm; interferometers nm, nrad."""
     if not isinstance(measurement.instrument, Interferometer):
         return replace(measurement, observed=np.round(measurement.observed, 5))
     size = np.where(measurement.angular, URAD, UM)[:, None]
@@ -129,7 +129,7 @@ def read_out(measurement: Measurement) -> Measurement:
 
 
 def spoil(measurement: Measurement, faults: Faults, rng: np.random.Generator) -> tuple[Measurement, tuple[str, ...]]:
-    """The measurement with outliers, doubled and missing rows, and what was done; last moves stay what they were."""
+    """The measurement with outliers, doubled and missing rows, and notes on these; last moves do not change."""
     if faults == Faults():
         return measurement, ()
     n, components = measurement.observed.shape
@@ -160,7 +160,7 @@ def _blank(
     axis: np.ndarray | None,
     run: np.ndarray | None,
 ) -> Measurement:
-    """The measurement before anything is observed."""
+    """The measurement without observations."""
     targets, n = targets or {"1": SPINDLE_NOSE}, len(state)
     if isinstance(instrument, Interferometer) and (axis is None or run is None):
         raise UserError("an interferometer measures one axis at a time, in runs: strategy axes")
@@ -181,7 +181,7 @@ def _blank(
 
 
 def _registration(blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.random.Generator) -> Registration:
-    """Where the instrument stands."""
+    """Registration of the instrument; UserError if a pose is missing."""
     groups = np.unique(blank.groups).tolist()
     if isinstance(blank.instrument, Interferometer):
         across = np.unique(blank.groups[blank.straightness]).tolist()
@@ -198,14 +198,14 @@ def _registration(blank: Measurement, poses: Mapping[str, Pose] | None, rng: np.
 
 
 def _alignment(planar: bool, rng: np.random.Generator) -> Pose:
-    """The pose of a part on a measuring machine, a little off."""
+    """Random pose of a part on a measuring machine, near the nominal one."""
     free = np.array([1.0, 1.0, 0.0] if planar else [1.0, 1.0, 1.0])
     turns = rng.uniform(-ALIGNMENT_RAD, ALIGNMENT_RAD, 3) * (free if not planar else [0.0, 0.0, 1.0])
     return Pose(rotation_vector_matrix(turns), (rng.uniform(-ALIGNMENT_MM, ALIGNMENT_MM, 3) * free)[None])
 
 
 def _noise(measurement: Measurement, rng: np.random.Generator) -> Array:
-    """Noise `(n, components)`, mm and rad, with the covariance that the instrument has for what was observed."""
+    """Noise `(n, components)`, mm and rad, with the covariance of the instrument for these observations."""
     normal = rng.standard_normal(measurement.observed.shape)
     # an interferometer's uncertainty grows from the first position of its run, so its rows stay together
     together = len(measurement) if isinstance(measurement.instrument, Interferometer) else AT_A_TIME
@@ -214,7 +214,7 @@ def _noise(measurement: Measurement, rng: np.random.Generator) -> Array:
 
 
 def _root(matrices: Array) -> Array:
-    """Symmetric square roots `(n, d, d)`, of singular ones too: an instrument may be without noise in a direction."""
+    """Symmetric square roots `(n, d, d)`, also of singular matrices: an instrument may have no noise in a direction."""
     values, vectors = np.linalg.eigh(matrices)
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ np.swapaxes(vectors, 1, 2))
 

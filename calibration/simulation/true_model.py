@@ -1,8 +1,8 @@
-"""Virtual machines: error models drawn at random, to simulate measurements of and to judge fits by.
+"""Virtual machines: random error models, for the simulation of measurements and the evaluation of fits.
 
 Error motions of linear axes are those of the virtual calibration paper, Table 1: for a position x scaled to 0..1 over
 the travel a0 + a1 x + b1 sin(n1 pi x) + c1 cos(n1 pi x) + b2 sin(n2 pi x) + c2 cos(n2 pi x), each coefficient uniform
-between plus and minus its half-width. Of rotary axes n counts waves per turn, and there is no slope.
+between plus and minus its half-width. For rotary axes, n counts waves per turn, and there is no slope.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from kinematics.user_error import UserError
 Row = tuple[float, ...]
 """Half-widths in um or urad: a0, a1, then n, b, c for each wave."""
 HalfWidths = Mapping[str, Row]
-"""By error motion, `E_XX`."""
+"""Half-widths by error motion, `E_XX`."""
 
 _ANGLES_X, _ANGLES_Y, _ANGLES_Z = (
     (10.0, 20.0, 0.5, 10.0, 10.0, 5.0, 5.0, 5.0),
@@ -62,14 +62,14 @@ ROTARY: HalfWidths = {
     for component in COMPONENTS
     for shifts, turns in [(_AXIAL, _ANGLE) if component in (axis, line) else (_RADIAL, _TILT)]
 }
-"""Rotary axes in good order, one and two waves per turn: ncomp's own, in no paper."""
+"""Half-widths for rotary axes in good condition, with one and two waves per turn; assumed, without a source."""
 DEFAULT: HalfWidths = {**TABLE_1, **ROTARY}
 
 
 def random_truth(machine: Machine, rng: np.random.Generator, half_widths: HalfWidths = DEFAULT) -> ErrorModel:
-    """A machine drawn at random; error motions that the table does not have are zero.
+    """A random machine; error motions that are not in the table are zero.
 
-    An axis takes the rows of its own name (E_XX2), or else those of its letter, U V W as X Y Z.
+    An axis takes the rows of its own name (E_XX2), or else those of its letter, with U V W as X Y Z.
     """
     effects: list[Effect] = []
     for axis, component, row in _rows(machine, half_widths):
@@ -90,8 +90,8 @@ def largest_truth(machine: Machine, half_widths: HalfWidths = DEFAULT) -> list[E
 def random_location_errors(machine: Machine, rng: np.random.Generator, half_width: float) -> list[Effect]:
     """Location errors, each uniform within a half-width, um and urad: squareness, position and tilt of rotary axes.
 
-    Of a rotary axis the two shifts and the two tilts across its line (ISO 230-1); of three linear axes squareness of
-    the second to the first, and of the third to both.
+    A rotary axis has the two shifts and the two tilts across its line (ISO 230-1); three linear axes have the
+    squareness of the second to the first, and of the third to both.
     """
     found: list[tuple[str, str]] = []
     linear = [axis.name for axis in machine.axes if not axis.rotary and axis.name in ("X", "Y", "Z")]
@@ -105,13 +105,13 @@ def random_location_errors(machine: Machine, rng: np.random.Generator, half_widt
 
 
 def model_of(machine: Machine, effects: Sequence[Effect], source: str = "simulated") -> ErrorModel:
-    """The error model of a virtual machine. It bears no time, so that the same seed makes the same file."""
+    """The error model of a virtual machine, with a fixed date, so that the same seed gives the same file."""
     made = Provenance("ncomp", datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC), source)
     return ErrorModel(machine=reference(machine), provenance=made, effects=tuple(effects), demonstration=True)
 
 
 def read_half_widths(path: Path) -> HalfWidths:
-    """Half-widths in a TOML or JSON file, `E_XX = [a0, a1, n1, b1, c1, ...]`; UserError for what is none."""
+    """Half-widths in a TOML or JSON file, `E_XX = [a0, a1, n1, b1, c1, ...]`; UserError for other content."""
     data = read_input(path, "table of half-widths")
     try:
         content = tomllib.loads(data.decode()) if path.suffix.lower() == ".toml" else msgspec.json.decode(data)
@@ -122,7 +122,7 @@ def read_half_widths(path: Path) -> HalfWidths:
 
 
 def checked_half_widths(table: Mapping[str, Sequence[float]], where: str) -> HalfWidths:
-    """The table, its keys as `E_XX` also where they are given as `EXX`; UserError, naming `where`, for a bad row."""
+    """The table with keys `E_XX`, also for keys given as `EXX`; UserError, naming `where`, for a bad row."""
     rows = {}
     for key, row in table.items():
         name = key.upper() if key.upper().startswith("E_") else f"E_{key.upper().removeprefix('E')}"
@@ -140,7 +140,7 @@ def _row_of(axis: Axis, component: str, half_widths: HalfWidths) -> Row | None:
 
 
 def _rows(machine: Machine, half_widths: HalfWidths) -> Iterator[tuple[Axis, Component, Row]]:
-    """The error motions that the table has, with their rows."""
+    """The error motions of the machine that are in the table, with their rows."""
     for axis in machine.axes:
         for component in get_args(Component):
             row = _row_of(axis, component, half_widths)
@@ -161,7 +161,7 @@ def _linear(axis: Axis, component: Component, row: Row, drawn: np.ndarray) -> It
 
 
 def _rotary(axis: Axis, component: Component, row: Row, drawn: np.ndarray) -> Iterator[Effect]:
-    """A constant and waves, which go on without end as the axis may."""
+    """A constant and periodic waves, which hold for any number of turns."""
     if row[1]:
         raise UserError(f"E_{component}{axis.name}: a rotary axis has no slope, which would not close after a turn")
     if row[0]:
