@@ -1,8 +1,8 @@
-"""One frame for error motions of several calibrations, so that equal machines have equal error motions.
+"""One frame for the error motions of several calibrations, so that equal machines have equal error motions.
 
-A calibration may be written in any of many frames: constants that two axes can share, slopes of straightness and first
-harmonics of rotary axes change no measurement of the tool against a workpiece (`calibration.fit.datum`). Sampled error
-motions of every calibration are moved alike along these directions into the datum of `ncomp fit`.
+A calibration can be expressed in many equivalent frames: constants shared by two axes, slopes of straightness and first
+harmonics of rotary axes change no measurement of the tool against a workpiece (`calibration.fit.datum`). The sampled
+error motions of every calibration are transformed along these directions into the datum of `ncomp fit`.
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ from kinematics.transforms import Array
 
 
 class Sampled(NamedTuple):
-    """Where one error motion is sampled."""
+    """Sampling positions of one error motion."""
 
     axis: int
     component: int
     interval: Interval
-    """mm or degrees."""
+    """Sampled range, mm or degrees."""
     positions: Array
-    """`(n,)`, mm or degrees; evenly over the interval."""
+    """Positions `(n,)`, mm or degrees, evenly over the interval."""
     reference: float
-    """mm or degrees; its value comes behind those at the positions."""
+    """Reference position, mm or degrees; its value follows those at the positions."""
 
     @property
     def everywhere(self) -> Array:
-        """`(n + 1,)`: the positions and the reference."""
+        """Positions and reference `(n + 1,)`."""
         return np.append(self.positions, self.reference)
 
     def name(self, machine: Machine) -> str:
-        """By ISO 230-1: E_XY."""
+        """Name by ISO 230-1, such as E_XY."""
         return f"E_{COMPONENTS[self.component]}{machine.names[self.axis]}"
 
 
 @dataclass(frozen=True)
 class CommonFrame:
-    """The move into the datum, linear in the sampled values."""
+    """The transformation into the datum, linear in the sampled values."""
 
     shapes: Array
-    """`(rows, m)`: the moves of all error motions, one below the other, for one unit of their parameters."""
+    """Changes `(rows, m)` of all error motions, one below the other, for one unit of each parameter."""
     by_values: Array
-    """`(m, rows)`: the parameters of the move, by the sampled values."""
+    """Matrix `(m, rows)` from the sampled values to the parameters of the transformation."""
 
     def moved(self, values: Array) -> Array:
         """Values `(rows,)`, or derivatives of them `(rows, p)`, in the common frame."""
@@ -61,9 +61,9 @@ class CommonFrame:
 
 
 def common_frame(machine: Machine, motions: Sequence[Sampled]) -> CommonFrame:
-    """The frame of these error motions, um and urad, which lie one below the other in the order given.
+    """The frame of these error motions, um and urad, one below the other in the given order.
 
-    The move is worked out from the lines, or first harmonics, through the values by least squares.
+    The transformation is derived from least-squares lines, or first harmonics, through the values.
     """
     effects = []
     for motion in motions:

@@ -1,7 +1,7 @@
-"""Two calibrations of one machine side by side, error motion by error motion, in the conventions of ISO 230-1.
+"""Comparison of two calibrations of one machine, error motion by error motion, in the conventions of ISO 230-1.
 
 Every error motion is calculated from all effects that depend on positions alone, as a function of its own
-axis with the others at home, approached from neither side, over the range that both calibrations know:
+axis with the others at home, without a direction of approach, over the common range of both calibrations:
 
 | | convention |
 |---|---|
@@ -10,9 +10,9 @@ axis with the others at home, approached from neither side, over the range that 
 | angular positioning of a rotary axis | zero at the reference position |
 | radial, axial and tilt error motions of a rotary axis | less their mean, which is the location error, listed apart |
 
-Both calibrations are moved into one frame first (`common_frame`). The difference is B minus A. All of it is linear in
-the errors, so that uncertainties follow from the parameters' covariance to first order (GUM); the two calibrations
-count as independent of one another.
+Both calibrations are first transformed into one frame (`common_frame`). The difference is B minus A. All values are
+linear in the errors, so that uncertainties follow from the parameters' covariance to first order (GUM). The two
+calibrations are assumed to be independent.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from kinematics.user_error import UserError
 
 Straightness = Literal["end-point", "least-squares"]
 POSITIONS = 121
-"""Along an axis."""
+"""Number of positions along an axis."""
 TURN = 360.0
 """Largest compared range of a rotary axis, degrees: one turn."""
 POINTS = 1000
 """Number of positions in the common volume, random with a fixed seed."""
 COVERAGE = 2.0
-"""k of the expanded uncertainty U."""
+"""Coverage factor k of the expanded uncertainty U."""
 CONFIDENCE = 0.95
 """Probability with which two calibrations that agree show no significant difference of an error motion."""
 LEAST = 1e-9
@@ -71,7 +71,7 @@ class Figure(NamedTuple):
         return float(np.hypot(self.U_a, self.U_b))
 
     def json(self) -> dict[str, Any]:
-        """For programs."""
+        """The figure as JSON."""
         numbers = {"a": self.a, "b": self.b, "difference": self.b - self.a, "U_difference": self.U}
         return {"name": self.name, "title": self.title, "unit": self.unit, **numbers}
 
@@ -86,13 +86,13 @@ class Motion:
     unit: str
     convention: str
     positions: Array
-    """`(n,)`, mm or degrees."""
+    """Positions `(n,)`, mm or degrees."""
     a: Array
     b: Array
     U_a: Array
     U_b: Array
     known: tuple[bool, bool]
-    """In which of the calibrations it is."""
+    """True for each calibration, A and B, that contains the error motion."""
     significant: bool
     """True where the uncertainties explain the difference, over all positions, with less than 5 % probability."""
 
@@ -112,7 +112,7 @@ class Motion:
         return int(np.argmax(np.abs(self.difference)))
 
     def json(self) -> dict[str, Any]:
-        """For programs."""
+        """The error motion as JSON."""
         i = self.largest
         at = f"position_{self.position_unit}"
         return {
@@ -136,19 +136,19 @@ class Motion:
 
 
 class Volume(NamedTuple):
-    """The difference B minus A of the tool point over the volume that both know."""
+    """The difference B minus A of the tool point over the common volume."""
 
     bounds: Mapping[str, Interval]
     """Bounds of the common volume by axis, mm or degrees."""
     tool_mm: float
     difference: VolumetricError
     aligned: VolumetricError
-    """After a rigid alignment of one to the other."""
+    """The difference after a rigid alignment of one calibration to the other."""
     u_rms_um: float
-    """RMS of the standard uncertainty of the difference: so much is to be expected of two that agree."""
+    """RMS of the standard uncertainty of the difference, um: the expected difference of two calibrations that agree."""
 
     def json(self) -> dict[str, Any]:
-        """For programs."""
+        """The volume as JSON."""
         return {
             "bounds": {axis: list(ends) for axis, ends in self.bounds.items()},
             "tool_mm": self.tool_mm,
@@ -160,7 +160,7 @@ class Volume(NamedTuple):
 
 @dataclass(frozen=True)
 class Comparison:
-    """All that was compared."""
+    """Result of the comparison."""
 
     machine: Machine
     reference: Mapping[str, float]
@@ -174,7 +174,7 @@ class Comparison:
     """Effects that were not compared, each with the reason."""
 
     def json(self) -> dict[str, Any]:
-        """For programs: U with k = 2; differences are B minus A."""
+        """The comparison as JSON: U with k = 2; differences are B minus A."""
         return {
             "machine": self.machine.name,
             "difference": "b minus a",
@@ -188,14 +188,14 @@ class Comparison:
 
 
 class _Seen(NamedTuple):
-    """Error motions of one calibration at positions: values `(n,)`, and their derivatives by the parameters."""
+    """Error motion of one calibration: values `(n,)`, and derivatives with respect to its parameters `(n, p)`."""
 
     values: Array
     design: Array
 
 
 class _Side:
-    """One of the two calibrations: its effects of position and approach."""
+    """One of the two calibrations: its effects that depend on position and approach alone."""
 
     def __init__(self, machine: Machine, model: ErrorModel) -> None:
         self.machine = machine
@@ -203,7 +203,7 @@ class _Side:
         self.intervals = _intervals(machine, self.model)
 
     def seen(self, i: int, k: int, positions: Array, way: float = 0.0) -> _Seen:
-        """Component k of axis i, um or urad, at its positions, mm and rad, approached in direction `way`."""
+        """Component k of axis i, um or urad, at its positions, mm and rad; `way`: direction of approach, -1, 0 or 1."""
         state = _along(self.machine, i, positions, way)
         values = self.model.errors(self.machine, state)[:, i, k]
         chosen = np.zeros((len(positions), 1, 6 * (len(self.machine.axes) + 1)))
@@ -231,7 +231,7 @@ def compare(
     references: Mapping[str, float] | None = None,
     tool_mm: float = 100.0,
 ) -> Comparison:
-    """Two calibrations of the machine; `references`: by axis, mm or degrees, otherwise its home."""
+    """Comparison of two calibrations of the machine; `references`: positions by axis, mm or degrees, default home."""
     sides = (_Side(machine, models[0]), _Side(machine, models[1]))
     left_out = [
         f"{effect.name} of {letter}: {_left_out(effect)}"
@@ -262,7 +262,7 @@ def compare(
 def _tracks(
     machine: Machine, sides: Sequence[_Side], references: Mapping[str, float]
 ) -> tuple[list[Sampled], list[str]]:
-    """The error motions that either calibration knows, over the range that both know; and which have none, and why."""
+    """The error motions of either calibration over their common ranges, and notes on those without a common range."""
     tracks, outside = [], []
     used: dict[str, float] = {}
     for i, axis in enumerate(machine.axes):
@@ -316,7 +316,7 @@ def _along(machine: Machine, i: int, positions: Array, way: float) -> State:
 
 
 def _intervals(machine: Machine, model: ErrorModel) -> dict[tuple[int, int], Interval]:
-    """Intervals, mm or degrees, in which the effects of the model are known, by axis and component."""
+    """Intervals, mm or degrees, in which the effects of the model are defined, by axis and component."""
     found: dict[tuple[int, int], Interval] = {}
     for effect in model.effects:
         known = effect.intervals
@@ -331,7 +331,7 @@ def _intervals(machine: Machine, model: ErrorModel) -> dict[tuple[int, int], Int
 
 
 def _common(sides: Sequence[_Side], i: int, k: int) -> Interval | None:
-    """The range of an error motion that both know, mm or degrees, at most a turn; None where neither has it."""
+    """The common range of an error motion, mm or degrees, at most a turn; None if neither calibration has it."""
     known = [side.intervals[i, k] for side in sides if (i, k) in side.intervals]
     if not known:
         return None
@@ -344,7 +344,7 @@ def _common(sides: Sequence[_Side], i: int, k: int) -> Interval | None:
 
 
 def _positions(machine: Machine, i: int, ends: Interval) -> Array:
-    """Positions `(n,)` over a range, mm or degrees; of a whole turn each once."""
+    """Positions `(n,)` over a range, mm or degrees; for a whole turn without the repeated end."""
     whole = machine.axes[i].rotary and ends[1] - ends[0] >= TURN
     return np.linspace(*ends, POSITIONS, endpoint=not whole)
 
@@ -369,7 +369,7 @@ class _Rule(NamedTuple):
     matrix: Array
     """Factors `(n, n + 1)` of its values at the positions and, last, at the reference."""
     mean: bool = False
-    """True where its mean is a location error."""
+    """True if the mean of the error motion is a location error."""
 
 
 def _rule(machine: Machine, track: Sampled, straightness: Straightness) -> _Rule:
@@ -409,10 +409,10 @@ def _motion(machine: Machine, sides: Sequence[_Side], track: Sampled, pair: Sequ
 
 
 def _significant(difference: Array, covariance: Array) -> bool:
-    """Whether a difference `(n,)` is more, at any of its positions, than its uncertainty explains at all of them.
+    """True if a difference `(n,)` exceeds its uncertainty at any position, tested over all positions together.
 
-    The coverage factor is Sidak's for as many independent positions as the correlations leave (their participation
-    ratio): one position gives k = 1.96, a polynomial of five terms about 2.5.
+    The coverage factor is that of Sidak for the number of independent positions that follows from the correlations
+    (participation ratio): one position gives k = 1.96, a polynomial of five terms about 2.5.
     """
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     size, known = np.maximum(np.abs(difference) - LEAST, 0.0), u > LEAST
@@ -438,9 +438,9 @@ SQUARENESS = {("Y", "X"): ("C", -1.0), ("Z", "X"): ("B", 1.0), ("Z", "Y"): ("A",
 def _squareness(machine: Machine, sides: Sequence[_Side], straightness: Straightness) -> Iterator[Figure]:
     """E_C0Y - E_C0X, E_B0Z - E_B0X and E_A0Z - E_A0Y, of the first linear axis of each letter, um/m.
 
-    The change of the angle between the lines along which two axes move the tool in the workpiece frame. A turn that all
-    axes share leaves it alone, and so does a constant angle of an axis that the straightness of the axes it carries
-    makes up for.
+    The change of the angle between the lines along which two axes move the tool in the workpiece frame. A rotation
+    common to all axes does not change it; neither does a constant angle of an axis that the straightness of the axes on
+    it compensates.
     """
     first: dict[str, int] = {}
     for i, axis in enumerate(machine.axes):
@@ -467,7 +467,7 @@ def _squareness(machine: Machine, sides: Sequence[_Side], straightness: Straight
 
 
 def _direction(machine: Machine, i: int) -> Array:
-    """Where the tool goes in the workpiece frame `(3,)` when a linear axis moves along its letter, others at home."""
+    """Direction `(3,)` of the tool in the workpiece frame if a linear axis moves along its letter, others at home."""
     home = _along(machine, i, np.array([machine.axes[i].home]), 0.0)
     slope = pose_slopes(machine, home.positions)[0, :3, i]
     return np.asarray(own_motion(machine, machine.names[i])[2] * slope / np.linalg.norm(slope))
@@ -476,8 +476,9 @@ def _direction(machine: Machine, i: int) -> Array:
 def _lean(side: _Side, i: int, ends: Interval | None, straightness: Straightness) -> _Seen:
     """Tilt of the line of a linear axis against its direction: vector `(3,)`, workpiece frame, mm per mm.
 
-    The slope of the reference line through the deviations across the axis over a range, mm. The axis' own angular error
-    motions count with their values at home: how they vary bends the line, by an amount that depends on the tool point.
+    The slope of the reference line through the deviations across the axis over a range, mm. The axis' own angular
+    error motions count with their values at home, because their variation bends the line by an amount that depends on
+    the tool point.
     """
     machine = side.machine
     axis, direction = machine.axes[i], _direction(machine, i)
@@ -497,7 +498,7 @@ def _lean(side: _Side, i: int, ends: Interval | None, straightness: Straightness
 
 
 def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:
-    """Mean reversal of axes, forward minus backward, where either calibration has one."""
+    """Mean reversal of each axis, forward minus backward, if either calibration has one."""
     for i, axis in enumerate(machine.axes):
         _, k, forward = own_motion(machine, axis.name)
         ends = _common(sides, i, k)
@@ -516,7 +517,7 @@ def _reversals(machine: Machine, sides: Sequence[_Side]) -> Iterator[Figure]:
 
 
 def _volume(machine: Machine, sides: Sequence[_Side], tool_mm: float) -> Volume:
-    """The difference of the tool point at random positions of the volume that both know; other axes at home."""
+    """The difference of the tool point at random positions of the common volume; other axes at home."""
     bounds: dict[str, Interval] = {}
     low, high = (np.array([axis.home for axis in machine.axes]) for _ in range(2))
     for i, axis in enumerate(machine.axes):

@@ -1,4 +1,4 @@
-"""Volumetric error: what a machine's errors are in its volume, once a rigid alignment has taken its share."""
+"""Volumetric error: the errors of a machine in its volume, optionally after a rigid alignment."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class VolumetricError(NamedTuple):
 
 
 def aligned(deviation: Array, points: Array) -> Array:
-    """What a rigid alignment leaves `(n, 3)` of deviations `(n, 3)` at points `(n, 3)`, all mm.
+    """Deviations `(n, 3)` at points `(n, 3)` after a rigid alignment, all mm.
 
-    The three shifts and three small turns that fit the deviations best, in exact least squares, are taken off. Points
-    on one line, which some turn leaves where they are, are no special case.
+    The three shifts and three small rotations of the exact least squares are subtracted. Points on one line, which one
+    rotation does not move, are allowed.
     """
     columns = rigid_columns(points)
     fitted = np.linalg.lstsq(columns, deviation.reshape(-1), rcond=1e-12)[0]
@@ -34,18 +34,18 @@ def aligned(deviation: Array, points: Array) -> Array:
 
 
 def rigid_columns(points: Array) -> Array:
-    """What three shifts and three small turns do to points `(n, 3)`: columns `(3 n, 6)`, all of one order of size."""
+    """Displacements of points `(n, 3)` by three shifts and three small rotations, scaled alike: columns `(3 n, 6)`."""
     centred = points - points.mean(axis=0)
     size = max(float(np.abs(centred).max()), np.finfo(float).tiny)
     motions = np.empty((len(points), 3, 6))
     motions[:, :, :3] = np.eye(3)
-    # a turn w moves p by w x p; in units of the volume's size, so that turns and shifts are of one order
+    # a rotation w moves p by w x p; scaled by the size of the volume, so that rotations and shifts are of similar size
     motions[:, :, 3:] = by_turn(centred / size)
     return motions.reshape(-1, 6)
 
 
 def volumetric_error_um(deviation: Array, points: Array | None = None) -> VolumetricError:
-    """RMS, 95 % quantile and largest length, um, of deviations `(n, 3)`, mm; aligned first where points are given."""
+    """RMS, 95 % quantile and largest length, um, of deviations `(n, 3)`, mm; with `points`, after a rigid alignment."""
     left = deviation if points is None else aligned(deviation, points)
     length = np.linalg.norm(left, axis=1) * 1e3
     return VolumetricError(
