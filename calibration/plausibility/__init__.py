@@ -1,1 +1,1 @@
-"""Plausibility of a measurement, checked before any model: by `fit`, `three-points` and `diagnose` alike."""
+"""Plausibility of a measurement, checked before any model by `fit`, `three-points` and `diagnose`."""

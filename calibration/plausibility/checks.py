@@ -1,7 +1,7 @@
-"""Is the measurement what it says it is? Looked at before any model of the machine's errors.
+"""Checks of the plausibility of a measurement, without a model of the machine's errors.
 
-A mistake in writing the data down is one that, undone, makes the nominal machine fit FALLS times better, and about as
-well as machines do (PLAUSIBLE). Errors of a machine of 0.1 mm and 0.1 mrad find nothing here.
+A recording mistake is found if its reversal reduces the residual of the nominal machine by a factor of FALLS, to a
+value that is usual for machines (PLAUSIBLE). Machine errors of 0.1 mm and 0.1 mrad do not cause a finding.
 """
 
 from __future__ import annotations
@@ -28,50 +28,50 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 FALLS = 5.0
-"""Times that the residual has to fall when a mistake is undone."""
+"""Factor by which the residual must fall when a mistake is reversed."""
 PLAUSIBLE = 1.0
-"""mm: RMS residual of the nominal machine in data without a mistake."""
+"""Largest RMS residual of the nominal machine in data without a mistake, mm."""
 SUSPICIOUS = 0.3
-"""mm: below it no mistake is looked for."""
+"""RMS residual, mm, below which no mistake is searched for."""
 HOPELESS = 5.0
-"""mm: a median residual beyond it, which no mistake explains, is no machine's."""
+"""Median residual, mm, above which the data cannot belong to the machine if no mistake explains it."""
 TIED = 2.0
-"""Mistakes whose undoing fits as well up to this factor can't be told apart."""
+"""Factor of the residuals up to which two mistakes cannot be distinguished."""
 ROWS = 1500
-"""Rows, picked at random, that the mistakes are looked for in."""
+"""Largest number of rows, chosen at random, in the search for mistakes."""
 PLACES = 5
-"""Places that every run has to visit before the first one is held against the others."""
+"""Least number of measurement states common to all runs for a comparison of the first run with the others."""
 LEAST = 10
-"""Rows that a relation between columns is looked for in."""
+"""Least number of rows for the search for a relation between columns."""
 SLOPE = 1e-3
-"""Deviation per travel that no axis has."""
+"""Deviation per travel above which the cause is not an axis."""
 RELATED = 0.7
-"""Correlation from which two columns are called related."""
+"""Correlation above which two columns are related."""
 SIGNIFICANCE = 1e-3
 BACK = 0.1
-"""Share of rows that are earlier than the one before, from which the rows are in no order of time."""
+"""Share of rows with an earlier time than the row before, above which the rows are not in the order of time."""
 HOT = 200.0
-"""degC that no sensor of a machine tool reads: kelvin, or hundredths."""
+"""Temperature, degC, above which a column is in another unit: kelvin, or hundredths."""
 FAR = 1000.0
-"""mm: distance of a target from the tool reference point that is possible on every machine."""
+"""Distance of a target from the tool reference point that is possible on every machine, mm."""
 SMALL = 0.05
-"""Share of their travel below which linear axes that move together are asked for their unit."""
+"""Share of the travel of linear axes below which their unit is questioned."""
 NOTICED = 1e-3
-"""mm and mrad: a read-back that differs less from the command is not looked at."""
+"""Difference of read-back and command, mm and rad, below which it is ignored."""
 
 
 class Finding(NamedTuple):
-    """Something about the data."""
+    """One result of the checks."""
 
     what: str
     says: str
-    """One sentence, with numbers."""
+    """Message: one sentence, with numbers."""
     fatal: bool
-    """True where the data can't be used as they are."""
+    """True if the data cannot be used without a correction."""
 
 
 def sanity(measurement: Measurement) -> list[Finding]:
-    """What is wrong, or odd, with a measurement; what forbids its use first, and then little else."""
+    """Findings on a measurement, fatal ones first; with a fatal finding most other checks are omitted."""
     copies = duplicates(measurement)
     own = measurement.rows(np.flatnonzero(~copies))
     mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
@@ -84,7 +84,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
 
 
 def usable(measurement: Measurement) -> list[Finding]:
-    """Anomalies of a measurement; UserError for those that forbid its use."""
+    """Findings on a measurement; UserError for fatal ones."""
     findings = sanity(measurement)
     fatal = [finding.says for finding in findings if finding.fatal]
     if fatal:
@@ -104,7 +104,7 @@ def _copies(measurement: Measurement, copies: np.ndarray) -> Iterator[Finding]:
 
 
 def _order(measurement: Measurement) -> Iterator[Finding]:
-    """Rows in no order of time: from which side an axis came is told by the row before."""
+    """Rows that are not in the order of time, from which the direction of approach follows."""
     time = measurement.state.time
     back = 0 if time is None else int(np.count_nonzero(np.diff(time) < 0.0))
     if len(measurement) >= LEAST and back > BACK * len(measurement):
@@ -126,7 +126,7 @@ def _temperatures(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _dead(measurement: Measurement) -> Iterator[Finding]:
-    """Observations that are all the same although the machine moves."""
+    """Equal observations although the machine moves."""
     moved = np.ptp(measurement.state.positions, axis=0).any()
     if moved and len(measurement) >= LEAST and not np.ptp(measurement.observed, axis=0).any():
         yield Finding(
@@ -138,7 +138,7 @@ def _dead(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _far_targets(measurement: Measurement) -> Iterator[Finding]:
-    """Targets farther from the tool reference point than tools are long: points of one target don't show that."""
+    """Targets too far from the tool reference point for a tool: the points of a single target do not show this."""
     machine = measurement.machine
     reach = max(FAR, float(np.ptp(machine.travel, axis=0)[~machine.rotary].max(initial=0.0)))
     for name, target in measurement.targets.items():
@@ -153,7 +153,7 @@ def _far_targets(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _small_volume(measurement: Measurement) -> Iterator[Finding]:
-    """Several linear axes that all move over a small part of their travel: another unit, or a small volume indeed."""
+    """Several linear axes that all move over a small part of their travel: wrong unit, or a small volume."""
     machine = measurement.machine
     span, travel = np.ptp(measurement.state.positions, axis=0), np.ptp(machine.travel, axis=0)
     moving = np.flatnonzero((span > 0.0) & ~machine.rotary)
@@ -169,7 +169,7 @@ def _small_volume(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _mistakes(measurement: Measurement) -> Iterator[Finding]:
-    """Mistakes of points, by undoing them one at a time; else stations and whole measurements that fit nowhere."""
+    """Recording mistakes of points, each reversed in turn; otherwise stations or whole measurements that do not fit."""
     rows = np.arange(len(measurement))
     if len(rows) > ROWS:
         rows = np.sort(np.random.default_rng(0).choice(rows, ROWS, replace=False))
@@ -209,7 +209,7 @@ def _mistake(before: float, tied: list[tuple[float, Alternative]]) -> Finding:
 
 
 def _stations(measurement: Measurement, lengths: Array) -> Iterator[Finding]:
-    """Stations that do not fit in themselves while others do."""
+    """Stations with large residuals while others have small ones."""
     groups = measurement.groups
     sizes = {name: trimmed_rms(lengths[groups == name]) for name in np.unique(groups).tolist()}
     usual = float(np.median(list(sizes.values())))
@@ -224,7 +224,7 @@ def _stations(measurement: Measurement, lengths: Array) -> Iterator[Finding]:
 
 
 def _readings(measurement: Measurement) -> Iterator[Finding]:
-    """Deviations of an interferometer that grow with the travel as those of no axis."""
+    """Deviations of an interferometer that grow with the travel more than those of any axis."""
     assert measurement.axis is not None
     machine = measurement.machine
     for name in np.unique(measurement.axis).tolist():
@@ -249,7 +249,7 @@ def _readings(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _clock(measurement: Measurement) -> Iterator[Finding]:
-    """Rows in motion that are observed earlier or later than their positions were noted."""
+    """Rows in motion that are observed earlier or later than their positions."""
     velocity = measurement.state.velocity
     if velocity is None:
         return
@@ -280,14 +280,14 @@ def _clock(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _after_play(measurement: Measurement, missed: Array, behind: Array) -> float:
-    """RMS of residuals `(n, d)` after a play of each axis, by its derivatives `(n, d, axes)`."""
+    """RMS of residuals `(n, d)` after a fit of a backlash of each axis, with derivatives `(n, d, axes)`."""
     design = np.stack([_centred(measurement, behind[:, :, i]).reshape(-1) for i in range(behind.shape[2])], axis=1)
     size, *_ = np.linalg.lstsq(design, missed.reshape(-1), rcond=None)
     return float(np.sqrt(np.mean((missed.reshape(-1) - design @ size) ** 2)))
 
 
 def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
-    """A first run that differs from the later ones at the same places more than they do from each other."""
+    """A first run that differs from the later ones, at the same measurement states, more than they from each other."""
     cells = _by_run(measurement)
     if cells is None:
         return
@@ -307,9 +307,9 @@ def _first_cycle(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _by_run(measurement: Measurement) -> Array | None:
-    """Mean observations `(places, runs, d)`, um and urad, at the places that every run visits; None if too few.
+    """Mean observations `(states, runs, d)`, um and urad, at the measurement states of all runs; None if too few.
 
-    Runs in the order of acquisition, each of an interferometer less its zero, which nobody knows.
+    Runs are in the order of acquisition; each axis of an interferometer is centred, because its zero is unknown.
     """
     if measurement.run is None:
         return None
@@ -333,7 +333,7 @@ def _by_run(measurement: Measurement) -> Array | None:
 
 
 def _read_back(measurement: Measurement) -> Iterator[Finding]:
-    """Read-back positions that differ from the commands, and what that goes with."""
+    """Read-back positions that differ from the commands, and the related variables."""
     if measurement.actual is None:
         return
     machine, state = measurement.machine, measurement.state
@@ -363,7 +363,7 @@ def _read_back(measurement: Measurement) -> Iterator[Finding]:
 
 
 def _related(one: Array, other: Array) -> tuple[float, float]:
-    """Slope of the other on the one, both `(n,)`, and their correlation; zeros where one of them does not vary."""
+    """Slope of `other` against `one`, both `(n,)`, and their correlation; zeros if one of them is constant."""
     one, other = one - one.mean(), other - other.mean()
     sizes = float(one @ one), float(other @ other)
     if min(sizes) <= 0.0:
@@ -373,7 +373,7 @@ def _related(one: Array, other: Array) -> tuple[float, float]:
 
 
 def _centred(measurement: Measurement, values: Array) -> Array:
-    """Values `(n, d)` less the mean of what is registered together."""
+    """Values `(n, d)` minus the mean of their registration group."""
     _, group = np.unique(measurement.groups, return_inverse=True)
     sums = np.zeros((group.max() + 1, values.shape[1]))
     np.add.at(sums, group, values)

@@ -1,7 +1,7 @@
-"""What may have gone wrong in writing a measurement down: each mistake undone, and how well the points fit then.
+"""Mistakes in the recording of a measurement: each one reversed, and the resulting fit of the points.
 
-Nothing of a machine's errors is asked: the nominal machine is registered to the points as they are, and as they would
-be without the mistake. Only mistakes of points are looked for, those of a tracker or of a part.
+No model of the machine's errors is needed: the nominal machine is registered to the points as recorded, and to the
+points without the mistake. Only mistakes of points are considered, of a tracker or a part.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from kinematics.machine import Vector
 from kinematics.transforms import Array
 
 FACTORS = {25.4: "inch and mm", 1 / 25.4: "inch and mm", 1e3: "m, mm or um", 1e-3: "m, mm or um"}
-"""Mistakes of units, and what was mixed up."""
+"""Factors of wrong units, and the units that were confused."""
 NEAR = 5e-3
-"""Share by which a scale may miss one of them."""
+"""Largest relative difference of a scale from one of these factors."""
 SCALE = 1e-3
-"""Share that no machine is out of scale by."""
+"""Relative scale error above which the cause is not the machine."""
 ROUNDS = 8
-"""Largest number of iterations of registering the points and estimating the position of a target from them."""
+"""Largest number of iterations of the registration and the position of a target."""
 TRIMMED = 50
-"""One row of so many, at least one, may be as far off as it likes."""
+"""One row of so many, at least one, is ignored as a possible outlier."""
 
 
 class Alternative(NamedTuple):
-    """A measurement with one mistake undone."""
+    """A measurement with one mistake reversed."""
 
     what: str
     """Kind of mistake."""
     by: str
-    """With what undone, for people: `with columns X and Y exchanged`."""
+    """Description of the reversal: `with columns X and Y exchanged`."""
     measurement: Measurement
 
 
 def alternatives(measurement: Measurement) -> Iterator[Alternative]:
-    """The measurement with one mistake undone each, those that are told apart by the data or not."""
+    """The measurement with each mistake reversed in turn, also mistakes that the data cannot distinguish."""
     yield from _units(measurement)
     mirrored = measurement.observed * np.append(-1.0, np.ones(measurement.instrument.components - 1))
     yield Alternative(
@@ -57,13 +57,13 @@ def alternatives(measurement: Measurement) -> Iterator[Alternative]:
 
 
 def misfit(measurement: Measurement) -> tuple[Array, Registration]:
-    """Residuals `(n, d)`, mm and rad, of the nominal machine, and its registration, which gross errors don't spoil."""
+    """Residuals `(n, d)`, mm and rad, of the nominal machine, and its registration, robust to gross errors."""
     registration, _ = first_registration(measurement)
     return residuals(measurement, no_errors(measurement.machine), registration), registration
 
 
 def worst_rms(measurement: Measurement, missed: Array) -> float:
-    """Largest RMS length, mm, of residuals `(n, d)`: of all, and of each target and each station of several rows."""
+    """Largest RMS length, mm, of residuals `(n, d)`: of all rows, and of each target and station with several rows."""
     lengths, parts = np.linalg.norm(missed, axis=1), [np.ones(len(missed), bool)]
     for names in (measurement.target_number, measurement.groups):
         parts += [names == name for name in np.unique(names).tolist()]
@@ -71,13 +71,13 @@ def worst_rms(measurement: Measurement, missed: Array) -> float:
 
 
 def trimmed_rms(lengths: Array) -> float:
-    """RMS of lengths `(n,)` but the very largest."""
+    """RMS of lengths `(n,)` without the largest ones."""
     spared = max(len(lengths) // TRIMMED, 1) if len(lengths) > 3 else 0
     return float(np.sqrt(np.mean(np.sort(lengths)[: len(lengths) - spared] ** 2)))
 
 
 def by_axes(measurement: Measurement, registration: Registration) -> Array:
-    """Derivatives `(n, d, axes)` of what is observed by the positions of the axes, per mm and rad."""
+    """Derivatives `(n, d, axes)` of the observations with respect to the axis positions, per mm and rad."""
     if measurement.axis is not None:
         own = np.equal(measurement.axis[:, None], np.array(measurement.machine.names))
         return np.asarray((own & measurement.positioning[:, None])[:, None, :], float)
@@ -86,7 +86,7 @@ def by_axes(measurement: Measurement, registration: Registration) -> Array:
 
 
 def _units(measurement: Measurement) -> Iterator[Alternative]:
-    """Points, or linear axes, in another unit; points in any other scale."""
+    """Points or linear axes in another unit; points in any other scale."""
     scale = _scale(measurement)
     if scale is not None and abs(scale - 1.0) > SCALE and all(abs(scale / known - 1.0) > NEAR for known in FACTORS):
         by = f"with the points divided by {scale:.6g} (a scale {100 * (scale - 1):+.3g} % off)"
@@ -100,7 +100,7 @@ def _units(measurement: Measurement) -> Iterator[Alternative]:
 
 
 def _scale(measurement: Measurement) -> float | None:
-    """How many times as far apart as commanded the points lie; None where they lie in one place."""
+    """Ratio of the distances between points to the commanded ones; None if all points coincide."""
     points = seen_points(measurement, None, measurement.tool)[:, : measurement.instrument.components]
     inner, outer = _spread(measurement, points), _spread(measurement, measurement.observed)
     if min(inner, outer) <= 0.0:
@@ -117,12 +117,12 @@ def _scale(measurement: Measurement) -> float | None:
 
 
 def _spread(measurement: Measurement, points: Array) -> float:
-    """Median distance, mm, of points `(n, d)` from the middle of their station's."""
+    """Median distance, mm, of points `(n, d)` from the median of their station."""
     return float(np.median(np.linalg.norm(_centred(measurement, points), axis=1)))
 
 
 def _centred(measurement: Measurement, values: Array) -> Array:
-    """Values `(n, d)` less the median of their station's."""
+    """Values `(n, d)` minus the median of their station."""
     result, groups = values.copy(), measurement.groups
     for group in np.unique(groups).tolist():
         result[groups == group] -= np.median(values[groups == group], axis=0)
@@ -130,7 +130,7 @@ def _centred(measurement: Measurement, values: Array) -> Array:
 
 
 def _axes(measurement: Measurement) -> Iterator[Alternative]:
-    """Columns of axes that were exchanged, turned round, or written in rad."""
+    """Columns of axes that are exchanged, of wrong sign, or in rad."""
     machine, q = measurement.machine, measurement.state.positions
     moving = np.flatnonzero(np.ptp(q / machine.scale, axis=0) > STILL).tolist()
     for i, j in combinations(moving, 2):
@@ -153,7 +153,7 @@ def _axes(measurement: Measurement) -> Iterator[Alternative]:
 
 
 def _targets(measurement: Measurement) -> Iterator[Alternative]:
-    """Targets on the tool that were exchanged, or got a wrong sign."""
+    """Targets on the tool that are exchanged or of wrong sign."""
     own = {name: target for name, target in measurement.targets.items() if target.known}
     for one, other in combinations(own, 2):
         changed = {one: own[other], other: own[one]}
@@ -172,9 +172,9 @@ def _targets(measurement: Measurement) -> Iterator[Alternative]:
 
 
 def misplaced(measurement: Measurement) -> Iterator[Alternative]:
-    """Each target on the tool at the position where the points show it, the others as the file states them.
+    """Each target on the tool at the position that follows from the points, with the others as given in the file.
 
-    Any position is allowed, which other mistakes can imitate: to be tried after `alternatives`.
+    Any position is allowed, so that other mistakes can imitate this one: it is tried after `alternatives`.
     """
     own = {name: target for name, target in measurement.targets.items() if target.known}
     if len(own) < 2:

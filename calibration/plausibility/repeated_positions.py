@@ -1,4 +1,4 @@
-"""The same place again: rows with the same commands, feed, target, station and direction of approach."""
+"""Repeated measurement states: rows with the same commands, feed, target, station and direction of approach."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from calibration.measurement.measurement import Measurement
 
 DIGITS = 6
-"""Decimals of a commanded position, mm or degrees, by which rows belong to one place."""
+"""Decimals, mm or degrees, to which commanded positions are rounded; equal ones are the same state."""
 
 
 def place_numbers(measurement: Measurement) -> np.ndarray:
-    """Numbers `(n,)` from 0 of the places of the rows."""
+    """Number `(n,)` from 0 of the measurement state of each row."""
     state = measurement.state
     columns = [np.round(state.positions / measurement.machine.scale, DIGITS) + 0.0]
     if state.approach is not None:
