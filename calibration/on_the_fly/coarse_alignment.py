@@ -31,7 +31,7 @@ class Rough(NamedTuple):
     """Rough alignment of one pass along the path."""
 
     pose: Pose
-    """Pose from the frame that the instrument stands on to its own."""
+    """Pose from the frame to which the instrument is fixed to its own."""
     way: Array
     """Distance along the path `(n,)`, mm, of each point."""
 

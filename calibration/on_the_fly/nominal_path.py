@@ -50,7 +50,7 @@ class Located(NamedTuple):
     """Positions on the path of a target."""
 
     points: Array
-    """`(n, 3)`, mm, in the frame that the instrument stands on."""
+    """`(n, 3)`, mm, in the frame to which the instrument is fixed."""
     tangents: Array
     """Unit vectors `(n, 3)`."""
 
@@ -66,7 +66,7 @@ class TargetPath:
     slopes: Array
     """Derivatives of the positions `(k, axes)`, mm and rad per mm of the path, of the segment after each step."""
     points: Array
-    """`(k, 3)`, mm, in the frame that the instrument stands on."""
+    """`(k, 3)`, mm, in the frame to which the instrument is fixed."""
     tangents: Array
     """Unit vectors `(k, 3)`."""
     way: Array

@@ -40,7 +40,7 @@ class Session:
     manners: Sequence[Manner]
     targets: Mapping[str, Target]
     poses: Mapping[str, Pose]
-    """Pose of each station, from the frame that the tracker stands on to its own."""
+    """Pose of each station, from the frame to which the tracker is fixed to its own."""
     stands_on: Literal["workpiece", "bed"] = "workpiece"
     vibration: Vibration = Vibration()
 
