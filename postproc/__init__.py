@@ -1,3 +1,3 @@
-"""NC programs in; corrected programs out; the command line."""
+"""Reading, correction, writing and verification of NC programs; the command line."""
 
 import kinematics  # noqa: F401  limits BLAS to one thread before NumPy is loaded

@@ -1,4 +1,4 @@
-"""The command line."""
+"""The command line of ncomp."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ MAIN_JOB = "correct"
 
 
 class MainJobFirst(TyperGroup):
-    """A first argument that is no subcommand is the main job."""
+    """Group of commands: without a subcommand, the arguments are those of the main job."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put the name of the main job in front of its arguments."""
+        """Put the name of the main job before its arguments."""
         own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
         if args and args[0] not in self.commands and args[0] not in own:
             args = [MAIN_JOB, *args]
@@ -68,7 +68,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], str]] = {
     "study": (study.study, study.EPILOG),
     "three-points": (three_points.three_points, three_points.EPILOG),
 }
-"""Each command with the examples under its help."""
+"""Each command with the examples below its help."""
 for _name, (_command, _epilog) in COMMANDS.items():
     app.command(_name, epilog=_epilog)(with_options(_command))
 
@@ -119,7 +119,7 @@ def _end(status: int, message: str = "") -> NoReturn:
 
 
 def _stopped(number: int, _: object) -> NoReturn:
-    """End as a shell expects of a signal, and leave no temporary file behind."""
+    """End with the exit code of a signal, 128 + number; temporary files are removed on the way out."""
     sys.exit(128 + number)
 
 

@@ -1,4 +1,4 @@
-"""The dialects ncomp reads, and how a program's dialect is found."""
+"""Dialects of NC programs, and the choice of the dialect of a program."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from postproc.text.notes import Notes
 
 
 class Interpreter(Protocol):
-    """Meaning of a dialect: blocks in, moves out, modal state kept from chunk to chunk."""
+    """Interpreter of a dialect: it reads blocks, returns moves, and keeps modal state from chunk to chunk."""
 
     @property
     def control_state(self) -> ControlState:
-        """Offsets and tools as the program has left them, and which it used."""
+        """Present offsets and tools, and those that the program has used."""
 
     @property
     def ended(self) -> bool:
-        """The program has come to its end."""
+        """True if the program has ended."""
 
     @property
     def moved(self) -> bool:
-        """The last block moved the tool; Refusal where whether a modal call follows it depends on the control."""
+        """True if the last block moved the tool; Refusal if a modal call after it depends on the control."""
 
     @property
     def recorder(self) -> Recorder:
-        """Where the axes are."""
+        """Recorder of the positions of the axes."""
 
     @property
     def scope(self) -> Variables:
         """The variables of the program."""
 
     def read(self, blocks: Iterable[Block]) -> Motions:
-        """The moves of a chunk of blocks. Refusal at the first block that isn't fully understood.
+        """The moves of a chunk of blocks. Refusal at the first block that is not fully understood.
 
-        Each is read before the next is asked for: what comes next may depend on where the tool stands.
+        It reads each block before it requests the next: the next block may depend on the position of the tool.
         """
 
 
@@ -56,31 +56,31 @@ class Dialect:
 
     name: str
     join_lines: Callable[[Iterable[tuple[int, str]]], Iterator[tuple[int, str]]]
-    """Numbered lines of a file into numbered texts of blocks."""
+    """Joins the numbered lines of a file to numbered texts of blocks."""
     read_block: Callable[[int, str], Block]
     flow: re.Pattern[str]
-    """What stands in every block after which not always the next one runs, and perhaps in others."""
+    """Pattern of control flow: it matches every block after which another than the next may run, and maybe others."""
     labels: Callable[[Block], Iterable[str]]
-    """The names under which jumps and calls find a block."""
+    """Names of a block for jumps and calls."""
     interpreter: Callable[[Machine, Setup, Notes], Interpreter]
     comment: str
-    """A comment, as a format with one place for its text."""
+    """Format of a comment, for its text."""
     is_head: Callable[[Block], bool]
-    """True for blocks that must stay in front of everything else."""
+    """True for blocks that must stay before all others."""
     own: re.Pattern[str] | None = None
-    """Variables that corrections are put into: a program that has them already can't be corrected."""
+    """Variables for corrections; a program that already uses them cannot be corrected."""
     link: Callable[[Sequence[Block]], list[Block]] = list
-    """The blocks of a program that is held as a whole, with what only the whole tells of them."""
+    """Completes the blocks of a stored program by the parts that depend on the whole program."""
     leads: Callable[[Block], bool] = never
-    """True for a block that is written together with the one behind it."""
+    """True for a block that is written together with the next one."""
     begins: Callable[[Block], bool] = never
-    """True for the first block of a program that jumps and labels of another don't reach."""
+    """True for the first block of a program: jumps and labels of other programs do not reach it."""
     evidence: str = ""
     """The reason for the dialect of a program, for messages; empty if the user has chosen it."""
 
 
 def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Block]:
-    """The reader of a block, which refuses formulas that are nested more deeply than Python follows."""
+    """A reader of blocks that refuses formulas nested too deeply for Python."""
 
     def read(line: int, text: str) -> Block:
         try:
@@ -149,14 +149,14 @@ def _siemens() -> Dialect:
 
 
 DIALECTS = {"iso": _iso, "siemens": _siemens, "heidenhain": _heidenhain}
-"""A run loads the one it needs."""
+"""Functions that make a dialect, by name; they import its modules only if it is used."""
 NAMES = ("auto", "iso", "siemens", "heidenhain")
 
 
 def find_dialect(name: str, file: str, head: str) -> Dialect:
-    """The dialect by its name, or for `auto` by what the program says and, failing that, by the file's name.
+    """The dialect by its name; for `auto` by the suffix of `file` and the beginning `head` of the program.
 
-    `head` is the beginning of the program. UserError for one that ncomp does not read.
+    UserError for a name that is not in NAMES.
     """
     if name not in NAMES:
         raise UserError(f"--dialect {name}: expected one of {', '.join(NAMES)}")

@@ -1,7 +1,7 @@
-"""A program through its dialect: lines to blocks, blocks as they run, runs to moves; and back to lines in order.
+"""Execution of a program in its dialect: from lines to blocks and moves, and back to lines in their order.
 
-A program in which one block follows the other is read chunk by chunk, and every chunk can be written at once. A program
-with jumps, loops or calls is stored: it is interpreted once, and corrected when all contexts of its blocks are known.
+A program whose blocks follow one another is read chunk by chunk, and every chunk can be written at once. A program with
+jumps, loops or calls is stored: it is interpreted once, and corrected when all contexts of its blocks are known.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from postproc.text.flow import Flow
 from postproc.text.source import CHUNK, Source
 
 KEPT = 64
-"""Chunks of a stored program that are kept in memory, 262,144 block runs; later ones are kept in a temporary file."""
+"""Number of chunks of a stored program that are kept in memory; later ones are kept in a temporary file."""
 Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
 class Part:
-    """A chunk of blocks as they ran."""
+    """A chunk of blocks in the order of execution."""
 
     motions: Motions
     size: int
-    """Characters of text that were read for it."""
+    """Number of characters that were read for it."""
     places: Sequence[int] | None = None
-    """Index in the program of every block run; None where every block runs once."""
+    """Index in the program of every block that ran; None if every block runs once."""
     varied: frozenset[int] = frozenset()
-    """Blocks of the chunk that run several times, and move from or to different positions."""
+    """Indices of blocks of the chunk that run several times with different moves."""
 
 
 def settled(parts: Iterable[Part]) -> Iterator[Part]:
-    """The parts, joined where the moves of one decide how the last move before it is written.
+    """The parts, joined if one of them decides how the last move before it is written.
 
-    That is one which begins with a turn of rotary axes alone (`postproc/correct/rotary_moves.py`), or makes no move.
+    Such a part begins with a feed move of rotary axes alone (`postproc/correct/rotary_moves.py`), or has no moves.
     """
     held: list[Part] = []
     for part in parts:
@@ -69,33 +69,33 @@ def _joined(parts: list[Part]) -> Part:
 
 
 class Execution(Protocol):
-    """Runs a program once, and puts its corrected blocks into their order in the text."""
+    """Runs a program once, and puts its corrected blocks into the order of the text."""
 
     @property
     def source(self) -> Source:
-        """The text."""
+        """The text of the program."""
 
     def parts(self) -> Iterator[Part]:
-        """The chunks as they run; UserError, located in the program, for a block that can't be used."""
+        """The chunks in the order of execution; UserError, located in the program, for a block that is refused."""
 
     def in_context(self) -> Iterator[Part]:
-        """The same, each with its blocks that run several times with different moves."""
+        """The chunks of `parts` with their blocks that run several times with different moves."""
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
-        """Blocks, in the order of the program, whose texts are known when the blocks of a part have become `texts`."""
+        """Blocks and texts, in the order of the program, that are final once a part has the corrected `texts`."""
 
     def rest(self) -> tuple[Sequence[Block], list[str]]:
-        """Those that are left at the end."""
+        """Remaining blocks and texts at the end."""
 
 
 def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Execution:
-    """The program as it has to be run."""
+    """The program, stored if it has a jump, a loop or a call, otherwise streamed."""
     kind = StoredProgram if turns(source, dialect) else StreamedProgram
     return kind(source, dialect, interpreter)
 
 
 def turns(source: Source, dialect: Dialect) -> bool:
-    """True for a program that holds a jump, a loop or a call."""
+    """True for a program with a jump, a loop or a call."""
     for line, text in dialect.join_lines(source.lines()):
         if dialect.flow.search(text):
             try:
@@ -109,7 +109,7 @@ def turns(source: Source, dialect: Dialect) -> bool:
 
 @dataclass
 class StreamedProgram:
-    """A program whose blocks run one after the other."""
+    """A program whose blocks run once, in the order of the text."""
 
     source: Source
     dialect: Dialect
@@ -126,19 +126,19 @@ class StreamedProgram:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
 
     def _next(self, read: Iterator[Block]) -> Motions:
-        """The next chunk; of several blocks that can't be used, the first one is refused."""
+        """The moves of the next chunk; Refusal at the first block that is not understood."""
         return self.interpreter.read(straight(_chunk(read, self.dialect.leads), self.interpreter.scope))
 
     def in_context(self) -> Iterator[Part]:
-        """The same: every block runs once."""
+        """As `parts`: every block runs once."""
         return self.parts()
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
-        """All of them."""
+        """All blocks of the part, with their texts."""
         return part.motions.blocks, texts
 
     def rest(self) -> tuple[Sequence[Block], list[str]]:
-        """Nothing."""
+        """Empty: every part has been finished."""
         return [], []
 
 
@@ -154,7 +154,7 @@ class StoredProgram:
     """Corrected texts of the blocks that ran."""
 
     def parts(self) -> Iterator[Part]:
-        """Chunks of blocks as they run."""
+        """Chunks of blocks in the order of execution."""
         try:
             lines = self.dialect.join_lines(self.source.lines())
             self.blocks = self.dialect.link([self.dialect.read_block(line, text) for line, text in lines])
@@ -190,7 +190,7 @@ class StoredProgram:
                 yield contexts.marked(part)
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
-        """None before the end; a block that runs more than once has to become the same every time."""
+        """No blocks before the end; Refusal for a block that runs more than once with different texts."""
         for place, text in zip(part.places or (), texts, strict=True):
             first = self.texts.setdefault(place, text)
             if first != text:
@@ -202,7 +202,7 @@ class StoredProgram:
         return [], []
 
     def rest(self) -> tuple[Sequence[Block], list[str]]:
-        """All of them; those that did not run as they were."""
+        """All blocks with their texts; blocks that did not run are unchanged."""
         return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
 
 
@@ -211,11 +211,11 @@ class _Contexts:
 
     def __init__(self) -> None:
         self._first: dict[int, bytes] = {}
-        """Move of the first run by block."""
+        """Move of the first run, by block of the program."""
         self._varied: set[int] = set()
 
     def add(self, part: Part) -> None:
-        """Take in the moves of a chunk."""
+        """Add the moves of a chunk."""
         motions, places = part.motions, part.places or ()
         columns = (np.round(motions.start, 9), np.round(motions.target, 9), motions.known_start, motions.known)
         moves = np.hstack([motions.machine_target.round(9), *columns]) + 0.0
@@ -230,7 +230,7 @@ class _Contexts:
 
 
 def _chunk(items: Iterator[Item], leads: Callable[[Item], bool]) -> Iterator[Item]:
-    """The next items, which are worked on together: none that is written with the one behind it is the last."""
+    """The next items of a chunk; it does not end at an item that `leads` the next."""
     for count, item in enumerate(items, start=1):
         yield item
         if count >= CHUNK and not leads(item):

@@ -23,28 +23,28 @@ TargetChange = Literal["M0", "M1"]
 
 
 PATH_DWELL_S = 3.0
-"""Dwell at the start of a path, where recording begins, and at its end."""
+"""Dwell at the start of a path, where recording begins, and at its end, s."""
 
 
 @dataclass(frozen=True)
 class Visits:
-    """Where to go, one row per observation; mm and degrees."""
+    """Measuring sequence, one row per observation; mm and degrees."""
 
     machine: Machine
     positions: Array
-    """`(n, axes)`"""
+    """Axis positions `(n, axes)`."""
     before: Array | None
-    """`(n, axes)` to pass before the position; not a number for none."""
+    """Axis positions `(n, axes)` to pass before each position; nan for none."""
     names: Sequence[str]
     targets: Sequence[str]
 
 
 @dataclass(frozen=True)
 class Manner:
-    """How to go there."""
+    """Feed, dwell, stops and coordinates of a measuring program."""
 
     feed: float = 2000.0
-    """mm/min, degrees/min where only rotary axes move."""
+    """Feed, mm/min; degrees/min if only rotary axes move."""
     dwell_s: float = 3.0
     rapid: bool = False
     target_change: TargetChange = "M0"
@@ -57,23 +57,23 @@ class Speech(Protocol):
     """The form of the program in a dialect."""
 
     def head(self, remarks: Sequence[str]) -> list[str]:
-        """Everything in front of the first move."""
+        """The lines before the first move, with remarks."""
 
     def move(self, words: Mapping[str, float], remark: str) -> str:
-        """A straight move of all axes."""
+        """A straight move of all axes, mm and degrees by axis."""
 
     def dwell(self) -> list[str]:
-        """Dwell."""
+        """The lines of a dwell."""
 
     def stop(self, code: str, remark: str) -> list[str]:
-        """Wait for the operator."""
+        """The lines of a stop for the operator, by M0 or M1."""
 
     def end(self) -> list[str]:
-        """The end of the program."""
+        """The lines at the end of the program."""
 
 
 def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) -> Iterator[str]:
-    """The lines of the program; UserError for moves that the dialect does not have."""
+    """The lines of the program of a measuring sequence; UserError as by `speech_of`."""
     speech = speech_of(visits.machine, manner, dialect)
     offset = np.array([(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in visits.machine.names])
     yield from speech.head([*_remarks(visits, manner, title), *assumptions(dialect, manner)])
@@ -93,9 +93,7 @@ def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) 
 
 
 def path_program(machine: Machine, corners: Array, manner: Manner, dialect: str, title: str) -> Iterator[str]:
-    """The lines of the program along corners `(m, axes)`, mm and degrees; UserError for moves that the dialect does not
-    have.
-    """
+    """The lines of the program along corners `(m, axes)`, mm and degrees; UserError as by `speech_of`."""
     manner = replace(manner, dwell_s=PATH_DWELL_S)
     speech = speech_of(machine, manner, dialect)
     offset = [(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in machine.names]
@@ -142,12 +140,12 @@ def _remarks(visits: Visits, manner: Manner, title: str) -> list[str]:
 
 
 def words_of(machine: Machine, positions: Array) -> dict[str, float]:
-    """Positions `(axes,)`, mm and degrees, by axis, as far as they are written."""
+    """Positions `(axes,)`, mm and degrees, by axis, rounded as they are written."""
     return dict(zip(machine.names, (np.round(positions, 4) + 0.0).tolist(), strict=True))
 
 
 def speech_of(machine: Machine, manner: Manner, dialect: str) -> Speech:
-    """The form in a dialect; UserError if it has none."""
+    """The form of the program in a dialect; UserError if machine, dialect or `manner` do not allow a program."""
     for name in machine.names:
         if len(name) > 1:
             raise UserError(f"--nc: axis {name} has no word of its own in NC programs that ncomp writes")
@@ -204,7 +202,7 @@ class _Iso:
 
 @dataclass
 class _Klartext:
-    """Heidenhain; blocks are numbered."""
+    """Heidenhain Klartext with numbered blocks."""
 
     manner: Manner
     name: str = "PLAN"
@@ -251,10 +249,10 @@ class _Klartext:
 
 
 def _number(value: float) -> str:
-    """With a decimal point, without which some controls count in increments."""
+    """A number with a decimal point; without one, some controls read it in units of their smallest increment."""
     return f"{value:.3f}".rstrip("0") if value != int(value) else f"{value:.1f}"
 
 
 def _plain(text: str) -> str:
-    """As comments of all controls may have it."""
+    """Text with only the characters that comments of all controls may have."""
     return re.sub(r"[^A-Z0-9 .,:+\-/=]", " ", text.upper()).strip()

@@ -1,4 +1,4 @@
-"""The path of a program in axis positions: what the machine was told to do while an instrument watched."""
+"""Path of a program in axis positions: the commanded path of the machine while an instrument records."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ from postproc.text.notes import Notes
 from postproc.text.source import Source
 
 PIECE_DEG = 0.1
-"""Circles, and moves with TCP that turn rotary axes, in pieces that turn by no more: straight to 0.2 um at 500 mm."""
+"""Largest angle, degrees, of a segment of a circle or of a move with TCP: straight within 0.2 um at 500 mm."""
 RAPID = re.compile(r"G0*0(?![0-9.])|G28|G30|FMAX", re.IGNORECASE)
 FEED = re.compile(r"G0*1(?![0-9.])", re.IGNORECASE)
 
 
 class ProgramPath(NamedTuple):
-    """Vertices `m`, between which axis positions run straight."""
+    """Path of `m` vertices, straight in axis positions between them."""
 
     positions: Array
-    """`(m, axes)`, mm and rad."""
+    """Axis positions `(m, axes)`, mm and rad."""
     way: Array
-    """What the feed counts `(m,)`, from 0: mm of programmed X Y Z together, degrees where rotary axes move alone."""
+    """Programmed path length `(m,)` from 0, as the feed counts it: mm; degrees if rotary axes move alone."""
     counts: np.ndarray
     """True `(m,)` where the move to the vertex is a feed move."""
     notes: tuple[str, ...]
 
 
 def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setup) -> ProgramPath:
-    """The path from the first position of which the program has said all linear axes to the last.
+    """The path from the first position with all linear axes programmed to the last position.
 
-    Rotary axes that the program never names stand at home, which is noted. UserError, located, for canned cycles and
-    where linear axes go to where the program does not say, as at a tool change.
+    Rotary axes that the program never names are assumed at home, with a note. UserError, located, for canned cycles
+    and for unknown positions of linear axes, as at a tool change.
     """
     interpreter = dialect.interpreter(machine, setup, Notes())
     positions: list[Array] = []
@@ -80,7 +80,7 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
 
 
 def _path_rows(motions: Motions, *, begun: bool) -> np.ndarray:
-    """Rows of a chunk that are part of the path; Refusal where it can't be followed."""
+    """Rows of a chunk that are part of the path; Refusal for a canned cycle or an unknown linear position."""
     linear = [i for i, axis in enumerate(motions.machine.axes) if not axis.rotary]
     said = (motions.known[:, linear] != Known.ASSUMED).all(axis=1)
     for row in np.flatnonzero(motions.kind == Kind.CYCLE):
@@ -94,7 +94,7 @@ def _path_rows(motions: Motions, *, begun: bool) -> np.ndarray:
 
 
 def _feeds(motions: Motions, rapid: bool) -> tuple[np.ndarray, bool]:
-    """True `(n,)` for feed moves, and whether the last move was rapid; in machine coordinates by the block's words."""
+    """True `(n,)` for feed moves, and whether the last move was rapid; in machine coordinates by words of the block."""
     found = motions.kind != Kind.RAPID
     for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
         if kind == Kind.MACHINE:
@@ -107,9 +107,9 @@ def _feeds(motions: Motions, rapid: bool) -> tuple[np.ndarray, bool]:
 
 
 def _in_pieces(motions: Motions) -> Iterator[tuple[Array, Array, np.ndarray]]:
-    """Axis positions of the ends of all pieces, their lengths as the feed counts, and their rows, in order.
+    """Axis positions at the ends of all segments, their lengths as the feed counts them, and their rows, in order.
 
-    Moves are cut so that axis positions run straight in a piece; a run of moves that do so anyway comes together.
+    Axis positions are straight along a segment. Consecutive moves that need no cut are returned together.
     """
     number = _pieces(motions)
     rows = np.arange(len(motions))
@@ -128,7 +128,7 @@ def _in_pieces(motions: Motions) -> Iterator[tuple[Array, Array, np.ndarray]]:
 
 
 def _pieces(motions: Motions) -> np.ndarray:
-    """Number of pieces `(n,)` of each move."""
+    """Number of segments `(n,)` of each move."""
     turned = np.zeros(len(motions))
     tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
     rotary = motions.machine.rotary
