@@ -59,7 +59,7 @@ class Dialect:
     """Joins the numbered lines of a file to numbered texts of blocks."""
     read_block: Callable[[int, str], Block]
     flow: re.Pattern[str]
-    """Pattern of control flow: it matches every block after which another than the next may run, and maybe others."""
+    """Pattern that matches at least every block after which another than the next block may run."""
     labels: Callable[[Block], Iterable[str]]
     """Names of a block for jumps and calls."""
     interpreter: Callable[[Machine, Setup, Notes], Interpreter]

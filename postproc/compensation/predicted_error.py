@@ -66,7 +66,7 @@ class Judge:
         return datum_shifts(motions, self._model, self._conditions)
 
     def along(self, motions: Motions) -> Array | None:
-        """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without play."""
+        """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without backlash."""
         if not self.axes:
             return None
         return self._follow(motions, ways(motions, (*INNER, 1.0)))

@@ -1,4 +1,7 @@
-"""Check of a program without correcting it: result by block; the check continues after a refusal."""
+"""Check of a program without correcting it: lines of corrected, unchanged and refused blocks.
+
+The check of a program without jumps continues after a refusal.
+"""
 
 from __future__ import annotations
 

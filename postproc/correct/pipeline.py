@@ -51,7 +51,7 @@ from postproc.write.helices import FlatArcs
 from postproc.write.writer import Writer, Written
 
 UNCERTAINTY_ROWS, UNCERTAINTY_STEP = 500, 8
-"""The uncertainty of the prediction is computed for so many first moves, then for every eighth."""
+"""Uncertainties of predictions are computed for the first UNCERTAINTY_ROWS moves, then in steps of UNCERTAINTY_STEP."""
 SPOOLED = 1 << 24
 """Bytes of a corrected program that are kept in memory until its mark is known."""
 BETWEEN = (0.25, 0.5, 0.75)

@@ -143,9 +143,9 @@ class Outside:
 class Guard:
     """Compares the error of every evaluated move with its error in the input.
 
-    It may exceed it by the rounding of its words: once at its end; twice along a straight move, because its chord error
-    may be that large before it is split; four times along an arc, because the rounding of its centre moves a nearly
-    full circle by as much as the rounding of two ends.
+    The error may be larger than in the input by the rounding of the words of the move: by this rounding at its end; by
+    twice this along a straight move, because its chord error may be that large before it is split; by four times this
+    along an arc, because the rounding of its centre moves a nearly full circle by as much as the rounding of two ends.
     """
 
     def __init__(self, machine: Machine, plausibility: Plausibility, *, turns: bool) -> None:

@@ -20,7 +20,7 @@ class Ends(NamedTuple):
     plane: tuple[int, int, int]
     """Columns of the first, second and normal axis."""
     sense: int
-    """+1 counter-clockwise seen from the normal axis' positive end."""
+    """Sense of rotation: +1 counter-clockwise seen from the positive end of the normal axis, otherwise -1."""
     start: Point
     end: Point
 

@@ -14,7 +14,7 @@ from kinematics.touch_off import TouchOff
 from kinematics.transforms import Array
 
 NORMALS = {"X": "YZX", "Y": "ZXY", "Z": "XYZ"}
-"""The plane that a rotation about an axis turns."""
+"""Plane of a rotation about each axis, by three letters: the last is the axis itself."""
 ALIKE = 1e-9
 """Relative difference of two scales below which it is rounding."""
 
@@ -169,7 +169,7 @@ def rotated(degrees: float, plane: str = "XYZ") -> Placement:
 
 
 def rotated_in_turn(axes: str, degrees: Iterable[float]) -> Placement:
-    """Turned about one axis after the other, each as the turns before it have placed it."""
+    """Rotated by angles, degrees, about axes in sequence; each rotation also rotates the axes after it."""
     result = Placement()
     for axis, angle in zip(axes, degrees, strict=True):
         result = result.then(rotated(angle, NORMALS[axis]))
@@ -177,12 +177,12 @@ def rotated_in_turn(axes: str, degrees: Iterable[float]) -> Placement:
 
 
 def spatial(a: float, b: float, c: float) -> Placement:
-    """Turned about X by a, then about Y by b, then about Z by c, axes that stay where they are; degrees."""
+    """Rotated about X by a, then about Y by b, then about Z by c, all fixed axes; degrees."""
     return rotated_in_turn("ZYX", (c, b, a))
 
 
 def euler(precession: float, nutation: float, rotation: float) -> Placement:
-    """Turned about Z, then about the turned X, then about the tilted Z; degrees."""
+    """Rotated about Z, then about the rotated X, then about the rotated Z; degrees."""
     return rotated_in_turn("ZXZ", (precession, nutation, rotation))
 
 

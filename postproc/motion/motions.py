@@ -53,17 +53,17 @@ class Motions:
     """`Known` `(n, axes)` after the move."""
     words: Sequence[tuple[AxisWord, ...]]
     arcs: Mapping[int, Arc]
-    """By row."""
+    """Arcs by row."""
     cycles: Mapping[int, Cycle] = field(default_factory=dict)
-    """By row."""
+    """Holes of canned cycles by row."""
     polars: Mapping[int, Polar] = field(default_factory=dict)
-    """By row of a move with a position in polar coordinates."""
+    """Positions in polar coordinates by row."""
     contours: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     """Columns of the plane, by row of a move that the control shifts by the tool radius."""
     still: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     """Columns of axes for which no word may be added to the block, by row."""
     polar_ends: Mapping[int, PolarEnd] = field(default_factory=dict)
-    """By index of the block."""
+    """Polar ends of Klartext blocks by index of the block."""
 
     def __post_init__(self) -> None:
         for name in COLUMNS:

@@ -53,7 +53,7 @@ class Arc(NamedTuple):
     plane: tuple[int, int, int]
     """Columns of the first, second and normal axis, right-handed: G17 X Y Z, G18 Z X Y, G19 Y Z X."""
     sense: int
-    """+1 counter-clockwise seen from the normal axis' positive end."""
+    """Sense of rotation: +1 counter-clockwise seen from the positive end of the normal axis, otherwise -1."""
     centre: tuple[float, float]
     full: bool
     """True if start and end coincide and the move is a full circle."""

@@ -38,7 +38,7 @@ class Recorder:
     _words: list[tuple[AxisWord, ...]] = field(init=False, default_factory=list)
     _by_row: dict[str, dict[int, Any]] = field(init=False)
     _polar_ends: dict[int, PolarEnd] = field(init=False, default_factory=dict)
-    """By index of the block, since the last call of `finish`."""
+    """Polar ends by index of the block, since the last call of `finish`."""
     _frames: list[Frame] = field(init=False)
     _last: tuple[Frame, _Places, _Places, Arc | None] | None = field(init=False, default=None)
     """Frame, start, end and circle of the last move."""
@@ -148,7 +148,7 @@ class Recorder:
         self._record(block, Kind.PRESET, self.position, unit, (False, False, True), words, tuple(self.known))
 
     def stand_at(self, axis: int, position: float) -> None:
-        """The control has taken an axis to a programmed position, mm or degrees, that no block names."""
+        """Record that the control has moved an axis to a position, mm or degrees, that no block names."""
         self.position[axis] = position
         self.known[axis] = Known.MACHINE
 

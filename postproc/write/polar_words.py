@@ -14,7 +14,7 @@ from postproc.write.added_blocks import AddedBlock
 _TANGENT = re.compile(r"CTP?", re.IGNORECASE)
 _CIRCLE = re.compile(r"CTP|C[RTP]?", re.IGNORECASE)
 FINEST = 9
-"""Decimals of an angle."""
+"""Largest number of decimals of an angle."""
 
 
 def write_line_end(

@@ -106,7 +106,7 @@ class Writer:
         return ORDER.index(self.machine.names[axis][0])
 
     def write(self, motions: Motions, correction: Correction, places: Sequence[int] | None = None) -> Written:
-        """Edit the blocks of a chunk; places: their block indices in a program whose blocks may run several times."""
+        """Edit the blocks of a chunk; places: their indices in a program if blocks may run several times."""
         self._places = places
         self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
