@@ -1,4 +1,4 @@
-"""All cores for pieces of work that don't need each other; BLAS has one thread (`kinematics/blas.py`)."""
+"""Independent items of work on all cores; BLAS has one thread (`kinematics/blas.py`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Result = TypeVar("Result")
 
 
 def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """`work` of every item, in their order, in as many threads as there are cores. It must not call this itself."""
+    """Results of `work` for the items, in their order, with one thread for each core. `work` must not call `each`."""
     waiting = list(items)
     threads = min(_cores(), len(waiting))
     if threads < 2:
@@ -24,7 +24,7 @@ def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
 
 @cache
 def _cores() -> int:
-    """Cores that this process may use; no more than OMP_NUM_THREADS, where that is set."""
+    """Number of cores that this process may use; at most OMP_NUM_THREADS, where that is set."""
     allowed = os.environ.get("OMP_NUM_THREADS", "")
     mine = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(mine, int(allowed)) if allowed.isdigit() and int(allowed) else mine

@@ -1,6 +1,6 @@
-"""When a calibration is refused: too few data for its parameters, or predictions worse than without it.
+"""Refusal of a calibration: too few data for its parameters, or predictions worse than without it.
 
-Held-out data, or the calibration's own uncertainty, show that it is worse.
+Held-out data, or the uncertainty of the calibration itself, show worse predictions.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from kinematics.user_error import UserError
 SPARE = 0.2
 """Share of the observations that must be left over to check the parameters that they determine."""
 QUIET = 0.1
-"""chi2/dof below which the stated uncertainty can't be that of the data."""
+"""chi2/dof below which the stated uncertainty of the instrument is too large for the data."""
 COVERAGE = 2.0
-"""k: a correction is significant above so many standard uncertainties."""
+"""Coverage factor k: a correction is significant where it exceeds k standard uncertainties."""
 MOSTLY = 0.5
 """Share of positions at which the correction must be significant."""
 ANYWHERE = 300
-"""States within the measured ranges of all axes at which a correction is compared with its uncertainty."""
+"""Number of states, within the measured ranges of all axes, at which a correction is compared with its uncertainty."""
 
 
 def refuse_few(found: Fit, seen: Identifiability) -> None:
@@ -45,7 +45,7 @@ def refuse_few(found: Fit, seen: Identifiability) -> None:
             f"{measurement.source}: the rows do not show the machine's errors: no axis moves between the instrument "
             "and its targets, or the registration absorbs every motion; measure positions at which an axis moves"
         )
-    # a finer basis than cubics is held by its priors where the rows don't determine it
+    # the priors determine the parameters of a basis finer than cubics where the rows do not
     cubics = 4 * len(COMPONENTS) * len(moving_axes(measurement))
     unknown = registered + min(seen.parameters - seen.by_convention, cubics)
     told = _information(measurement.rows(np.flatnonzero(found.kept)))
@@ -65,7 +65,7 @@ def refuse_few(found: Fit, seen: Identifiability) -> None:
 
 
 def _information(measurement: Measurement) -> int:
-    """Most parameters that the rows can determine: of a rigid body at each position six at most."""
+    """Largest number of parameters that the rows can determine: at each position the six of a rigid body at most."""
     _, position = np.unique(np.round(measurement.state.positions, 6), axis=0, return_inverse=True)
     targets = np.unique(np.stack([position.reshape(-1), measurement.target_number], axis=1), axis=0)
     return int(np.minimum(np.bincount(targets[:, 0]) * measurement.components, 6).sum())
@@ -78,7 +78,7 @@ def nominal_residuals(found: Fit) -> Array:
 
 
 def refuse_worse(found: Fit, before: Array, held: CrossValidation | None) -> None:
-    """UserError for a fit that is no gain, as `no_gain` has it."""
+    """UserError for a fit that is no improvement, with the reason of `no_gain`."""
     reason = no_gain(found, before, held)
     if reason:
         raise UserError(f"{found.measurement.source}: {reason}")
@@ -87,7 +87,8 @@ def refuse_worse(found: Fit, before: Array, held: CrossValidation | None) -> Non
 def no_gain(found: Fit, before: Array, held: CrossValidation | None) -> str:
     """Reason why a fit is no improvement (larger residuals, or predictions, than the nominal machine); else empty.
 
-    They must be larger both in um and in units of the instrument's uncertainty. before: as `nominal_residuals`.
+    A reason needs larger values both in um and in units of the instrument's uncertainty. before: as
+    `nominal_residuals`.
     """
     advice = "No calibration is written: check the data and the model (ncomp diagnose), or measure more"
     if found.chi2_reduced < QUIET:
@@ -108,7 +109,7 @@ def no_gain(found: Fit, before: Array, held: CrossValidation | None) -> str:
 
 
 def seen_by(model: ErrorModel, measurement: Measurement) -> Seen:
-    """Predicted deviations at measured states, evenly spread, of the target that most rows on the tool have."""
+    """Predicted deviations of the tool target with the most rows, at evenly spread measured states."""
     on_tool = np.array([target.known for target in measurement.targets.values()])[measurement.target_number]
     rows = np.flatnonzero(on_tool) if on_tool.any() else np.arange(len(measurement))
     tool = np.tile(_usual_target(measurement), (len(rows), 1))
@@ -116,11 +117,11 @@ def seen_by(model: ErrorModel, measurement: Measurement) -> Seen:
 
 
 def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
-    """UserError for a model whose correction would leave larger deviations than it takes away, by its uncertainty.
+    """UserError for a model whose correction, by its uncertainty, leaves larger deviations than it removes.
 
-    Anywhere within the measured ranges of all axes, where arms are longer than at the measured states. A correction d
-    with standard uncertainty u takes away d^2 - u^2 on the average, and leaves u^2; both less a shift and a turn of all
-    together, which are those of the part as it is clamped.
+    The states are drawn within the measured ranges of all axes, where lever arms are longer than at the measured
+    states. A correction d with standard uncertainty u removes d^2 - u^2 on the average, and leaves u^2. Both exclude
+    the shift and rotation common to all states, which clamping and probing the part compensate.
     """
     low, high = (end(measurement.state.positions, axis=0) for end in (np.min, np.max))
     q = np.random.default_rng(0).uniform(low, high, (ANYWHERE, len(low)))
@@ -141,7 +142,7 @@ def refuse_uncertain(model: ErrorModel, measurement: Measurement) -> None:
 
 
 def _without_clamp(points: Array) -> Array:
-    """Matrix `(3n, 3n)` that takes a shift and a turn of all together from displacements of points `(n, 3)`."""
+    """Matrix `(3n, 3n)` that removes the common shift and rotation from displacements of points `(n, 3)`."""
     arms = points - points.mean(axis=0)
     moved = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), by_turn(arms)], axis=2).reshape(-1, 6)
     return np.asarray(np.eye(len(moved)) - moved @ np.linalg.pinv(moved))
@@ -159,7 +160,8 @@ def _usual_target(measurement: Measurement) -> tuple[float, ...]:
 def significant_share(seen: Seen) -> float:
     """Share of the states at which a component of the deviation exceeds COVERAGE standard uncertainties.
 
-    Relative to the mean of all: a common shift is no error of a part whose zero was touched off on the machine.
+    Deviations are relative to their mean: a common shift is no error of a part whose zero was touched off on the
+    machine.
     """
     u = np.where(seen.u > 0.0, seen.u, np.inf)
     return float(np.mean(np.any(np.abs(seen.deviation) > COVERAGE * u, axis=1)))

@@ -1,7 +1,7 @@
 """The search for the bases of error motions: the same for the fit of one measurement and for all draws of a study.
 
-All sizes of one axis after the other are tried until none is better. Draws that stand at the same choice are evaluated
-together.
+The search tries all sizes of one axis after the other until no change is better. Draws with the same choice are
+evaluated together.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ SIZES: Mapping[str, tuple[int, ...]] = {
 PRIOR_SCALES = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 5.0, 10.0)
 """Sizes of the errors that are tried, as multiples of the typical sizes."""
 SMALLER = (0.1, 0.2, 0.3, 0.5)
-"""Sizes of error motions, as multiples of the typical ones, that are tried on data on a few lines."""
+"""Sizes of error motions, as multiples of the typical ones, that are tried for data on a few lines."""
 PRIOR = "prior"
 START = 1
-"""Where in SIZES the search begins: coarse, since of several maxima of the evidence it ends at the first."""
+"""Index of the size at which the search begins: coarse, because the search ends at the first local maximum."""
 FINEST = 48
-"""Parameters of a linear axis at most."""
+"""Largest number of parameters of a linear axis."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Choice:
     prior_scale: float = 1.0
 
     def variants(self, part: str, most: Mapping[str, int]) -> list[Choice]:
-        """Choices that differ in one part: an axis, with at most so many parameters, or the prior."""
+        """Choices that differ in one part: the prior, or an axis with at most the number of parameters in `most`."""
         if part == PRIOR:
             return [replace(self, prior_scale=scale) for scale in PRIOR_SCALES]
         kind = self.bases[part].kind
@@ -61,20 +61,23 @@ class Choice:
 Evidence = Callable[[Sequence[Choice], np.ndarray], Array]
 """Evidence `(choices, draws)` of choices for some of the draws, which are given by number."""
 Unexplained = Callable[[Choice, np.ndarray], Array]
-"""Squares `(draws,)` that fits of a choice leave of lines that they have not seen; infinite where none is held out."""
+"""Squared residuals `(draws,)` of held-out lines under fits of a choice, up to a factor and a constant of the data.
+
+Infinite where no line can be held out.
+"""
 
 
 @dataclass(frozen=True)
 class Search:
-    """The bases that there are to choose from."""
+    """The bases from which the search chooses."""
 
     kinds: Sequence[str]
     rotary_kind: str | None
-    """Another kind for rotary axes."""
+    """Kind of basis for rotary axes; None for that of the linear axes."""
     prior_scale: float | None
     """None where the evidence decides."""
     most: Mapping[str, int]
-    """Parameters of each axis at most."""
+    """Largest number of parameters of each axis."""
 
     @classmethod
     def of(
@@ -85,9 +88,9 @@ class Search:
         prior_scale: float | None,
         finest: int = FINEST,
     ) -> Search:
-        """The search for a measurement: no axis gets more parameters than there are positions of it.
+        """The search for a measurement: no axis gets more parameters than it has positions in the data.
 
-        No linear one gets more than `finest`. UserError for a kind that there is not.
+        No linear axis gets more than `finest`. UserError for an unknown kind.
         """
         unknown = [kind for kind in kinds if kind not in SIZES]
         if unknown:
@@ -98,11 +101,11 @@ class Search:
 
     @property
     def parts(self) -> list[str]:
-        """The parts of a choice that are changed one after the other."""
+        """The parts of a choice, in the order in which the search changes them."""
         return [*self.most, *([PRIOR] if self.prior_scale is None else [])]
 
     def start(self, kind: str) -> Choice:
-        """The choice that the search begins at."""
+        """The choice at which the search begins."""
         own = {axis: self.rotary_kind if self.rotary_kind and axis[0] in "ABC" else kind for axis in self.most}
         start = Choice({axis: BasisChoice(of, SIZES[of][0]) for axis, of in own.items()}, self.prior_scale or 1.0)
         for axis in self.most:
@@ -120,8 +123,8 @@ def chosen(
     """The choice of each draw: the one of greatest evidence, all axes in the same kind of basis.
 
     If `unexplained` is given (data on a few diagonals) and the size of the errors is free, smaller sizes are tried as
-    well, and the choice is the one whose fits best predict the lines left out of them: the evidence measures the
-    probability of the data on the lines, not the errors of the model between them.
+    well, and the choice is the one whose fits best predict the held-out lines: the evidence measures the probability of
+    the data on the lines, not the errors of the model between them.
     """
     preferred = _preferred(search, np.arange(draws), evidence, progress)
     if unexplained is None or search.prior_scale is not None:
@@ -158,7 +161,7 @@ def _preferred(search: Search, draws: np.ndarray, evidence: Evidence, progress: 
 
 
 def _climbed(start: Choice, search: Search, draws: np.ndarray, evidence: Evidence, progress: Progress) -> list[Choice]:
-    """The choice of each draw that no change of one part makes better."""
+    """The choice of each draw that no change of one part improves."""
     best, moving = [start] * len(draws), np.arange(len(draws))
     while len(moving):
         before = list(best)

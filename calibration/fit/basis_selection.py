@@ -1,7 +1,7 @@
-"""How finely the error motions of each axis are written: chosen by the evidence, the probability of the data.
+"""Choice of the bases of the error motions by the evidence, the probability of the data.
 
-Too coarse a basis leaves a misfit that no number of points averages out; too fine a one is paid for in the determinant.
-The search is that of `calibration.fit.basis_search`.
+Too coarse a basis leaves a misfit that no number of points averages out; the determinant in the evidence penalises too
+fine a basis. The search is that of `calibration.fit.basis_search`.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from kinematics.error_model.model import Design, ErrorModel, no_errors
 from kinematics.transforms import Array, read_only
 
 FINE = 24
-"""Nodes of the first fit."""
+"""Largest number of nodes of an axis in the first fit."""
 ROWS = 5000
-"""At most so many rows, evenly spread, decide."""
+"""Largest number of rows, evenly spread, in the evidence."""
 KEPT = 250_000_000
-"""Bytes of columns that are kept, beside the blocks."""
+"""Size of the cache of columns, bytes, in addition to the blocks."""
 REGISTRATION: Part = ("", "registration")
 BESIDES: Part = ("", "besides")
 
@@ -56,8 +56,9 @@ def choose(
 ) -> Choice:
     """The choice of `basis_search.chosen` for a measurement.
 
-    rotary_kind: another kind for rotary axes. effects: fitted in addition. A given prior_scale stays. A first fit
-    finds outliers, registration and, where the sheet promises too much (p < DOUBT), the size of the noise.
+    rotary_kind: kind of basis for rotary axes. effects: fitted in addition. A given prior_scale is not changed. A first
+    fit finds outliers, registration and, where the specified uncertainties are too small (p < DOUBT), the size of the
+    noise.
     """
     search = Search.of(measurement, kinds, rotary_kind, prior_scale, finest)
     fine = {axis: BasisChoice("b-spline", max(2, min(FINE, number))) for axis, number in search.most.items()}
@@ -67,10 +68,10 @@ def choose(
 
 
 def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
-    """The choice with the bases of all axes so many sizes finer, as far as there are positions.
+    """The choice with the bases of all axes finer by `margin` sizes, as far as the number of positions permits.
 
-    The evidence tolerates a misfit of the order of u, which u does not hold; where data are dense, a finer basis costs
-    less than that.
+    The evidence tolerates a misfit of the order of u, which u does not include. Where data are dense, the additional
+    uncertainty of a finer basis is smaller than this misfit.
     """
     bases = dict(choice.bases)
     for axis, basis in choice.bases.items():
@@ -84,8 +85,8 @@ def finer(choice: Choice, measurement: Measurement, margin: int) -> Choice:
 class LinearEvidence:
     """Log marginal likelihood of choices, up to a constant of the data, to first order about a first fit.
 
-    The normal equations of a choice are put together from blocks, one for each pair of its parts (registration, each
-    axis in its basis, what is fitted besides): each block is made once, however many choices share it.
+    The normal equations of a choice are assembled from blocks, one for each pair of its parts (registration, each axis
+    in its basis, additional effects). Each block is computed once, however many choices share it.
     """
 
     def __init__(self, first: Fit, effects: Sequence[Effect]) -> None:
@@ -94,7 +95,7 @@ class LinearEvidence:
         self._measurement, self._registration = first.measurement.rows(some), first.registration
         self._factor = first.variance_factor if first.p_value < DOUBT else 1.0
         self._effects = tuple(effects)
-        # what is fitted besides stays as the first fit found it, and may move from there
+        # the additional effects start at their values of the first fit
         besides = sum(len(effect.parameters) for effect in effects)
         self._besides = first.model.parameters[len(first.prior) - besides :]
         self._white = whiteners(self._measurement) / np.sqrt(self._factor)
@@ -133,7 +134,7 @@ class LinearEvidence:
         return -0.5 * (float(self._residual @ self._residual) - solved.reduction + solved.log_determinant)
 
     def _along(self, part: Part) -> Array:
-        """The residual `(parameters,)` along the columns of a part."""
+        """J'r `(parameters,)`: products of the columns of a part with the residual."""
         return read_only(np.asarray(self._residual @ self._columns(part)))
 
     def _typical(self, part: Part) -> Array:
@@ -150,7 +151,7 @@ class LinearEvidence:
         return read_only(np.asarray(columns.reshape(len(self._residual), -1)))
 
     def _model(self, part: Part) -> ErrorModel:
-        """The effects of a part: of an axis in its basis, or those fitted besides."""
+        """The model of a part: the error motions of an axis in its basis, or the additional effects."""
         axis, basis = part
         own = self._effects if part == BESIDES else axis_effects(self._measurement, axis, parse_basis(basis))
         model = msgspec.structs.replace(no_errors(self._measurement.machine), effects=tuple(own))

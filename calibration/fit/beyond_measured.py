@@ -1,7 +1,8 @@
-"""The check of every calibration before it is written: outside the measured range nothing may grow.
+"""The check of every calibration before it is written: no error motion may grow outside the measured range.
 
-A curve fits its points and may still do anything elsewhere, where two parameters that cancel at the points no longer
-do. So each error motion is followed over the whole travel of its axis, or the whole turn, all effects together.
+A curve that fits its points can have any value elsewhere: two parameters that cancel at the points do not cancel
+there. Therefore each error motion is evaluated over the whole travel of its axis, or the whole turn, with all effects
+together.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ SHARE = 0.5
 FLOOR = 10.0
 """Change, um or urad, that is never refused."""
 STEPS = 721
-"""Positions on an axis."""
+"""Number of positions along the measured range, and again along the whole travel."""
 
 
 class Growth(NamedTuple):
@@ -39,12 +40,12 @@ class Growth(NamedTuple):
     outside: float
     """Its further change outside the measured range."""
     where: float
-    """Position of the axis there, mm or degrees."""
+    """Position of the axis at this change, mm or degrees."""
     measured: str
 
 
 def calibration_file(model: ErrorModel, machine: Machine) -> bytes:
-    """The calibration as it is written; UserError when it can't be trusted outside the measured range."""
+    """Content of the calibration file; UserError when an error motion grows outside the measured range."""
     check_beyond_measured(model, machine)
     return encode_model(model)
 
@@ -84,7 +85,7 @@ def growths(model: ErrorModel, machine: Machine) -> Iterator[Growth]:
 
 
 def _depends_on_positions(effect: Effect) -> bool:
-    """True of errors of the machine at rest; the line of a linear axis goes on as it was measured."""
+    """True for effects of the machine at rest, except location errors: these hold outside the measured range too."""
     return (
         effect.ACTS_ON != "instrument"
         and not isinstance(effect, LocationError)
@@ -94,13 +95,16 @@ def _depends_on_positions(effect: Effect) -> bool:
 
 
 def _measured(model: ErrorModel, axis: Axis) -> Interval | None:
-    """The widest interval that an effect of the axis is known for."""
+    """The widest interval over which an effect of the axis is known."""
     known = [effect.intervals[axis.name] for effect in model.effects if axis.name in effect.intervals]
     return max(known, key=lambda interval: interval[1] - interval[0]) if known else None
 
 
 def _everywhere(axis: Axis, arc: Interval) -> Array:
-    """Positions all over the travel of the axis, or the turn; of a travel without end, as far again as was measured."""
+    """Positions over the whole travel of the axis, or the whole turn.
+
+    Without an end of travel they reach beyond the measured range by its own width.
+    """
     width = arc[1] - arc[0]
     if axis.turns_fully:
         low, high = (arc[0], arc[0] + TURN) if gap_of(arc) else arc

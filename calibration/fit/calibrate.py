@@ -1,4 +1,4 @@
-"""A calibration from start to end: basis, fit, datum, location errors, visibility, held-out residuals."""
+"""A calibration from start to end: basis, fit, datum, location errors, identifiability, cross-validation."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ from kinematics.transforms import Array
 
 @dataclass(frozen=True)
 class Calibration:
-    """Everything that a person wants to know of it."""
+    """A calibration with its fit and its checks."""
 
     fit: Fit
     model: ErrorModel
-    """In the datum, location errors apart, with covariance: what is written."""
+    """The model to be written: in the datum, location errors as separate effects, with covariance."""
     choice: Choice
     identifiability: Identifiability
     before_rms_um: float
-    """Residual of the nominal machine, registered."""
+    """RMS residual per scalar, um, of the nominal machine with a registration of its own."""
     before_max_um: float
     suspects: tuple[Suspect, ...]
-    """What the residuals depend on."""
+    """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None
     findings: tuple[Finding, ...]
     """Anomalies of the data."""
@@ -68,12 +68,12 @@ def calibrate(
     valid_days: float | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Calibration:
-    """Error motions of every axis that moves, and `effects` besides, from measured points.
+    """Error motions of every axis that moves, and additional `effects`, from measured points.
 
-    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: sizes by
-    which bases that are chosen are finer than the evidence asks for. prior_scale: size of the error
-    motions as a multiple of the typical one; None leaves it to the evidence where the basis is chosen, else 1.
-    valid_days: days for which the calibration states that it holds; None states nothing.
+    basis: `auto`, `auto:KIND`, `KIND:SIZE`, or by axis `X=b-spline:12,Y=legendre:5`. margin: number of sizes by which
+    automatic bases are finer than the choice of the evidence. prior_scale: size of the error motions as a multiple of
+    the typical one; None leaves it to the evidence where the basis is automatic, else it is 1. valid_days: period of
+    validity, days, in the calibration; None for no statement.
     """
     findings = usable(measurement)
     choice = _choice(measurement, basis, effects, prior_scale, progress)
@@ -130,7 +130,7 @@ def _choice(
 
 
 def _unexplained(measurement: Measurement, effects: Sequence[Effect], choice: Choice, _: np.ndarray) -> Array:
-    """Squares `(1,)` that fits of a choice leave of lines that they have not seen, less those of the nominal machine.
+    """Mean squared residual `(1,)` of held-out lines under fits of a choice, minus that of the nominal machine.
 
     In units of the instrument's variance; infinite where no line can be held out.
     """
@@ -148,7 +148,7 @@ def in_datum(found: Fit) -> ErrorModel:
 
 
 def _written(found: Fit, valid_days: float | None) -> ErrorModel:
-    """The fitted model with its location errors and where it comes from."""
+    """The fitted model in the datum, with its location errors and its provenance."""
     provenance = Provenance(
         made_by=f"ncomp {version('ncomp')}",
         made_at=datetime.datetime.now(datetime.UTC).replace(microsecond=0),

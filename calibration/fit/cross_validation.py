@@ -1,7 +1,7 @@
-"""Held-out residuals: every block of rows is predicted by a fit of all the others.
+"""Cross-validation: a fit of all other rows predicts each block of rows.
 
-Blocks are runs, cells of space, or positions with all rows at them: never single rows, whose neighbours would give the
-answer away.
+Blocks are runs, lines, cells of space, or positions with all their rows: never single rows, because the neighbours of a
+single row determine it.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 CELLS = 8
-"""Cells of space, or sets of positions."""
+"""Number of cells of space, or of sets of positions."""
 POSE = 6
-"""Rows of a set-up, or of a target on table or bed, that say where it is well enough to predict others."""
+"""Smallest number of rows that locates a set-up, or a target on table or bed, well enough to predict other rows."""
 
 
 LINE_MM = 1.0
 """Distance from a line within which positions lie on it."""
 LEAST_OF_LINE = 4
-"""Rows of a line."""
+"""Smallest number of rows of a line."""
 LEAST_LINES, MOST_LINES = 3, 24
 """Fewer lines do not predict each other; more of them fill the volume."""
 FINE = 1e3
-"""Directions that differ by less than its inverse are one."""
+"""Directions that differ by less than 1 / FINE count as one."""
 
 
 class CrossValidation(NamedTuple):
-    """What fits leave of rows that they have not seen."""
+    """Residuals of blocks of rows under fits of the other rows."""
 
     rms_um: float
-    """Per scalar; urad on rotary axes of an interferometer."""
+    """RMS residual per scalar, um; urad on rotary axes of an interferometer."""
     max_um: float
     blocks: int
     what: str
-    """What the blocks are."""
+    """Name of the blocks, plural: runs, lines, cells of space, ..."""
     nominal_rms_um: float
     """RMS residual of the same rows on the nominal machine, registered by the others, um."""
     gain: float
@@ -68,8 +68,8 @@ def predicted_by_others(
 ) -> CrossValidation | None:
     """Residuals of each block of rows under `refit`, and under the nominal machine, of the other rows.
 
-    labels `(n,)`: numbers of the blocks; rows below zero belong to none. Rows whose set-up or target hardly
-    occurs in the others depend on the registration, not on the machine, and don't count. None if too few rows count.
+    labels `(n,)`: numbers of the blocks; negative for rows of no block. Rows whose set-up or target hardly occurs in
+    the others depend on the registration, not on the machine, and don't count. None if too few rows count.
     """
     missed = np.full((2, len(good), good.components), np.nan)
     for label in np.unique(labels[labels >= 0]):
@@ -80,7 +80,7 @@ def predicted_by_others(
         for i, each in enumerate((refit, _nominal)):
             try:
                 found = each(others)
-            except UserError:  # the others are no measurement on their own
+            except UserError:  # the other rows alone can't be fitted
                 return None
             # effects with memory need the rows in between
             missed[i, told] = residuals(good, found.model, found.registration)[told]
@@ -97,7 +97,7 @@ def _nominal(measurement: Measurement) -> Fit:
 
 
 def summed_up(missed: Array, whitener: Array, per_micro: Array, blocks: int, what: str) -> CrossValidation:
-    """The residuals `(2, n, d)` of the fit and of the nominal machine, mm and rad, in figures."""
+    """Statistics of the residuals `(2, n, d)`, mm and rad, of the fit and of the nominal machine."""
     squares = [float(np.mean(whitened(whitener, residual) ** 2)) for residual in missed]
     rms = [float(np.sqrt(np.mean((part * per_micro) ** 2))) for part in missed]
     largest = float(np.linalg.norm(missed[0] * per_micro, axis=1).max())
@@ -105,10 +105,10 @@ def summed_up(missed: Array, whitener: Array, per_micro: Array, blocks: int, wha
 
 
 def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
-    """Labels `(n,)` of blocks, and what they are.
+    """Labels `(n,)` of blocks, and the name of the blocks.
 
-    Runs where there are three or more; of an interferometer every eighth position, the neighbours of a gap being known;
-    the lines of a measurement on diagonals; else cells of space.
+    Runs where there are three or more; for an interferometer every eighth position, so that the neighbours of a gap
+    are known; lines for a measurement on diagonals; else cells of space.
     """
     if measurement.run is not None and measurement.instrument.components > 1 and len(np.unique(measurement.run)) > 2:
         return np.unique(measurement.run, return_inverse=True)[1], "runs"
@@ -117,9 +117,10 @@ def blocks_of(measurement: Measurement) -> tuple[np.ndarray, str]:
 
 
 def lines(measurement: Measurement) -> np.ndarray | None:
-    """Numbers `(n,)` of the lines that positions measured one after the other lie on; None unless all are diagonals.
+    """Numbers `(n,)` of the lines on which successive positions lie; None unless these are a few diagonals.
 
-    On a diagonal two linear axes or more move. A few diagonals determine the errors between them poorly.
+    On a diagonal two or more linear axes move. A few (LEAST_LINES to MOST_LINES) diagonals determine the errors between
+    them poorly.
     """
     linear = np.flatnonzero(~measurement.machine.rotary)
     positions = measurement.state.positions[:, linear]
@@ -151,7 +152,7 @@ def _line(positions: Array, start: int) -> tuple[int, Array]:
 
 
 def cells(measurement: Measurement) -> tuple[np.ndarray, str]:
-    """Labels `(n,)` of cells of space, whatever the runs; of an interferometer of sets of positions."""
+    """Labels `(n,)` of cells of space, or of sets of positions for an interferometer, and their name."""
     if measurement.axis is not None:
         return _every_eighth(measurement), "sets of positions"
     labels = np.zeros(len(measurement), int)
@@ -171,7 +172,7 @@ def cells(measurement: Measurement) -> tuple[np.ndarray, str]:
 
 
 def _every_eighth(measurement: Measurement) -> np.ndarray:
-    """Labels `(n,)`: positions along the measured axis, counted round and round."""
+    """Labels `(n,)`: numbers of the positions along the measured axis, modulo CELLS."""
     assert measurement.axis is not None
     labels = np.zeros(len(measurement), int)
     for name in np.unique(measurement.axis).tolist():
@@ -182,7 +183,7 @@ def _every_eighth(measurement: Measurement) -> np.ndarray:
 
 
 def placed(measurement: Measurement, others: np.ndarray) -> np.ndarray:
-    """True `(n,)` for rows whose set-up, and target on table or bed, the `others` saw often enough."""
+    """True `(n,)` for rows whose set-up, and target on table or bed, have enough rows among the `others`."""
     few = POSE if measurement.instrument.components > 1 else 1
     told = np.ones(len(measurement), bool)
     known = np.array([target.known for target in measurement.targets.values()])

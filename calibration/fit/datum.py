@@ -1,16 +1,17 @@
-"""The frame that errors are told in: what no measurement can show is fixed by convention, not by the prior.
+"""The datum: conventions, not priors, fix the directions of the parameters that no measurement can show.
 
-A rigid motion of the whole workpiece frame, and constants that two axes can hold alike, change nothing that a tool
-does to a workpiece (once it is clamped and probed). Such directions of the parameters, the gauge, are found by fitting
-an ideal measurement in thought: any positions, four tool vectors, one unknown pose. Along them the parameters are moved
-(S-transformation of geodesy) until
+A rigid motion of the whole workpiece frame, and constants that can belong to either of two axes, have no effect on a
+workpiece (once it is clamped and probed). Such directions of the parameters, the gauge, follow from the normal
+equations of an ideal measurement: random positions, four tool vectors, one unknown pose. Along them the parameters are
+moved (S-transformation of geodesy) until
 
 - the mean of every error motion of the linear axes is zero, and so is the slope of E_YX, E_ZX and E_ZY: X is x, and Y
-  lies in the x y plane; only the mean turns of the linear axis nearest to the tool stay, being the tool's orientation;
-- a rotary axis has no mean shift along, and no mean turn about, its own line, and no first harmonic that turns with
-  what it carries: that is a shift, or a tilt, of the part carried
+  lies in the x y plane; only the mean rotations of the linear axis nearest to the tool stay: they are the orientation
+  of the tool;
+- a rotary axis has no mean shift along, and no mean rotation about, its own line, and no first harmonic that rotates
+  with the part it carries: such a harmonic is a shift, or a tilt, of that part
 
-as nearly as the gauge allows. Their uncertainty is then relative to this frame.
+as nearly as the gauge allows. The uncertainties are then relative to this datum.
 """
 
 from __future__ import annotations
@@ -40,16 +41,16 @@ DATUM_SLOPES = ("E_YX", "E_ZX", "E_ZY")
 RULED = 2e-3
 """Share of the largest singular value below which the rules leave a direction of the gauge open.
 
-To follow them there, parameters would have to grow until they only cancel one another.
+Along such a direction the rules would ask for large parameters that only cancel one another.
 """
 HARMONIC = 1e-2
-"""Weight of the first harmonics, which only some bases can hold exactly."""
+"""Weight of the rules for first harmonics, which only some bases represent exactly."""
 TURN = np.deg2rad(60.0)
-"""A rotary axis has to turn so far for a first harmonic to differ from a constant."""
+"""Shortest range of a rotary axis, rad, over which a first harmonic differs from a constant."""
 NULL = 1e-9
 """Eigenvalues below this share of the largest count as zero."""
 GAUGE = 1e-2
-"""So little does the ideal measurement, to 1 um, say of the gauge, in terms of the prior."""
+"""Largest information of the ideal measurement, to 1 um, on the gauge, with parameters in units of their priors."""
 
 
 class Line(NamedTuple):
@@ -62,7 +63,7 @@ class Line(NamedTuple):
 
 
 def mean_line(basis: Basis) -> Line:
-    """The least squares line through a function written in this basis."""
+    """The least squares line through a function in this basis."""
     low, high = basis.interval
     x = np.linspace(low, high, 801)
     columns, centred = basis.columns(x), x - x.mean()
@@ -77,7 +78,7 @@ def error_motions(model: ErrorModel) -> Iterator[tuple[ErrorMotion, slice]]:
 
 
 def null_space(information: Array) -> Array:
-    """Directions `(p, k)`, orthonormal, that an information matrix says nothing of."""
+    """Orthonormal directions `(p, k)` on which an information matrix has no information."""
     return pseudo_inverse(information, NULL, 1.0).null
 
 
@@ -96,7 +97,7 @@ def gauge(machine: Machine, model: ErrorModel, prior: Array) -> Array:
 
 
 def _with_constants(found: Array, motions: list[tuple[ErrorMotion, slice]], prior: Array) -> Array:
-    """The directions, and the constants of axes of which positioning alone is known: that is from their own zero."""
+    """The directions, and the constants of axes with a positioning error alone, which is relative to their own zero."""
     axes = [effect.axis for effect, _ in motions]
     constants = np.zeros((len(prior), 0))
     for effect, part in motions:
@@ -113,7 +114,7 @@ def _with_constants(found: Array, motions: list[tuple[ErrorMotion, slice]], prio
 
 
 def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
-    """The matrix `(p, p)` that takes parameters, in their units, along the gauge into the datum."""
+    """The matrix `(p, p)` that moves parameters, in their units, along the gauge into the datum."""
     free = gauge(machine, model, prior)
     if not free.shape[1]:
         return np.eye(len(prior))
@@ -128,7 +129,7 @@ def to_datum(machine: Machine, model: ErrorModel, prior: Array) -> Array:
 
 
 def _rules(machine: Machine, model: ErrorModel) -> Array:
-    """What shall be zero, as linear functions `(rules, p)` of the parameters, um and urad."""
+    """Linear functions `(rules, p)` of the parameters, um and urad, that are zero in the datum."""
     rows = []
     known = {effect.axis for effect, _ in error_motions(model)}
     last = [axis.name for axis in machine.axes if not axis.rotary and axis.name in known][-1:]
@@ -152,7 +153,7 @@ def _rules(machine: Machine, model: ErrorModel) -> Array:
 
 
 def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
-    """The first harmonics of rotary axes that turn with what they carry, as functions `(p,)` of the parameters."""
+    """First harmonics of rotary axes that rotate with the carried part, as functions `(p,)` of the parameters."""
     by_name = {effect.name: (effect, part) for effect, part in error_motions(model)}
     for axis in machine.axes:
         for letters in ("XYZ", "ABC"):
@@ -168,7 +169,7 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
             across = np.linalg.svd(line[None])[2][1:]
             turning = rotation_about(line, q if axis.side == "tool" else -q) @ across.T
             still = np.broadcast_to(across.T, turning.shape)
-            # the part that turns, of a course written as a constant and a turning vector
+            # rotating component of a curve that is the sum of a constant and a rotating vector
             columns = np.concatenate([still, turning], axis=2).swapaxes(0, 1).reshape(-1, 4)
             parts = np.linalg.pinv(columns)[2:].reshape(2, 3, len(q))
             for turned in parts:
@@ -185,7 +186,7 @@ def along_own_line(axis: str) -> str:
 
 
 def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
-    """What the ideal measurement says."""
+    """The solution of the normal equations of the ideal measurement."""
     rng = np.random.default_rng(0)
     ends = _ends(machine, model.effects)
     n = 4 * len(prior) + 200
@@ -207,7 +208,7 @@ def _ideal(machine: Machine, model: ErrorModel, prior: Array) -> Solved:
 
 
 def _ends(machine: Machine, effects: tuple[Effect, ...]) -> Array:
-    """Ends `(2, axes)`, mm and rad, that the effects are known between; axes without effects stand still at zero."""
+    """Ends `(2, axes)`, mm and rad, of the intervals of the effects; zero for axes without effects."""
     ends = np.zeros((2, len(machine.axes)))
     for effect in effects:
         for axis, interval in effect.intervals.items():

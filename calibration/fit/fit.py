@@ -1,9 +1,9 @@
-"""The fit: errors of the machine and registration of the instrument, jointly, with honest uncertainties.
+"""The fit: errors of the machine and registration of the instrument, jointly, with uncertainties.
 
-Whitened least squares with priors: minimise |W (observed - expected)|2 + |(parameters - start) / typical size|2, the
-expectation by the exact kinematics, the steps by the first-order transform (Gauss-Newton). What the data do not
-determine stays at the prior, with the prior's uncertainty (design decision 5; Montavon et al. (6)-(22) take the
-pseudo-inverse instead, whose finite uncertainties of such parameters mean nothing).
+Whitened least squares with priors: minimise |W (observed - expected)|2 + |(parameters - start) / typical size|2. The
+expected observations are exact, the steps use the first-order transform (Gauss-Newton). Parameters that the data do not
+determine stay at the prior, with its uncertainty (design decision 5). Montavon et al. (6)-(22) take the pseudo-inverse
+instead, whose finite uncertainties of such parameters have no meaning.
 """
 
 from __future__ import annotations
@@ -34,29 +34,29 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 LEAST = 1e-8
-"""Least variance factor that is estimated; of exact data."""
+"""Smallest variance factor that is estimated, for exact data."""
 SPARE = 0.2
-"""Share of the observations that the model must leave over for the noise to be estimated below the sheet's."""
+"""Share of the observations that must exceed the parameters for a noise estimate below the instrument specification."""
 ENOUGH_ROWS = 20_000
-"""Rows that the iterations work on; all rows enter the last step."""
+"""Largest number of rows in the iterations; the last step uses all rows."""
 STEPS = 30
 CONVERGED = 1e-3
-"""Of a step, in standard uncertainties."""
+"""Length of a step, in standard uncertainties, below which the iteration ends."""
 AHEAD = 1.9
-"""Multiple of every other step: rows that count less bend the objective less than their weights say, so that steps end
-short of where they aim; below 2 the objective can't rise by it."""
+"""Over-relaxation of every other step: with Huber weights a Gauss-Newton step is too short. Below 2 the objective can't
+rise by it."""
 DOUBT = 1e-3
-"""p of chi2 below which the sheet's uncertainties are widened to what the residuals show (Birge)."""
+"""p of chi2 below which the uncertainties of the instrument specification are widened to the residuals (Birge)."""
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What came out; parameters in the units of the model, residuals in mm and rad."""
+    """The fitted model and registration; parameters in the units of the model, residuals in mm and rad."""
 
     measurement: Measurement
     model: ErrorModel
-    """With parameters, their standard uncertainties and their covariance."""
+    """The model with fitted parameters, their standard uncertainties and their covariance."""
     registration: Registration
     residual: Array
     """Observed minus expected `(n, d)`, of all rows."""
@@ -67,23 +67,23 @@ class Fit:
     failed: tuple[str, ...]
     """Stations left out as a whole."""
     away: Array
-    """Distances `(p,)` of the parameters from where they started, in units of their priors; 0 of those without."""
+    """Distances `(p,)` of the parameters from their start, in units of their priors; 0 without a prior."""
     prior: Array
     """Prior standard deviations `(p,)`, infinite for none; or a root `(p, p)` of their covariance."""
     solved: Solved
     chi2: float
-    """Squares of the whitened residuals of the kept rows, by the instrument's sheet."""
+    """Sum of squares of the whitened residuals of the kept rows, by the instrument specification."""
     variance_factor: float
-    """What the sheet's variances were multiplied by in the fit: 1, or estimated from the residuals."""
+    """Factor on the variances of the instrument specification in the fit: 1, or estimated from the residuals."""
 
     @property
     def observations(self) -> int:
-        """Scalars that were fitted."""
+        """Number of fitted scalars."""
         return int(np.count_nonzero(self.kept) * self.residual.shape[1])
 
     @cached_property
     def effective_parameters(self) -> float:
-        """Degrees of freedom that the data spend."""
+        """Degrees of freedom that the data determine."""
         return self.solved.effective_parameters
 
     @property
@@ -93,27 +93,27 @@ class Fit:
 
     @property
     def chi2_reduced(self) -> float:
-        """By the instrument's sheet; 1 when the model explains the data down to the sheet's noise."""
+        """chi2 per degree of freedom, by the instrument specification; 1 when the model explains all but the noise."""
         return self.chi2 / self.degrees_of_freedom
 
     @property
     def p_value(self) -> float:
-        """Of chi2, one-sided: small when the model lacks something, or the sheet promises too much."""
+        """One-sided p of chi2: small when the model lacks an effect, or the specified uncertainties are too small."""
         return float(special.chdtrc(self.degrees_of_freedom, self.chi2))
 
     @property
     def doubtful(self) -> bool:
-        """True where the residuals are larger than the sheet of the instrument allows."""
+        """True where the residuals are larger than the instrument specification allows."""
         return self.variance_factor == 1.0 and self.p_value < DOUBT
 
     @property
     def rms_um(self) -> float:
-        """Of the residuals of the kept rows, per scalar; urad on rotary axes of an interferometer."""
+        """RMS residual of the kept rows per scalar, um; urad on rotary axes of an interferometer."""
         return float(np.sqrt(np.mean((self.residual * self.measurement.per_micro)[self.kept] ** 2)))
 
     @property
     def max_um(self) -> float:
-        """Largest residual of a kept row, over its components."""
+        """Largest length of the residual of a kept row, um; urad on rotary axes of an interferometer."""
         return float(self.residual_um[self.kept].max())
 
     @property
@@ -123,13 +123,13 @@ class Fit:
 
     @property
     def outliers(self) -> np.ndarray:
-        """Rows found not to belong to the rest, one by one."""
+        """Numbers of the rows rejected one by one: no copies, and no rows of failed stations."""
         lost = np.isin(self.measurement.groups, self.failed)
         return np.flatnonzero(~self.kept & ~self.copies & ~lost)
 
     @property
     def log_evidence(self) -> float:
-        """Log marginal likelihood, up to a constant of the data: what fits, what priors and Occam charge for it."""
+        """Log marginal likelihood, up to a constant of the data: misfit, distance from the priors, log determinant."""
         own = float(np.sum(self.away**2))
         scale = self.observations * float(np.log(self.variance_factor))
         return -0.5 * (self.chi2 / self.variance_factor + own + self.solved.log_determinant + scale)
@@ -146,8 +146,8 @@ def fit(
     """Fit all parameters of `model`, starting from their present values, and the registration.
 
     prior: standard deviations `(p,)` of the parameters about their start, or a root `(p, p)` of their covariance;
-    default: the typical sizes of the table of effects. `variance="estimate"` scales the instrument's covariance to what
-    the residuals show, for a sheet that is in doubt or unknown. UserError when the data can't be fitted at all.
+    default: the typical sizes of the table of effects. `variance="estimate"` scales the instrument's covariance to the
+    residuals, for an instrument specification that is uncertain or unknown. UserError when the data can't be fitted.
     """
     problem = Problem.of(measurement, model, priors(model) if prior is None else prior)
     refuse_lines(measurement)
@@ -191,7 +191,7 @@ def fit(
 
 
 def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point, float, Solved]:
-    """The point where Gauss-Newton with Huber's weights comes to rest; variance factor and last solution there."""
+    """The point to which Gauss-Newton with Huber's weights converges; variance factor and last solution there."""
     components = problem.measurement.components
     factor, effective_parameters, least = 1.0, 0.0, 1.0
     for step in range(STEPS):
@@ -199,7 +199,7 @@ def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point,
         weights = huber_weights(
             distances, components, robust_factor(distances, components, effective_parameters, least)
         )
-        # amplitudes first: a wave or a lag without one is moved anywhere
+        # amplitudes first: a period or time constant is undetermined without one
         solved = (problem if step else problem.shapes_held()).solve(point, weights, factor)
         aim = solved.step * (AHEAD if step % 2 else 1.0)
         before, point, effective_parameters = (
@@ -216,16 +216,16 @@ def _iterate(problem: Problem, point: Point, variance: Variance) -> tuple[Point,
 
 
 def _least(solved: Solved, scalars: int, variance: Variance) -> float:
-    """Least variance factor: the sheet's, unless there are observations enough to say that it is smaller."""
+    """Smallest permitted variance factor: 1, unless there are enough observations to estimate a smaller one."""
     spare = scalars * (1.0 - SPARE)
-    # the rank takes longer to work out than the number of parameters
+    # the rank is slower to compute than the number of parameters
     return LEAST if variance == "estimate" and (solved.parameters < spare or solved.rank < spare) else 1.0
 
 
 def _judge(
     problem: Problem, point: Point, copies: np.ndarray, effective_parameters: float, least: float
 ) -> tuple[np.ndarray, list[str]]:
-    """Rows not to be fitted, and the stations among them that failed as a whole."""
+    """Mask `(n,)` of the rows to leave out, and the stations that failed as a whole."""
     components = problem.measurement.components
     distances = problem.distances(point)
     bad = (
@@ -237,7 +237,7 @@ def _judge(
 
 
 def _estimated(problem: Problem, point: Point, kept: np.ndarray, solved: Solved) -> float:
-    """Variance factor that makes chi2 its expectation."""
+    """Variance factor at which chi2 equals its expectation."""
     chi2 = float(np.sum(problem.distances(point)[kept]))
     scalars = int(np.count_nonzero(kept)) * problem.measurement.components
     return chi2 / max(scalars - solved.effective_parameters, 1.0)

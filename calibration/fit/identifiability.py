@@ -1,4 +1,4 @@
-"""What the data cannot see: the null directions of the fit, by name, each with its reason and its remedy."""
+"""Identifiability: null directions of the fit by the effects they lie in, each with its reason and its remedy."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from kinematics.effects.base import own_component
 from kinematics.transforms import Array
 
 WHOLE = 1e-6
-"""A direction lies within some effects when less than this of it lies outside."""
+"""Squared share of a direction outside some effects, below which it lies within them."""
 PART = 1e-2
-"""Share of a direction that is more than rounding."""
+"""Share of a direction below which it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class Unidentifiable:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Rank and blind directions of a fit."""
+    """Rank and unidentifiable directions of a fit."""
 
     parameters: int
     rank: int
-    """Of the parameters that the data determine, the instrument's position known."""
+    """Number of parameters that the data determine if the position of the instrument is known."""
     rank_registered: int
-    """With the position of the instrument unknown, as it is."""
+    """Number of parameters that the data determine with the position of the instrument unknown, as in the fit."""
     by_convention: int
-    """Directions that no measurement can show: they are fixed by the datum."""
+    """Number of directions that no measurement can show: the datum fixes them."""
     unidentifiable: tuple[Unidentifiable, ...]
-    """What this measurement does not see and another could."""
+    """Directions that this measurement does not determine, but another could."""
 
     @property
     def not_visible(self) -> list[str]:
@@ -58,7 +58,7 @@ class Identifiability:
 
 
 def identifiability(fit: Fit) -> Identifiability:
-    """What the data of a fit see of its model."""
+    """The identifiability of the model of a fit from its data."""
     information = fit.solved.information
     null = null_space(information)
     free = gauge(fit.measurement.machine, fit.model, fit.prior)
@@ -77,7 +77,7 @@ def identifiability(fit: Fit) -> Identifiability:
 def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
     """The null directions that are not conventional, by the effects they lie in.
 
-    One effect, two, the positioning errors of all linear axes, then the rest together.
+    In this order: one effect, two effects, the positioning errors of all linear axes, all others together.
     """
     effects, columns = fit.model.effects, fit.model.slices
     found: list[Unidentifiable] = []
@@ -90,7 +90,7 @@ def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
         new = _beyond(inside, explained)
         if new.shape[1]:
             explained = np.concatenate([explained, new], axis=1)
-            # a whole effect that is not seen holds conventional directions as well
+            # an effect that is not determined at all contains conventional directions as well
             directions = len(part) if inside.shape[1] == len(part) else new.shape[1]
             found.append(_unidentifiable(fit, [effects[i] for i in members], directions, len(part)))
     others = _beyond(null, explained)
@@ -102,7 +102,7 @@ def _named(fit: Fit, null: Array, conventional: Array) -> list[Unidentifiable]:
 
 
 def _along_itself(effect: Effect) -> bool:
-    """True for the positioning error of a linear axis; of all of them together a path may not show a common course."""
+    """True for the positioning error of a linear axis; a path may not determine a function common to all of them."""
     return isinstance(effect, ErrorMotion) and not effect.angular and effect.component == own_component(effect.axis)
 
 
@@ -134,7 +134,7 @@ def _unidentifiable(fit: Fit, effects: Sequence[Effect], directions: int, parame
 
 
 def _remedy(fit: Fit, effects: Sequence[Effect]) -> str:
-    """What a measurement would need to see them."""
+    """The measurement that would determine the effects."""
     measurement = fit.measurement
     vectors = np.array([target.position for target in measurement.targets.values() if target.carrier == "tool"])
     used = np.unique(measurement.target_number)

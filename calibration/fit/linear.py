@@ -30,7 +30,7 @@ class Posterior:
         self.prior = np.broadcast_to(prior, len(whole))
         np.fill_diagonal(whole, np.diag(whole) + self.prior)
         self.factor = linalg.cho_factor(whole, lower=True, overwrite_a=True)
-        """As `scipy.linalg.cho_solve` takes it."""
+        """The pair that `scipy.linalg.cho_solve` expects."""
 
     def solve(self, right: Array) -> Array:
         """H^-1 right."""
@@ -65,9 +65,9 @@ class Posterior:
 
 
 def effective_parameters(information: Array) -> float:
-    """Degrees of freedom that data determine: J'J `(p, p)` of parameters in units of their priors, which all have one.
+    """Degrees of freedom that data determine, p - tr (J'J + 1)^-1, where all parameters have a prior.
 
-    `Posterior` has the same for any P; this is the trace alone, p - tr (J'J + 1)^-1.
+    information: J'J `(p, p)`, parameters in units of their priors. `Posterior` has the same for any P.
     """
     size = len(information)
     if not size:
@@ -84,7 +84,7 @@ class PseudoInverse(NamedTuple):
     null: Array
     """Orthonormal directions `(p, p - rank)` on which there is no information."""
     log_determinant: float
-    """Of the matrix on the directions that are determined."""
+    """Log determinant of the matrix on the directions that are determined."""
 
     @property
     def rank(self) -> int:
@@ -92,7 +92,7 @@ class PseudoInverse(NamedTuple):
         return int(self.root.shape[1])
 
     def explained(self, along: Array) -> float:
-        """Fall of the sum of squares when parameters with the right-hand side `along` `(p,)` are fitted."""
+        """Reduction of the sum of squares by a fit of parameters with the right-hand side `along` `(p,)`."""
         return float(np.sum((self.root.T @ along) ** 2))
 
 
@@ -126,7 +126,7 @@ def column_space(columns: Array, share: float) -> ColumnSpace:
 
 @dataclass(frozen=True)
 class NormalBlocks:
-    """Blocks Ja'Jb of normal matrices by the parts of a model; each is made once, however many models share it."""
+    """Blocks Ja'Jb of normal matrices by the parts of a model; each is computed once, however many models share it."""
 
     columns: Callable[[Part], Array]
     """Whitened design `(N, k)` of a part."""
@@ -137,7 +137,7 @@ class NormalBlocks:
         return np.block([[self._between(a, b) for b in parts] for a in parts])
 
     def _between(self, a: Part, b: Part) -> Array:
-        """The block of two parts, made in one order of the two: its bits do not depend on the first thread to ask."""
+        """The block of two parts, computed in one order of the two: its bits do not depend on the order of threads."""
         first, second = min(a, b), max(a, b)
         if (first, second) not in self._blocks:
             self._blocks[first, second] = read_only(self.columns(first).T @ self.columns(second))

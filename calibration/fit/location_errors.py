@@ -1,7 +1,7 @@
-"""Location errors out of error motions: the mean lines of the axes, by ISO 230-1.
+"""Location errors from error motions: the mean lines of the axes, by ISO 230-1.
 
-The mean of the error motions of a rotary axis across its line is the location error of its axis average line, the slope
-of a straightness is the orientation of a linear axis: moved, with their covariance, into effects of their own.
+The mean of the error motions of a rotary axis across its line is the location error of its axis average line. The slope
+of a straightness is the orientation of a linear axis. Both become separate effects, with their covariance.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 
 ALIGNED = 1e-9
-"""An axis lies along a direction of the machine's frame when it misses it by less."""
+"""Largest deviation of a unit vector's component from 1 for an axis along a direction of the machine's frame."""
 IN_SPAN = 1e-9
-"""Relative misfit up to which a basis holds a line."""
+"""Largest relative misfit of a line that a basis represents."""
 
 
 def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, ...], Array]:
-    """Effects with the location errors, still zero, in front; and the matrix `(q, p)` to their parameters from the old.
+    """Effects with the location errors, still zero, in front; and the matrix `(q, p)` from old to new parameters.
 
     Linear axes that do not lie along x, y or z keep their slopes.
     """
@@ -47,15 +47,15 @@ def split_locations(machine: Machine, model: ErrorModel) -> tuple[tuple[Effect, 
 
 
 def transformed(model: ErrorModel, effects: tuple[Effect, ...], matrix: Array) -> ErrorModel:
-    """The model with these effects, whose parameters are `matrix` times its own; covariance with them."""
+    """The model with these effects, whose parameters are `matrix` times the old ones, and their covariance."""
     moved = msgspec.structs.replace(model, effects=effects)
     return moved.with_parameters(matrix @ model.parameters, propagated(matrix, np.array(model.covariance)))
 
 
 def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Array, Array] | None:
-    """The location error that an error motion holds, its value, and what one unit of it does, both by the parameters.
+    """Location error in an error motion, its value as a function `(size,)` of the parameters, and those of one unit.
 
-    None where it holds none, or its basis can't hold that alone.
+    None where there is none, or the basis can't represent it.
     """
     axis, line = machine.axes[machine.index(effect.axis)], mean_line(effect.basis)
     if axis.rotary:
@@ -65,7 +65,7 @@ def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Arr
     else:
         if effect.angular:
             return None
-        # the line leaves d by angle x d per mm, so that angle = d x slope; um per mm are 1000 urad
+        # the line deviates from d by angle x d per mm, so that angle = d x slope; 1 um per mm is 1000 urad
         along = axis.error_frame.T @ axis.unit_direction
         turn = np.cross(along, np.eye(3)["XYZ".index(effect.component)])
         k = int(np.argmax(np.abs(turn)))
@@ -77,7 +77,7 @@ def _location(machine: Machine, effect: ErrorMotion) -> tuple[LocationError, Arr
 
 
 def _written(effect: ErrorMotion, function: Callable[[Array], Array]) -> Array | None:
-    """Parameters `(size,)` of a function of position; None when the basis can't hold it."""
+    """Parameters `(size,)` of a function of position; None when the basis can't represent it."""
     x = np.linspace(*effect.basis.interval, 801)
     columns, values = effect.basis.columns(x), function(x)
     parameters, *_ = np.linalg.lstsq(columns, values, rcond=None)

@@ -1,7 +1,7 @@
-"""Predictions: the deviation of the tool point, or the target, that an error model makes of a table of states.
+"""Deviations of the tool point, or of a target, that an error model predicts at a table of states.
 
-Actual minus nominal, tool relative to workpiece, in the workpiece frame, by the exact matrix product; its standard
-uncertainty by first order from the covariance of the parameters. Effects of the instrument have no part in it.
+Actual minus nominal, tool relative to workpiece, in the workpiece frame, by the exact matrix product; standard
+uncertainties to first order from the covariance of the parameters. Effects of the instrument are excluded.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from kinematics.user_error import UserError
 ADDED = ("dx_um", "dy_um", "dz_um", "u_dx_um", "u_dy_um", "u_dz_um")
 """Columns of a prediction."""
 STATES = 1000
-"""States that are compared with each other."""
+"""Largest number of states that are compared with each other."""
 MM = 1e3
-"""In um."""
+"""um in a mm."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """The states of a file, whatever else stands in it."""
+    """The states of a file, and its table with all columns."""
 
     machine: Machine
     table: Table
@@ -51,7 +51,7 @@ class Points:
 
 
 class Predicted(NamedTuple):
-    """A block of rows; `(n, 3)`, um."""
+    """Predicted deviations of a block of rows `(n, 3)`, um."""
 
     rows: slice
     deviation: Array
@@ -61,7 +61,7 @@ class Predicted(NamedTuple):
 
 @dataclass(frozen=True)
 class Prediction:
-    """The deviations that a calibration predicts at a table of states, worked out a block at a time."""
+    """The deviations that a calibration predicts at a table of states, computed a block at a time."""
 
     machine: Machine
     model: ErrorModel
@@ -94,7 +94,7 @@ class Prediction:
 
     @property
     def notes(self) -> list[str]:
-        """Positions beyond the calibrated range, and a calibration without uncertainties."""
+        """Notes on positions beyond the calibrated range, and on a calibration without uncertainties."""
         notes = [
             f"{name} is used up to {excess:.4g} {unit} beyond its calibrated range; its end value is held there"
             for (name, unit), excess in self.model.outside(self.machine, self.state).items()
@@ -113,8 +113,8 @@ class Seen(NamedTuple):
     u: Array
     """Standard uncertainties `(n, 3)` of these differences, k = 1."""
     u_shift: Array
-    """Standard uncertainties `(3,)` of the mean: of a shift common to all states, which a work offset that is touched
-    off on the machine takes up, and which data of one tool vector do not show."""
+    """Standard uncertainties `(3,)` of the mean, the shift common to all states. A work offset that is touched off on
+    the machine includes this shift, and data of one tool vector do not show it."""
 
     @property
     def u_between(self) -> Array:
@@ -147,7 +147,7 @@ def relative(model: ErrorModel, machine: Machine, state: State, tool: Array) -> 
 
 
 def relative_at_most(model: ErrorModel, machine: Machine, state: State, tool: Array, most: int = STATES) -> Seen:
-    """As `relative`, at most so many of the states, evenly spread."""
+    """As `relative`, at `most` states or fewer, evenly spread."""
     rows = np.unique(np.linspace(0, len(state) - 1, min(len(state), most)).astype(int))
     return relative(model, machine, state.rows(rows), tool[rows])
 
@@ -175,7 +175,7 @@ def read_points(path: Path, machine: Machine) -> Points:
 def predictions(model: ErrorModel, machine: Machine, state: State, tool: Array) -> Iterator[Predicted]:
     """Predictions for all rows, a block at a time; tool `(n, 3)`, mm.
 
-    Of all rows at once only the error motions are held, and the columns of effects with memory.
+    Only the error motions, and the columns of effects with memory, are in memory for all rows at once.
     """
     errors = model.errors(machine, state)
     design = Design(model, machine, state, with_instrument=False)

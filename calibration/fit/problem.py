@@ -1,4 +1,4 @@
-"""One least squares problem: what stays the same during a fit, and one step of it."""
+"""One least squares problem: the constants of a fit, and one step of it."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 UNSEEN = 1e-10
-"""Eigenvalues below this share of what is seen best count as zero."""
+"""Eigenvalues below this share of the largest count as zero."""
 
 HELD = 1e-9
-"""Prior of a parameter that shall not move."""
+"""Prior standard deviation of a parameter that is held."""
 HALVINGS = 12
-"""Times that a step is halved when it makes things worse."""
+"""Largest number of halvings of a step that raises the objective."""
 ROUNDING = 1e-9
 """Rise of the objective that is rounding."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """Where the iteration stands."""
+    """Parameters and registration in an iteration, with the residuals."""
 
     parameters: Array
     registration: Registration
@@ -47,33 +47,33 @@ class Solved(NamedTuple):
     """One solution of the normal equations."""
 
     step: Array
-    """Of the registration, then of the parameters."""
+    """Step of the registration, then of the parameters."""
     length: float
-    """Of the step, RMS in standard uncertainties."""
+    """RMS length of the parameters' step in standard uncertainties."""
     information: Array
-    """Of the data on the parameters `(p, p)`, in units of their priors, with the registration eliminated."""
+    """Information of the data on the parameters `(p, p)`, in units of their priors, registration eliminated."""
     machine_information: Array
     """The same for an instrument whose position is known."""
     registered: int
     """Rank of the registration."""
     reduction: float
-    """By which the step makes the sum of squares smaller, to first order."""
+    """Reduction of the sum of squares by the step, to first order."""
     log_determinant: float
-    """Of the normal matrix with its priors."""
+    """Log determinant of the normal matrix with its priors."""
 
     @property
     def parameters(self) -> int:
-        """Number of parameters, at most as many as which count."""
+        """Number of parameters of the model, plus the rank of the registration: an upper limit of `rank`."""
         return len(self.information) + self.registered
 
     @property
     def effective_parameters(self) -> float:
-        """Degrees of freedom that the data spend: a direction counts as far as the data outweigh the prior."""
+        """Degrees of freedom that the data determine: a direction counts as far as the data outweigh the prior."""
         return effective_parameters(self.information) + self.registered
 
     @property
     def rank(self) -> int:
-        """What the data could spend at most, were they without noise."""
+        """Degrees of freedom that the data would determine without noise."""
         values = np.linalg.eigvalsh(self.information)
         return int(np.count_nonzero(values > UNSEEN * max(float(values.max(initial=0.0)), 1.0))) + self.registered
 
@@ -84,14 +84,14 @@ class Problem:
 
     measurement: Measurement
     model: ErrorModel
-    """At its start."""
+    """The model with its parameters at the start."""
     white: Array
     prior: Array
     """Standard deviations `(p,)` about the start, infinite for none; or a root L `(p, p)` of their covariance L L'."""
 
     @classmethod
     def of(cls, measurement: Measurement, model: ErrorModel, prior: Array) -> Problem:
-        """The problem, its noise made white by the instrument's covariance."""
+        """The problem, whitened by the instrument's covariance."""
         return cls(measurement, model, whiteners(measurement), prior)
 
     def rows(self, index: np.ndarray) -> Problem:
@@ -99,7 +99,7 @@ class Problem:
         return replace(self, measurement=self.measurement.rows(index), white=self.white[index])
 
     def shapes_held(self) -> Problem:
-        """The problem whose periods and time constants stay what they are."""
+        """The problem with its periods and time constants held."""
         linear = [quantity.linear for effect in self.model.effects for quantity in effect.parameter_table]
         if self.prior.ndim == 1:
             return replace(self, prior=np.where(linear, self.prior, HELD))
@@ -110,7 +110,7 @@ class Problem:
         return self.model.with_parameters(parameters)
 
     def point(self, parameters: Array, registration: Registration) -> Point:
-        """A point, with what it leaves of the rows of this problem."""
+        """A point, with the residuals of the rows of this problem."""
         return Point(parameters, registration, residuals(self.measurement, self.at(parameters), registration))
 
     def whitened(self, residual: Array) -> Array:
@@ -122,12 +122,12 @@ class Problem:
         return np.asarray(np.sum(self.whitened(point.residual) ** 2, axis=1))
 
     def moved(self, point: Point, step: Array) -> Point:
-        """The point after a step; parameters with a bound come half-way to it at most."""
+        """The point after a step; a parameter that would cross its bound goes half-way to it instead."""
         size = point.registered
         return self.point(self._inside(point.parameters, step[size:]), point.registration.moved(step[:size]))
 
     def objective(self, point: Point, weights: Array, factor: float) -> float:
-        """What is minimised, with these weights `(n,)` and the sheet's variances times `factor`."""
+        """The objective of the fit, with weights `(n,)` of the rows and the instrument's variances times `factor`."""
         away = self.away(point.parameters)
         return float(weights @ self.distances(point)) / factor + float(away @ away)
 
@@ -138,7 +138,7 @@ class Problem:
         return next((moved for moved in halves if self.objective(moved, weights, factor) <= limit), point)
 
     def solve(self, point: Point, weights: Array, factor: float) -> Solved:
-        """The Gauss-Newton step at a point; weights `(n,)` of the rows; sheet variances times `factor`."""
+        """The Gauss-Newton step at a point; weights `(n,)` of the rows; the instrument's variances times `factor`."""
         root = np.sqrt(weights / factor)
         residual = self.whitened(point.residual) * root[:, None]
         white = self.white * root[:, None, None]
@@ -146,7 +146,7 @@ class Problem:
         return self.solution(normal, point)
 
     def covariance(self, solved: Solved, widened: float = 1.0) -> Array:
-        """Of the parameters `(p, p)`, in their units, with the data's variances times `widened`."""
+        """Covariance `(p, p)` of the parameters, in their units, with the data's variances times `widened`."""
         root, limited = _root(self.prior)
         values, vectors = np.linalg.eigh(solved.information / widened + np.diag(limited))
         # each direction is known at least as well as by its prior, also after rounding
@@ -155,11 +155,11 @@ class Problem:
         return np.asarray(half @ half.T)
 
     def solution(self, normal: NormalEquations, point: Point) -> Solved:
-        """The solution of normal equations that were gathered at a point, priors included."""
+        """The solution of normal equations that were assembled at a point, priors included."""
         return solution(normal, point.registration, self.prior, self.away(point.parameters))
 
     def away(self, parameters: Array) -> Array:
-        """Distances `(p,)` of parameters from their start, in units of their priors; 0 of those without."""
+        """Distances `(p,)` of parameters from their start, in units of their priors; 0 without a prior."""
         root, limited = _root(self.prior)
         moved = parameters - self.model.parameters
         return np.asarray((moved / root if root.ndim == 1 else np.linalg.solve(root, moved)) * limited)
@@ -174,7 +174,10 @@ class Problem:
 
 
 def solution(normal: NormalEquations, registration: Registration, prior: Array, away: Array) -> Solved:
-    """The solution of normal equations with priors, as `Problem.prior`, from where parameters are `away` `(p,)`."""
+    """The solution of normal equations with priors; UserError where there is none.
+
+    prior: as `Problem.prior`; away `(p,)`: as `Problem.away`.
+    """
     size = len(registration.names)
     root, limited = _root(prior)
     scales = _registration_scale(normal, registration)
@@ -204,9 +207,9 @@ def solution(normal: NormalEquations, registration: Registration, prior: Array, 
 
 
 def _root(prior: Array) -> tuple[Array, Array]:
-    """Parameters in units of their priors times this are their own: `(p,)`, or `(p, p)` from the left.
+    """Factor from units of the priors to the units of the parameters: `(p,)`, or `(p, p)` from the left.
 
-    And 1 `(p,)` of those with a prior, 0 of others.
+    With it: 1 `(p,)` for parameters with a prior, 0 for others.
     """
     if prior.ndim == 2:
         return prior, np.ones(len(prior))
@@ -215,9 +218,9 @@ def _root(prior: Array) -> tuple[Array, Array]:
 
 
 def _registration_scale(normal: NormalEquations, registration: Registration) -> Array:
-    """Units that make the diagonal of the registration's part 1; of turns with a lever below 1 mm less.
+    """Units that make the diagonal of the registration's part 1, but smaller for rotations with an arm below 1 mm.
 
-    A station that saw one place shifts: no turn, however large, does the same to a lever of um.
+    A station that observed one position is shifted, not rotated: over an arm of um no rotation can replace a shift.
     """
     diagonal = np.diag(normal.matrix)[: len(registration.names)].copy()
     moves, shifts = (3, 2) if registration.planar else (6, 3)
@@ -227,12 +230,12 @@ def _registration_scale(normal: NormalEquations, registration: Registration) -> 
 
 
 def _times(block: Array, root: Array) -> Array:
-    """The block times the root, which may be the diagonal `(p,)` of one."""
+    """The block times the root; a root `(p,)` is the diagonal of one."""
     return np.asarray(block * root if root.ndim == 1 else block @ root)
 
 
 def _between(block: Array, root: Array) -> Array:
-    """A symmetric block between the root, which may be the diagonal `(p,)` of one, and its transpose: L' A L."""
+    """L' A L of a symmetric block A and a root L; a root `(p,)` is the diagonal of one."""
     if root.ndim == 1:
         return np.asarray(block * np.outer(root, root))
     between = root.T @ block @ root

@@ -1,4 +1,4 @@
-"""What the residuals of a fit depend on though the model says nothing of it: a first hint at a missing effect."""
+"""Residual tests: a dependence of the residuals on a variable is a first hint at an effect missing from the model."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from calibration.observation.normal_equations import whitened, whiteners
 from kinematics.transforms import Array
 
 SIGNIFICANCE = 1e-3
-"""Chance of a false hint in a whole report (Bonferroni over all that is looked at)."""
+"""Probability of a false hint in a whole report (Bonferroni over all tests)."""
 CLIP = 5.0
-"""Standard uncertainties beyond which a residual counts no more."""
+"""Largest residual in the tests, in standard uncertainties; larger ones are reduced to it."""
 
 
 class Suspect(NamedTuple):
@@ -24,16 +24,16 @@ class Suspect(NamedTuple):
     what: str
     p_value: float
     hint: str
-    """What to try."""
+    """The effect to try, as an option of the fit."""
 
 
 def suspects(fit: Fit) -> list[Suspect]:
-    """Directions, time and temperatures that the residuals depend on, the clearest first.
+    """Directions, time and temperatures on which the residuals depend, the most significant first.
 
     For each, the F-test of the whitened residuals' regression on it, component by component in the instrument's frame.
     """
     measurement = fit.measurement
-    # what a missing effect spoils may have been taken for outliers: they count, but no single one decides
+    # a missing effect may have made rows outliers: they count, but CLIP limits the influence of each
     rows = ~fit.copies & ~np.isin(measurement.groups, fit.failed)
     white = np.clip(whitened(whiteners(measurement), fit.residual)[rows], -CLIP, CLIP)
     looked_at = list(_variables(fit))
@@ -43,7 +43,7 @@ def suspects(fit: Fit) -> list[Suspect]:
 
 
 def _variables(fit: Fit) -> Iterator[tuple[str, Array, str]]:
-    """Name, values `(n,)` and hint of what varies in the data."""
+    """Name, values `(n,)` and hint of each variable in the data."""
     state, machine = fit.measurement.state, fit.measurement.machine
     if state.approach is not None:
         for i, axis in enumerate(machine.names):
