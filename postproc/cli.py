@@ -119,7 +119,7 @@ def _end(status: int, message: str = "") -> NoReturn:
 
 
 def _stopped(number: int, _: object) -> NoReturn:
-    """End with the exit code of a signal, 128 + number; temporary files are removed on the way out."""
+    """End with the exit code of a signal, 128 + number, after the removal of temporary files."""
     sys.exit(128 + number)
 
 

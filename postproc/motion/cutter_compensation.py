@@ -30,7 +30,7 @@ def follow_contour(recorder: Recorder, plane: tuple[int, int], target: list[floa
 
 
 def check_turned(block: Block, before: tuple[Point, Point], after: tuple[Point, Point]) -> None:
-    """Refusal if the correction turns a move, start and end in its plane, too far: the move is too short for it."""
+    """Refusal if the correction changes the direction of a move too much; `before`, `after`: its ends in the plane."""
     (x0, y0), (x1, y1) = ((end[0] - start[0], end[1] - start[1]) for start, end in (before, after))
     if math.hypot(x0, y0) < SAME and math.hypot(x1, y1) < SAME:
         return
