@@ -25,8 +25,8 @@ class VolumetricError(NamedTuple):
 def aligned(deviation: Array, points: Array) -> Array:
     """Deviations `(n, 3)` at points `(n, 3)` after a rigid alignment, all mm.
 
-    The three shifts and three small rotations of the exact least squares are subtracted. Points on one line, which one
-    rotation does not move, are allowed.
+    The three shifts and three small rotations of an exact least-squares fit are subtracted. Points on one line, which
+    one rotation does not move, are allowed.
     """
     columns = rigid_columns(points)
     fitted = np.linalg.lstsq(columns, deviation.reshape(-1), rcond=1e-12)[0]

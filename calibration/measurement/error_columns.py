@@ -1,8 +1,8 @@
-"""Error motions of linear axes as columns (E_XX_um ... E_CX_urad), as six-degree lasers give them: one row for each.
+"""Error motions of linear axes as columns (E_XX_um ... E_CX_urad), as from six-degree lasers: converted to single rows.
 
-A column is named by the error motion and its unit: EYX_um or E_YX_um is the straightness of X in y, EBX_urad the turn
-of X about y. Signs are those of ISO 230-1: tool relative to workpiece, along the positive directions of the
-machine's x, y and z and right-handed about them (of a slanting axis: of its error frame).
+A column is named by the error motion and its unit: EYX_um or E_YX_um is the straightness of X in y, EBX_urad the
+rotation of X about y. Signs are those of ISO 230-1: tool relative to workpiece, along the positive directions of the
+machine's x, y and z and right-handed about them (for an inclined axis: of its error frame).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ NAME = re.compile(r"E_?([XYZABC])([A-Za-z]\w*?)_(um|urad)")
 
 
 def spread(table: Table, machine: Machine) -> Table:
-    """The table with one row for each error motion; itself where it has none of these columns.
+    """The table with one row for each error motion; unchanged without such columns.
 
-    UserError for an axis that the machine does not have, a rotary one, and a unit that is not the component's.
+    UserError for an unknown axis, a rotary axis, and a unit that does not belong to the component.
     """
     found = {name: match for name in table.names if (match := NAME.fullmatch(name))}
     if not found:
@@ -71,7 +71,7 @@ def _check(table: Table, machine: Machine, name: str, match: re.Match[str]) -> N
 
 
 def _check_axis(table: Table, row: np.ndarray, axes: list[str]) -> None:
-    """UserError where a column `axis` names another one than the columns of error motions."""
+    """UserError if a column `axis` names another axis than the columns of error motions."""
     if "axis" not in table.names:
         return
     stated = table.texts(["axis"])["axis"][row]

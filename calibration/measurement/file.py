@@ -1,4 +1,4 @@
-"""The measurement file: what the machine was told, and what was observed, as CSV (contract 4.2)."""
+"""The measurement file: commands to the machine and observations as CSV (contract 4.2)."""
 
 from __future__ import annotations
 
@@ -40,20 +40,20 @@ OBSERVED = {
     "interferometer": ["axis", "component", "direction", "target_mm", "target_deg", "deviation_um", "deviation_urad"],
     "part": ["nominal_x", "nominal_y", "nominal_z", "x", "y", "z"],
 }
-"""Columns besides those of the state."""
+"""Columns of the observations, in addition to those of the state."""
 NEEDED = {
     "laser-tracker": (("u_range_um", "u_range_um_per_m"), ("u_angle_um", "u_angle_um_per_m")),
     "interferometer": (("u_um",),),
     "part": (("u_um",),),
 }
-"""Of each of these groups at least one uncertainty is above zero, or an observation would count without limit."""
+"""Groups of uncertainties, of which at least one must be above zero; otherwise an observation had infinite weight."""
 KEYS = {"laser-tracker": ["stands_on"], "interferometer": [], "part": ["part_offset"]}
 CHUNK = 50_000
-"""Rows that are turned into text at a time."""
+"""Number of rows converted to text at a time."""
 
 
 def read_measurement(path: Path, machine: Machine) -> Measurement:
-    """The measurement in a file; UserError with line and column for what can't be used."""
+    """The measurement in a file; UserError with line and column for a value that cannot be used."""
     return measurement_of(read_table(path, "measurement file"), machine)
 
 
@@ -98,7 +98,7 @@ def measurement_of(table: Table, machine: Machine) -> Measurement:
 
 
 def write_measurement(measurement: Measurement, file: BinaryIO) -> None:
-    """Write the measurement; read again, it is the same (its last moves come from the order of rows)."""
+    """Write the measurement; reading it gives the same measurement, with last moves from the order of rows."""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     for line in header_lines(measurement):
         text.write(f"# {line}\n")
@@ -125,7 +125,7 @@ def _kind(table: Table) -> str:
 
 
 LARGEST_U = 1e6
-"""Largest standard uncertainty of an instrument that is read, um or um/m: a metre."""
+"""Largest accepted standard uncertainty of an instrument, um or um/m: a metre."""
 
 
 def uncertainty_keys(kind: type[Instrument]) -> list[str]:
@@ -136,7 +136,7 @@ def uncertainty_keys(kind: type[Instrument]) -> list[str]:
 def check_uncertainties(kind: str, values: Mapping[str, float], where: str, how: str) -> None:
     """UserError unless an instrument's standard uncertainties, by header key, give its observations a finite weight.
 
-    `where` begins the message, and `how`, with a key put in, ends it.
+    The message begins with `where` and ends with `how`, in which a key is inserted.
     """
     for group in NEEDED[kind]:
         if not any(values.get(key) for key in group):
@@ -147,7 +147,7 @@ def check_uncertainties(kind: str, values: Mapping[str, float], where: str, how:
 
 
 def read_instrument(table: Table) -> Instrument:
-    """The instrument with its uncertainties; UserError when the file does not say them."""
+    """The instrument with its uncertainties; UserError if the file does not give them."""
     kind = _kind(table)
     values: dict[str, float] = {}
     for key in uncertainty_keys(KINDS[kind]):
@@ -165,7 +165,7 @@ def read_instrument(table: Table) -> Instrument:
 
 
 def _check_component_uncertainties(table: Table, instrument: Instrument, places: Places) -> None:
-    """UserError where error motions are observed whose uncertainty is not stated."""
+    """UserError for observed error motions without a given uncertainty."""
     if not isinstance(instrument, Interferometer) or places.component is None or places.axis is None:
         return
     own = np.array([own_component(name) for name in places.axis.tolist()])
@@ -184,7 +184,7 @@ def _check_component_uncertainties(table: Table, instrument: Instrument, places:
 
 
 def _observed(table: Table, machine: Machine, kind: str, places: Places) -> Array:
-    """`(n, components)`, mm; of rotary axes rad."""
+    """Observations `(n, components)`, mm; rad for angles."""
     if kind == "interferometer":
         assert places.axis is not None
         turning = np.isin(places.axis, [axis.name for axis in machine.axes if axis.rotary])
@@ -199,7 +199,7 @@ def _observed(table: Table, machine: Machine, kind: str, places: Places) -> Arra
 
 
 def _scatter(table: Table) -> Array | None:
-    """Standard uncertainties `(n,)`, mm, of the means that the rows are; None without the column."""
+    """Standard uncertainties `(n,)`, mm, of the means in the rows; None without the column."""
     if "scatter_um" not in table.names:
         return None
     column = table.numbers(["scatter_um"])["scatter_um"]
@@ -214,7 +214,7 @@ def _scatter(table: Table) -> Array | None:
 
 
 def header_lines(measurement: Measurement) -> Iterator[str]:
-    """What stands behind `# ` above the columns."""
+    """Header lines, without `# `."""
     instrument = measurement.instrument
     kind = next(name for name, kind in KINDS.items() if isinstance(instrument, kind))
     yield f"machine: {measurement.machine.name}"
@@ -259,7 +259,7 @@ def _columns(measurement: Measurement) -> dict[str, np.ndarray]:
 
 
 def _directions(measurement: Measurement) -> dict[str, np.ndarray]:
-    """Columns dir_X ..., unless the order of the rows says the same (of a part it says nothing)."""
+    """Columns dir_X ..., unless the order of the rows gives the same (for a part it gives no direction)."""
     state = measurement.state
     if state.approach is None:
         return {}
@@ -272,7 +272,7 @@ def _directions(measurement: Measurement) -> dict[str, np.ndarray]:
 
 
 def _deviations(measurement: Measurement) -> dict[str, np.ndarray]:
-    """Columns of an interferometer; of linear and rotary axes in columns of their own, empty in the others' rows."""
+    """Columns of an interferometer; separate columns for linear and rotary axes, empty in the rows of the others."""
     machine, state = measurement.machine, measurement.state
     assert measurement.axis is not None
     assert state.approach is not None
@@ -296,7 +296,7 @@ def _only(rows: np.ndarray, column: Array) -> np.ndarray:
 
 
 def _in_units(column: Array, size: float) -> Array:
-    """Numbers in units of `size`: those that read back as the same, with few digits where there are such."""
+    """Numbers in units of `size` that give the same values when read, with few digits if possible."""
     return _written(column, lambda inside: inside / size, lambda outside: outside * size)
 
 

@@ -1,7 +1,7 @@
-"""Instruments: what they observe, and how uncertain that is.
+"""Instruments: kinds of observations, and their uncertainties.
 
-Standard uncertainties (k = 1) as they stand in a measurement file, um and um per m of range. The base and the part per
-metre of one quantity are added, as data sheets state them.
+Standard uncertainties (k = 1) as given in a measurement file, um and um per m of range. The constant part and the part
+per metre of one quantity are added, as in data sheets.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ import numpy as np
 from kinematics.transforms import Array
 
 UM, PER_M = 1e-3, 1e-6
-"""um in mm; um per m as mm per mm."""
+"""Factors from um to mm, and from um/m to mm/mm."""
 
 
 class LaserTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="laser-tracker"):
-    """Points in the tracker's own frame, its beam starting in the origin: range, and two angles across the beam."""
+    """Points in the tracker's own frame, whose origin emits the beam: range, and two angles across the beam."""
 
     u_range_um: float = 0.0
     u_range_um_per_m: float = 0.0
     u_angle_um: float = 0.0
-    """Across the beam, as a length, in both directions."""
+    """Standard uncertainty across the beam, as a length, in both directions, um."""
     u_angle_um_per_m: float = 0.0
     components: Literal[3] = 3
 
     def covariance(self, points: Array) -> Array:
         """Covariances `(n, 3, 3)`, mm2, of observed points `(n, 3)`, mm.
 
-        Along the beam b the range's variance, across it that of the angles: r2 b b' + a2 (1 - b b'); on-the-fly paper
-        (4)-(9) with its errata.
+        The variance is that of the range along the beam b, and that of the angles across it: r2 b b' + a2 (1 - b b');
+        on-the-fly paper (4)-(9) with its errata.
         """
         length = np.linalg.norm(points, axis=1)
         beam = points / np.maximum(length, np.finfo(float).tiny)[:, None]
@@ -42,12 +42,12 @@ class LaserTracker(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_
 
 
 class Interferometer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="interferometer"):
-    """Deviations along, or about, one axis at a time; of linear axes straightness and angles too (six degrees)."""
+    """Deviations along, or about, one axis at a time; for linear axes also straightness and angles (six degrees)."""
 
     u_um: float = 0.0
-    """Standard uncertainty, um; urad on a rotary axis."""
+    """Standard uncertainty, um; urad for a rotary axis."""
     u_um_per_m: float = 0.0
-    """um per m of travel from the first position of the run."""
+    """Length-dependent part of it, um per m of travel from the first position of the run."""
     u_straightness_um: float = 0.0
     u_straightness_um_per_m: float = 0.0
     """Length-dependent part of it, um per m of travel from the first position of the run."""
@@ -57,12 +57,12 @@ class Interferometer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, ta
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="part"):
-    """Features of a machined workpiece, measured in the part's frame: by a coordinate measuring machine, say."""
+    """Features of a machined workpiece in the part's frame, measured for example on a coordinate measuring machine."""
 
     u_um: float = 0.0
-    """Of each coordinate."""
+    """Standard uncertainty of each coordinate, um."""
     u_um_per_m: float = 0.0
-    """um per m of distance from the part's zero."""
+    """Length-dependent part of it, um per m of distance from the part's zero."""
     components: Literal[2, 3] = 3
 
 

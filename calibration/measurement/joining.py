@@ -1,7 +1,7 @@
-"""Several files as one measurement: runs at other times, temperatures and feeds, by one instrument on one machine.
+"""Several files as one measurement: runs at other times, temperatures and feeds, with one instrument on one machine.
 
-Each file is a set-up of its own: its stations and runs are named `file:name`. What one of the files does not say is
-dropped for all, with a note; it is refused where rows would then be taken for what they are not.
+Each file is a separate set-up: its stations and runs are named `file:name`. A quantity that is missing in one of the
+files is dropped for all, with a note; missing feeds are refused if other files have rows in motion.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 UNNAMED = "1"
-"""Station and run of a file that names none."""
+"""Station and run if the file names none."""
 
 
 def joined(measurements: Sequence[Measurement]) -> Measurement:
-    """The measurements as one, in the order given; UserError for those that do not belong together."""
+    """The measurements as one, in the given order; UserError if they do not belong together."""
     if not measurements:
         raise UserError("no measurement")
     first = measurements[0]
@@ -53,7 +53,7 @@ def joined(measurements: Sequence[Measurement]) -> Measurement:
 
 
 def _check_alike(measurements: Sequence[Measurement]) -> None:
-    """UserError unless machine, instrument and frame are the same, and no file comes twice."""
+    """UserError unless machine, instrument and frame are the same, and no file is given twice."""
     first = measurements[0]
     alike: Mapping[str, Callable[[Measurement], object]] = {
         "the machine": lambda m: m.machine,
@@ -71,7 +71,7 @@ def _check_alike(measurements: Sequence[Measurement]) -> None:
 
 
 def _names(measurements: Sequence[Measurement]) -> list[str]:
-    """Short names of the files where they differ, else whole ones, numbered where these are alike too."""
+    """Names of the files without folders if these differ, otherwise whole names, numbered if these are also equal."""
     for names in ([Path(m.source).name for m in measurements], [m.source for m in measurements]):
         if len(set(names)) == len(names) and all(names):
             return names
@@ -101,14 +101,14 @@ def _state(measurements: Sequence[Measurement], names: list[str], notes: list[st
 
 
 def _components(measurements: Sequence[Measurement]) -> np.ndarray | None:
-    """Error motions `(n,)` that an interferometer observes; empty in files of positioning deviations."""
+    """Error motions `(n,)` observed by an interferometer; empty in files of positioning deviations."""
     if all(m.component is None for m in measurements):
         return None
     return np.concatenate([np.full(len(m), "") if m.component is None else m.component for m in measurements])
 
 
 def _together(what: str, columns: Sequence[np.ndarray | None], names: list[str], notes: list[str]) -> np.ndarray | None:
-    """The columns one after the other; None, with a note where only some are there, unless all are."""
+    """The concatenated columns; None if one is missing, with a note if only some are."""
     there = [column for column in columns if column is not None]
     if len(there) == len(columns):
         return np.concatenate(there)
@@ -129,7 +129,7 @@ def _named(names: list[str], columns: Sequence[np.ndarray | None], measurements:
 
 
 def _targets(measurements: Sequence[Measurement], names: list[str]) -> dict[str, Target]:
-    """All targets; UserError where two files do not agree on one."""
+    """All targets; UserError if two files disagree on one."""
     found: dict[str, Target] = {}
     for file, m in zip(names, measurements, strict=True):
         for name, target in m.targets.items():
@@ -146,7 +146,7 @@ def _place(target: Target) -> str:
 
 
 def _time(measurements: Sequence[Measurement], names: list[str], notes: list[str]) -> Array | None:
-    """Times `(n,)`; of a file that begins before the one before it ended, shifted to follow it."""
+    """Times `(n,)`, s; a file that begins before the end of the previous one is shifted to follow it."""
     times = [m.state.time for m in measurements]
     following: list[Array] = []
     for name, time in zip(names, times, strict=True):
@@ -160,7 +160,7 @@ def _time(measurements: Sequence[Measurement], names: list[str], notes: list[str
 
 
 def _temperatures(states: Sequence[State], names: list[str], notes: list[str]) -> dict[str, Array]:
-    """Temperatures of the sensors, those of every file."""
+    """Temperatures of the sensors that all files have."""
     sensors = dict.fromkeys(sensor for state in states for sensor in state.temperatures)
     columns = {
         sensor: _together(f"the temperature {sensor}", [s.temperatures.get(sensor) for s in states], names, notes)
@@ -170,7 +170,7 @@ def _temperatures(states: Sequence[State], names: list[str], notes: list[str]) -
 
 
 def _velocity(measurements: Sequence[Measurement], names: list[str]) -> Array | None:
-    """Velocities `(n, axes)`; UserError where some rows moved and of others nobody knows."""
+    """Velocities `(n, axes)`, mm/s and rad/s; UserError if rows move in some files and others have no feed."""
     velocities = [m.state.velocity for m in measurements]
     known = [velocity for velocity in velocities if velocity is not None]
     if len(known) == len(velocities):
@@ -184,7 +184,7 @@ def _velocity(measurements: Sequence[Measurement], names: list[str]) -> Array | 
 
 
 def _actual(measurements: Sequence[Measurement], names: list[str], notes: list[str]) -> Array | None:
-    """Read-back positions `(n, axes)`, NaN in files without."""
+    """Read-back positions `(n, axes)`, mm and rad; NaN in files without."""
     if all(m.actual is None for m in measurements):
         return None
     missing = [name for name, m in zip(names, measurements, strict=True) if m.actual is None]
@@ -196,5 +196,5 @@ def _actual(measurements: Sequence[Measurement], names: list[str], notes: list[s
 
 
 def _lines(measurements: Sequence[Measurement]) -> np.ndarray:
-    """Lines `(n,)` in the files; 0 where they are not known."""
+    """Line numbers `(n,)` in the files; 0 if unknown."""
     return np.concatenate([np.zeros(len(m), int) if m.lines is None else m.lines for m in measurements])

@@ -1,4 +1,4 @@
-"""Measurement: columns of states and observations, whatever file they come from (contract 4.2)."""
+"""Measurement: columns of states and observations, independent of the file format (contract 4.2)."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ Carrier = Literal["tool", "table", "bed"]
 
 @dataclass(frozen=True)
 class Target:
-    """A reflector: where it sits on what carries it."""
+    """A reflector and its position on its carrier."""
 
     position: Vector
-    """mm: from the tool reference point, in the tool's directions; on the table or the bed, in the workpiece frame at
-    zero pose of the machine."""
+    """Position, mm: from the tool reference point, in the tool's directions; on the table or the bed, in the workpiece
+    frame at zero pose of the machine."""
     carrier: Carrier = "tool"
     free: bool = False
-    """True of a target on the tool whose position registration improves as well."""
+    """True for a target on the tool whose position the registration also estimates."""
 
     @property
     def known(self) -> bool:
-        """False where the position is a guess that registration improves: on the table and on the bed."""
+        """False on the table and on the bed, where the position is a first value for the registration."""
         return self.carrier == "tool"
 
 
@@ -39,23 +39,23 @@ SPINDLE_NOSE = Target((0.0, 0.0, 0.0))
 
 @dataclass(frozen=True)
 class AcrossPath:
-    """What counts of observations in motion: their parts across the path, each row the mean of several readings."""
+    """Observations in motion: only components across the path count, and each row is the mean of several readings."""
 
     directions: Array
-    """`(n, 2, 3)`, orthonormal and perpendicular to the path, in the instrument's frame."""
+    """Directions `(n, 2, 3)`, orthonormal and perpendicular to the path, in the instrument's frame."""
     readings: Array
-    """`(n,)`, independent ones, that a row is the mean of."""
+    """Number of independent readings in the mean of each row `(n,)`."""
     ends: Array
-    """Positions `(2, axes)`, mm and rad, between which the path leads."""
+    """Smallest and largest axis positions of the path `(2, axes)`, mm and rad."""
     way: Array
-    """`(n,)`, mm along the path."""
+    """Distance along the path `(n,)`, mm."""
 
     def rows(self, index: slice | np.ndarray) -> AcrossPath:
-        """Of some of the rows; the path stays the same."""
+        """Some of the rows; the path stays the same."""
         return AcrossPath(self.directions[index], self.readings[index], self.ends, self.way[index])
 
     def of(self, vectors: Array) -> Array:
-        """The parts across the path `(n, 2, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
+        """Components across the path `(n, 2, ...)` of vectors or matrices `(n, 3, ...)` in the instrument's frame."""
         if vectors.ndim == 2:
             return np.asarray((self.directions @ vectors[:, :, None])[:, :, 0])
         return np.asarray(self.directions @ vectors)
@@ -68,58 +68,58 @@ class Measurement:
     machine: Machine
     instrument: Instrument
     state: State
-    """With approach, last move, run as cycle, station and target; `observed` of a tracker."""
+    """State with approach, last move, run as cycle, station and target; for a tracker also `observed`."""
     observed: Array
-    """`(n, components)`, mm: points in the instrument's or the part's frame; deviations of an interferometer (mm, of a
-    rotary axis rad)."""
+    """Observations `(n, components)`: points in the instrument's or the part's frame, mm; deviations of an
+    interferometer, mm, or rad for angles."""
     targets: Mapping[str, Target] = field(default_factory=lambda: {"1": SPINDLE_NOSE})
-    """By the names in `state.target`."""
+    """Targets by the names in `state.target`."""
     stands_on: Literal["workpiece", "bed"] = "workpiece"
-    """What the instrument stands on: the workpiece's table, or the bed (the floor)."""
+    """Base of the instrument: the workpiece's table, or the bed (the floor)."""
     axis: np.ndarray | None = None
-    """Name of the measured axis `(n,)`, of an interferometer."""
+    """Name of the measured axis `(n,)`, for an interferometer."""
     run: np.ndarray | None = None
     """Name of the run `(n,)`."""
     actual: Array | None = None
-    """Read-back positions `(n, axes)`, mm and rad; NaN of an axis without read-back."""
+    """Read-back positions `(n, axes)`, mm and rad; NaN for an axis without read-back."""
     feed: Array | None = None
-    """`(n,)`, mm/min; 0 is standing."""
+    """Feed `(n,)`, mm/min; 0 at standstill."""
     part_zero: Vector = (0.0, 0.0, 0.0)
-    """Zero of a part's frame in the workpiece frame at zero pose of the machine, mm, as far as it is known."""
+    """Zero of a part's frame in the workpiece frame at zero pose of the machine, mm; a first value."""
     lines: np.ndarray | None = None
-    """Line in the file `(n,)`, for messages."""
+    """Line number in the file `(n,)`, for messages."""
     source: str = ""
     """Name of the file."""
     fingerprint: str = ""
-    """Of the file's content."""
+    """Fingerprint of the file's content."""
     notes: tuple[str, ...] = ()
-    """What was taken for granted in reading, for people."""
+    """Notes on the assumptions made in reading."""
     file: np.ndarray | None = None
-    """Name of the file `(n,)`, of several together."""
+    """Name of the file `(n,)`, for several files together."""
     across: AcrossPath | None = None
-    """Of data taken on the fly."""
+    """Directions and weights of data taken on the fly."""
     component: np.ndarray | None = None
-    """Error motion `(n,)` that an interferometer observes, X ... C of the axis' error frame; empty: the positioning
-    deviation, along a positive command. None is empty throughout."""
+    """Error motion `(n,)` observed by an interferometer, X ... C of the axis' error frame; empty for the positioning
+    deviation, along a positive command. None if all are empty."""
     scatter: Array | None = None
-    """Standard uncertainty `(n,)`, mm, of each coordinate by the scatter of the readings that a row is the mean of."""
+    """Standard uncertainty `(n,)`, mm, of each coordinate, from the scatter of the readings in the mean of a row."""
 
     def __len__(self) -> int:
         return len(self.observed)
 
     @property
     def components(self) -> int:
-        """Scalars d that count of an observation."""
+        """Number d of scalars that count in an observation."""
         return self.instrument.components if self.across is None else 2
 
     @property
     def counted(self) -> Array:
-        """What counts of the observations `(n, d)`, mm and rad."""
+        """Components of the observations that count `(n, d)`, mm and rad."""
         return self.observed if self.across is None else self.across.of(self.observed)
 
     @property
     def groups(self) -> np.ndarray:
-        """What is registered together `(n,)`: the station of a tracker, the run of an interferometer, one part."""
+        """Registration group `(n,)`: the station of a tracker, the run of an interferometer, one part."""
         if self.instrument.components == 1:
             assert self.axis is not None
             assert self.run is not None
@@ -130,19 +130,19 @@ class Measurement:
 
     @property
     def temperatures(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest temperature of each sensor that is known throughout, degC."""
+        """Lowest and highest temperature, degC, of each sensor with a value in every row."""
         known = {sensor: kelvin for sensor, kelvin in self.state.temperatures.items() if np.isfinite(kelvin).all()}
         ends = {sensor: np.round([kelvin.min(), kelvin.max()], 6) + REFERENCE for sensor, kelvin in known.items()}
         return {sensor: (float(low), float(high)) for sensor, (low, high) in ends.items()}
 
     @property
     def tool(self) -> Array:
-        """Nominal positions `(n, 3)`, mm, of the targets on what carries them."""
+        """Nominal positions `(n, 3)`, mm, of the targets on their carriers."""
         return np.asarray(np.array([target.position for target in self.targets.values()])[self.target_number])
 
     @property
     def target_number(self) -> np.ndarray:
-        """Number `(n,)` of the row's target in `targets`."""
+        """Index `(n,)` of the row's target in `targets`."""
         names = np.array(list(self.targets))
         order = np.argsort(names)
         assert self.state.target is not None
@@ -150,14 +150,14 @@ class Measurement:
 
     @property
     def per_micro(self) -> Array:
-        """um per mm, urad per rad `(n, 1)`: what an observation is multiplied by for people."""
+        """Factors `(n, 1)` from mm to um, and from rad to urad, of each observation."""
         if self.axis is None:
             return np.full((len(self), 1), 1e3)
         return np.where(self.angular, 1e6, 1e3)[:, None]
 
     @property
     def angular(self) -> np.ndarray:
-        """Mask `(n,)` of the observations that are angles: of rotary axes, and angular error motions of linear ones."""
+        """Mask `(n,)` of the observations of angles: of rotary axes, and angular error motions of linear ones."""
         turning = [axis.name for axis in self.machine.axes if axis.rotary]
         mask = np.isin(self.axis, turning) if self.axis is not None else np.zeros(len(self), bool)
         return mask if self.component is None else mask | np.isin(self.component, list("ABC"))
@@ -176,7 +176,7 @@ class Measurement:
         return np.asarray(~self.positioning & ~self.angular)
 
     def rows(self, index: slice | np.ndarray) -> Measurement:
-        """The measurement at some of its rows; approach and last move stay what they were."""
+        """The measurement with some of its rows; approach and last move do not change."""
 
         def at(column: np.ndarray | None) -> np.ndarray | None:
             return None if column is None else column[index]
@@ -203,9 +203,9 @@ class Measurement:
 
 
 def with_moves(state: State, approach: Array | None = None) -> State:
-    """The state with the last move of each axis, from the order of its rows, and, unless given, the approach.
+    """The state with the last move of each axis, from the order of its rows, and the approach unless given.
 
-    A row that leaves an axis where it was keeps its last move and its approach; 0 before the first move.
+    A row that does not move an axis keeps its last move and its approach; both are 0 before the first move.
     """
     moves = np.diff(state.positions, axis=0, prepend=state.positions[:1])
     moves[np.abs(moves) < 1e-9] = 0.0

@@ -1,7 +1,7 @@
-"""What an instrument sees of a machine with errors: points, and their derivatives by the error motions.
+"""Points of a machine with errors as seen by an instrument, and their derivatives by the error motions.
 
-The instrument stands on the workpiece, where the machine's deviations are counted, or on the bed; a target sits on the
-tool, the table or the bed. Seen are the axes between the two.
+The instrument is fixed to the workpiece, to which the machine's deviations refer, or to the bed; a target is on the
+tool, the table or the bed. The instrument sees the axes between the two.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ class Sight(NamedTuple):
     seen: NDArrayBool
     """Mask `(axes + 1,)` of the axes, and of the tool behind them."""
     against: bool
-    """True from the bed to the table, against the direction of the chain."""
+    """True for a view from the bed to the table, against the direction of the chain."""
 
 
 def seen_points(measurement: Measurement, errors: Array | None, tool: Array) -> Array:
-    """Targets `(n, 3)`, mm, in the frame of what the instrument stands on, at zero pose of the machine.
+    """Targets `(n, 3)`, mm, in the frame to which the instrument is fixed, at zero pose of the machine.
 
-    errors `(n, axes + 1, 6)`, mm and rad, of the machine; None is the nominal one. tool `(n, 3)`, mm: the targets on
-    what carries them. Exact matrix product.
+    errors `(n, axes + 1, 6)`, mm and rad, of the machine; None for the nominal machine. tool `(n, 3)`, mm: the targets
+    on their carriers. Exact matrix product.
     """
     points = np.empty((len(measurement), 3))
     for sight in _sights(measurement):
@@ -43,7 +43,7 @@ def seen_points(measurement: Measurement, errors: Array | None, tool: Array) -> 
 
 
 def seen_transform(measurement: Measurement, tool: Array) -> Array:
-    """Derivatives `(n, 3, (axes + 1) * 6)` of `seen_points` by the error motions, at none; per mm and per rad."""
+    """Derivatives `(n, 3, (axes + 1) * 6)` of `seen_points` by the error motions, at zero errors, per mm and rad."""
     machine = measurement.machine
     transform = np.empty((len(measurement), 3, 6 * (len(machine.axes) + 1)))
     for sight in _sights(measurement):
@@ -73,7 +73,7 @@ def seen_slopes(measurement: Measurement, tool: Array) -> Array:
 
 
 def carried(measurement: Measurement) -> Array:
-    """Rotations `(n, 3, 3)` from the directions of what carries the target to those that the instrument stands on."""
+    """Rotations `(n, 3, 3)` from the directions of the target's carrier to the base frame of the instrument."""
     rotation = np.empty((len(measurement), 3, 3))
     for sight in _sights(measurement):
         pose = forward(measurement.machine, _positions(measurement, sight))
@@ -82,7 +82,7 @@ def carried(measurement: Measurement) -> Array:
 
 
 def _sights(measurement: Measurement) -> Iterator[Sight]:
-    """The rows by the sides of the chain that lie between instrument and target."""
+    """The rows, grouped by the sides of the chain between instrument and target."""
     sides = np.array([axis.side for axis in measurement.machine.axes])
     on_workpiece = measurement.stands_on == "workpiece"
     carriers = np.array([target.carrier for target in measurement.targets.values()])[measurement.target_number]
@@ -96,5 +96,5 @@ def _sights(measurement: Measurement) -> Iterator[Sight]:
 
 
 def _positions(measurement: Measurement, sight: Sight) -> Array:
-    """Axis positions `(rows, axes)`; axes that are not seen stand at zero."""
+    """Axis positions `(rows, axes)`, mm and rad; zero for axes that are not seen."""
     return np.where(sight.seen[:-1], measurement.state.positions[sight.rows], 0.0)

@@ -1,4 +1,4 @@
-"""Plan: how a measurement is to be laid and visited, and the table of states that comes of it."""
+"""Plan of a measurement: the choices for its positions and sequence, and the resulting table of states."""
 
 from __future__ import annotations
 
@@ -21,57 +21,57 @@ Approach = Literal["any", "positive", "negative"]
 
 @dataclass(frozen=True)
 class Timing:
-    """How long a measurement takes; the virtual calibration paper, 3.2, has 15 s per point and 20 min to set up."""
+    """Duration of a measurement; the virtual calibration paper, 3.2, has 15 s per point and 20 min of set-up."""
 
     point_s: float = 15.0
     setup_min: float = 20.0
     dwell_s: float | None = None
-    """With a feed: the time at each point, the way between points counted apart."""
+    """Dwell at each point with a given feed, s; the time between points is added."""
     feed: float | None = None
-    """mm/min, degrees/min of rotary axes."""
+    """Feed, mm/min; degrees/min for rotary axes."""
 
 
 @dataclass(frozen=True)
 class Choices:
-    """How the positions of a strategy are laid and visited; lengths in mm, angles in degrees."""
+    """Choices for the positions and the measuring sequence of a strategy; lengths in mm, angles in degrees."""
 
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """By axis, the part of its travel; two equal ends fix it."""
+    """Range of each axis within its travel; two equal ends fix the axis."""
     margin_mm: float = 0.0
-    """Kept from the travel ends of linear axes that have no range."""
+    """Distance from the travel ends of linear axes without a range, mm."""
     planes_at: float = 1.0
-    """Where `planes` lie on the axes across them: 0 the low, 1 the high end."""
+    """Position of `planes` on the axes across them, as a share: 0 is the low end, 1 the high end."""
     rotary: Rotary = "fixed"
-    """Fixed at home, swept one by one afterwards, at random, or moving together with the linear axes."""
+    """Rotary axes: fixed at home, swept one by one afterwards, random, or moved together with the linear axes."""
     rotary_points: int = 13
-    """Positions of each rotary axis that is swept, or measured on its own."""
+    """Number of positions of each rotary axis that is swept or measured alone."""
     order: Order = "given"
     targets: Mapping[str, Target] = field(default_factory=lambda: {"1": SPINDLE_NOSE})
     target_order: TargetOrder = "in-turn"
-    """Everything with the one, then with the next; or all at each position."""
+    """Order of the targets: the whole sequence with each target in turn, or all targets at each position."""
     references: int = 0
-    """A reference position is measured at the start, after each so many positions, and at the end; 0 for never."""
+    """Number of positions between measurements of the reference position, also at start and end; 0 for none."""
     approach: Approach = "any"
     overrun: float = 1.0
-    """Way to a position that is approached from a given side."""
+    """Distance of the approach to a position from a given side, mm or degrees."""
     runs: int = 1
     timing: Timing = Timing()
     seed: int = 0
 
 
 class Way(NamedTuple):
-    """Positions on the way, in file units."""
+    """Positions in the order of the path, in file units."""
 
     positions: Array
-    """`(n, axes)`"""
+    """Axis positions `(n, axes)`, mm and degrees."""
     names: np.ndarray
     axis: np.ndarray | None = None
-    """Axis that is measured on its own `(n,)`."""
+    """Name of the axis that is measured alone `(n,)`."""
     from_side: Array | None = None
-    """Sign of the approach that is to be `(n, axes)`; 0 as it comes."""
+    """Sign of the required direction of approach `(n, axes)`; 0 for any."""
 
     def rows(self, index: np.ndarray) -> Way:
-        """The way at some of its rows, or in another order."""
+        """Some of the positions, or another order."""
         axis = None if self.axis is None else self.axis[index]
         side = None if self.from_side is None else self.from_side[index]
         return Way(self.positions[index], self.names[index], axis, side)
@@ -79,27 +79,27 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """One row per observation `n`, in the order of measuring."""
+    """Plan with one row per observation `n`, in the order of measuring."""
 
     machine: Machine
     strategy: str
     state: State
     """Positions, approach, last move, time, run as cycle, and target."""
     names: np.ndarray
-    """Of the points `(n,)`; a point that is measured again keeps its name."""
+    """Names of the points `(n,)`; a point that is measured again keeps its name."""
     run: np.ndarray
     """Name of the run `(n,)`."""
     targets: Mapping[str, Target]
     axis: np.ndarray | None = None
-    """Name of the axis `(n,)` that is measured on its own."""
+    """Name of the axis `(n,)` that is measured alone."""
     before: Array | None = None
-    """Positions `(n, axes)`, mm and rad, to be passed on the way to a point, unmeasured; not a number for none."""
+    """Positions `(n, axes)`, mm and rad, to pass before a point without measuring; NaN for none."""
     minutes: float = 0.0
-    """How long it takes, with setting up."""
+    """Duration with set-up, min."""
     asked: int | None = None
-    """Number of positions that was asked for."""
+    """Requested number of positions."""
     places: int = 0
-    """Number of positions of the strategy, before they are visited again in any way."""
+    """Number of positions of the strategy, without repetitions."""
     notes: tuple[str, ...] = field(default=())
 
     def __len__(self) -> int:
@@ -112,7 +112,7 @@ class Plan:
 
     @property
     def summary(self) -> str:
-        """Counts and time, for people."""
+        """Text with numbers of positions and observations, and duration."""
         asked = "" if self.asked in (None, self.places) else f" (asked for {self.asked})"
         observed = "" if len(self) == self.places else f", {len(self)} observations"
         return f"{self.strategy}: {self.places} positions{asked}{observed}, {self.minutes:.0f} min"

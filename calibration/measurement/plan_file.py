@@ -23,11 +23,11 @@ from kinematics.machine import Machine
 from kinematics.user_error import UserError
 
 POINT = "point"
-"""Column with the names of points, which only a plan has."""
+"""Column with the names of points."""
 
 
 def write_plan(plan: Plan, file: BinaryIO) -> None:
-    """Write the plan: mm, degrees, s. Directions of approach stand in it unless the order of the rows says the same."""
+    """Write the plan: mm, degrees, s; with directions of approach unless the order of the rows gives the same."""
     state, axes = plan.state, plan.machine.names
     keys = {carrier: key for key, carrier in CARRIERS.items()}
     head = [f"machine: {plan.machine.name}", f"strategy: {plan.strategy}", f"minutes: {plan.minutes:.1f}"]
@@ -54,7 +54,7 @@ def write_plan(plan: Plan, file: BinaryIO) -> None:
 
 
 def read_plan(path: Path, machine: Machine) -> Plan:
-    """The plan in a file with the state columns of a measurement file; UserError for what can't be used."""
+    """The plan in a file with the state columns of a measurement file; UserError for a value that cannot be used."""
     table, notes = read_table(path, "plan"), list[str]()
     check_machine(table, machine, notes)
     allow_columns(table, [*state_columns(machine), "axis", "target_mm", "target_deg"])
@@ -69,7 +69,7 @@ def read_plan(path: Path, machine: Machine) -> Plan:
 
 
 def _measured(plan: Plan, axis: np.ndarray, columns: Mapping[str, list[str]]) -> dict[str, list[str]]:
-    """The axis of each row and its position, as a measurement with an interferometer has them."""
+    """The axis of each row and its position, as in a measurement with an interferometer."""
     turning = [each.name for each in plan.machine.axes if each.rotary]
     found = {"axis": axis.tolist()}
     for header, rows in (("target_mm", ~np.isin(axis, turning)), ("target_deg", np.isin(axis, turning))):

@@ -1,7 +1,7 @@
-"""Registration: where the instrument stood, which nobody knows and every fit estimates along with the errors.
+"""Registration: the unknown pose of the instrument, which every fit estimates together with the errors.
 
-A tracker has one pose for each station, a part one alignment, an interferometer one zero for each run; targets on the
-table and on the bed have an unknown position each.
+A tracker has one pose for each station, a part one alignment, an interferometer one zero for each run; each target on
+the table or the bed has an unknown position.
 """
 
 from __future__ import annotations
@@ -17,24 +17,27 @@ from kinematics.transforms import Array, Pose, rotation_vector_matrix, turn
 
 @dataclass(frozen=True)
 class Registration:
-    """mm and rad. Parameters in order: poses (shift, then turn about the centre of what was seen), zeros, targets."""
+    """Registration, mm and rad.
+
+    Order of the parameters: poses (shift, then rotation about the centre of the observations), zeros, slopes, targets.
+    """
 
     poses: Mapping[str, Pose] = field(default_factory=dict)
-    """By group: from the frame that the instrument stands on to its own."""
+    """Pose of each group, from the frame to which the instrument is fixed to its own."""
     centres: Mapping[str, Array] = field(default_factory=dict)
-    """By group: point `(3,)`, in the instrument's frame, that the turns are about."""
+    """Centre of rotation of each group `(3,)`, mm, in the instrument's frame."""
     planar: bool = False
-    """True of a part known in x and y only: two shifts and the turn about z."""
+    """True for a part measured in x and y only: two shifts and the rotation about z."""
     zeros: Mapping[str, float] = field(default_factory=dict)
-    """By run of an interferometer: its reading where the axis is without error."""
+    """Reading for an axis without error, by run of an interferometer."""
     slopes: Mapping[str, float] = field(default_factory=dict)
     """Slope of the line of each straightness run against the axis, rad; its zero is at position 0 of the axis."""
     targets: Mapping[str, Array] = field(default_factory=dict)
-    """By name of a target on table or bed: its position `(3,)`."""
+    """Position `(3,)`, mm, of each target on table or bed, by name."""
 
     @property
     def names(self) -> list[str]:
-        """Of the parameters."""
+        """Names of the parameters."""
         moves = ("x", "y", "C") if self.planar else ("x", "y", "z", "A", "B", "C")
         return [
             *(f"pose {group} {move}" for group in self.poses for move in moves),
@@ -62,12 +65,12 @@ class Registration:
         return Registration(poses, self.centres, self.planar, zeros, slopes, targets)
 
     def tool(self, measurement: Measurement) -> Array:
-        """Positions `(n, 3)`, mm, of the targets on what carries them, as far as they are known by now."""
+        """Positions `(n, 3)`, mm, of the targets on their carriers, as estimated so far."""
         positions = np.array([self.targets.get(name, np.array(t.position)) for name, t in measurement.targets.items()])
         return np.asarray(positions[measurement.target_number])
 
     def seen(self, measurement: Measurement, points: Array) -> Array:
-        """Points `(n, 3)` of the frame that the instrument stands on, in its own."""
+        """Points `(n, 3)`, mm, of the frame to which the instrument is fixed, in the instrument's frame."""
         result = np.empty_like(points)
         groups = measurement.groups
         for group, pose in self.poses.items():
@@ -76,7 +79,7 @@ class Registration:
         return result
 
     def rotations(self, measurement: Measurement) -> Array:
-        """Rotations `(n, 3, 3)` to the instrument's frame."""
+        """Rotations `(n, 3, 3)` from the frame to which the instrument is fixed to its own."""
         result = np.empty((len(measurement), 3, 3))
         groups = measurement.groups
         for group, pose in self.poses.items():
@@ -85,7 +88,7 @@ class Registration:
 
 
 def _stepped(values: Mapping[str, float], step: Array) -> tuple[dict[str, float], Array]:
-    """Values after their part of a step, and the rest of the step."""
+    """Values after their part of a step, and the remaining part of the step."""
     moved = {
         name: value + own for (name, value), own in zip(values.items(), step[: len(values)].tolist(), strict=False)
     }
@@ -93,9 +96,9 @@ def _stepped(values: Mapping[str, float], step: Array) -> tuple[dict[str, float]
 
 
 def rigid(points: Array, seen: Array, *, planar: bool = False) -> Pose:
-    """The pose that takes `points` to `seen`, both `(n, 3)`, with least squares (SVD; Montavon et al. (1)-(5)).
+    """The least-squares pose from `points` to `seen`, both `(n, 3)` (SVD; Montavon et al. (1)-(5)).
 
-    Planar: turned about z only.
+    Planar: rotation about z only.
     """
     centre, there = points.mean(axis=0), seen.mean(axis=0)
     product = (seen - there).T @ (points - centre)

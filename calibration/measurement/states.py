@@ -1,4 +1,4 @@
-"""Where the machine stood: the state columns of a measurement file, whatever was observed there (contract 4.2)."""
+"""State columns of a measurement file, independent of the kind of observation (contract 4.2)."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 CARRIERS: Mapping[str, Carrier] = {"target": "tool", "table": "table", "bed": "bed"}
-"""What carries a target, by the first part of its header key."""
+"""Carrier of a target, by the first part of its header key."""
 STANDS_ON: Mapping[str, Literal["workpiece", "bed"]] = {"workpiece": "workpiece", "bed": "bed"}
 OF_A_PLAN = ("strategy", "minutes")
-"""Header keys that a plan has, and may keep when observations are written into it."""
+"""Header keys of a plan, which a measurement file made from it may keep."""
 DIRECTIONS = {"+1": 1, "1": 1, "+": 1, "forward": 1, "-1": -1, "-": -1, "backward": -1}
 PLAIN_NAME = re.compile(r'[^\s,:"]+')
 SAME_POSITION = 1e-6
-"""mm or rad: two columns that say this of one axis agree."""
+"""Difference, mm or rad, up to which two columns for one axis agree."""
 NOMINAL_AGREES = 1e-3
-"""mm: positions of axes and nominal features, which are rounded, agree."""
+"""Difference, mm, up to which axis positions and nominal features, both rounded, agree."""
 
 
 @dataclass(frozen=True)
@@ -49,24 +49,24 @@ class Places:
 
     @property
     def tool(self) -> Array:
-        """Positions `(n, 3)`, mm, of the targets on what carries them."""
+        """Positions `(n, 3)`, mm, of the targets on their carriers."""
         return _tool(self.targets, self.state.target)
 
 
 def state_columns(machine: Machine) -> list[str]:
-    """Names of the columns that any file may have; `temp_` stands for all that begin so, `point` is for people."""
+    """Names of the columns that any file may have; `temp_<name>` represents all sensors; `point` is a comment."""
     axes = machine.names
     directions, actual = (f"dir_{name}" for name in axes), (f"actual_{name}" for name in axes)
     return [*axes, "time_s", "feed", "target", "station", "run", "point", *directions, *actual, "temp_<name>"]
 
 
 def allow_columns(table: Table, known: list[str]) -> None:
-    """UserError for a column that is not among the known ones."""
+    """UserError for an unknown column."""
     table.allow_columns(lambda name: name in known or re.fullmatch(r"temp_\S+", name) is not None, known)
 
 
 def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
-    """UserError when the file is of another machine than this one."""
+    """UserError if the file belongs to another machine."""
     if "machine" not in table.entries:
         notes.append(f"the file names no machine: taken to be {machine.name}")
     elif table.entries["machine"].value != machine.name:
@@ -74,7 +74,7 @@ def check_machine(table: Table, machine: Machine, notes: list[str]) -> None:
 
 
 def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[str]) -> None:
-    """Notes for header lines that nothing is done with."""
+    """Notes on header lines that are not used."""
     for key, entry in table.entries.items():
         if not known(key) and key not in OF_A_PLAN and key.partition(".")[0] not in CARRIERS:
             where = f"line {entry.line}: header key {key!r}" if entry.line else f"--header {key}"
@@ -83,7 +83,7 @@ def note_unknown_keys(table: Table, known: Callable[[str], bool], notes: list[st
 
 
 def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
-    """The states and targets of a table; what had to be taken for granted is added to the notes."""
+    """The states and targets of a table; assumptions are added to the notes."""
     targets, target = read_targets(table, notes)
     tool = _tool(targets, target)
     part_zero: Vector = (0.0, 0.0, 0.0)
@@ -122,7 +122,7 @@ def read_places(table: Table, machine: Machine, notes: list[str]) -> Places:
 
 
 def axis_columns(table: Table, machine: Machine) -> np.ndarray:
-    """Column in the machine `(n,)` of the axis that each row names; UserError where it has none of that name."""
+    """Index in the machine `(n,)` of the axis named in each row; UserError for an unknown axis."""
     names = table.texts(["axis"])["axis"]
     unknown = np.flatnonzero(~np.isin(names, machine.names))
     if len(unknown):
@@ -132,7 +132,7 @@ def axis_columns(table: Table, machine: Machine) -> np.ndarray:
 
 
 def read_component(table: Table, machine: Machine) -> np.ndarray | None:
-    """Error motion `(n,)` that each row observes, empty for the positioning deviation; None without the column."""
+    """Observed error motion of each row `(n,)`, empty for the positioning deviation; None without the column."""
     if "component" not in table.names:
         return None
     letters = table.cells(["component"])["component"]
@@ -147,11 +147,10 @@ def read_component(table: Table, machine: Machine) -> np.ndarray | None:
 
 
 def by_kind(table: Table, machine: Machine, linear: str, rotary: str, angular: np.ndarray | None = None) -> Array:
-    """Numbers `(n,)` from one column in rows of linear axes and from another in those of rotary ones.
+    """Numbers `(n,)` from one column in rows of linear axes and from another in rows of rotary axes.
 
-    angular: mask `(n,)` of the rows of the other column, where these are not those of rotary axes alone.
-
-    The column of the other kind is not there, or empty.
+    `angular`: mask `(n,)` of the rows of the second column, if these are not the rows of rotary axes. In each row the
+    other column is empty or missing.
     """
     turns = machine.rotary[axis_columns(table, machine)] if angular is None else angular
     values = np.empty(len(table))
@@ -174,7 +173,7 @@ def by_kind(table: Table, machine: Machine, linear: str, rotary: str, angular: n
 
 
 def _of_axes(table: Table, machine: Machine, notes: list[str]) -> Array:
-    """Commanded positions `(n, axes)`, mm and rad; an axis without column stands at its home."""
+    """Commanded positions `(n, axes)`, mm and rad; home for an axis without a column."""
     positions = np.tile([axis.home for axis in machine.axes], (len(table), 1))
     given = table.numbers([name for name in machine.names if name in table.names])
     for name, column in given.items():
@@ -184,7 +183,7 @@ def _of_axes(table: Table, machine: Machine, notes: list[str]) -> Array:
 
 
 def _of_targets(table: Table, machine: Machine, notes: list[str]) -> Array:
-    """Positions `(n, axes)` of a table that measures one axis a row, at its target; the others as in `_of_axes`."""
+    """Positions `(n, axes)` in a table with one measured axis per row: its target; other axes as in `_of_axes`."""
     columns = axis_columns(table, machine)
     measured = [name for i, name in enumerate(machine.names) if np.any(columns == i)]
     aside: list[str] = []
@@ -203,9 +202,9 @@ def _of_targets(table: Table, machine: Machine, notes: list[str]) -> Array:
 
 
 def _of_part(table: Table, machine: Machine, tool: Array, notes: list[str]) -> tuple[Array, Vector]:
-    """Positions `(n, axes)` that put the tool point on the nominal features, and the part's zero.
+    """Positions `(n, axes)`, mm and rad, with the tool point on the nominal features, and the part's zero, mm.
 
-    Rotary axes, and linear ones that are not needed, stand at home; the tool point is affine in the others.
+    Rotary axes, and linear ones that are not needed, are at home; the tool point is affine in the others.
     """
     zero = _given_zero(table)
     if zero is None:
@@ -230,7 +229,7 @@ def _of_part(table: Table, machine: Machine, tool: Array, notes: list[str]) -> t
 
 
 def _nominal(table: Table) -> Array:
-    """Nominal features `(n, 3)`, mm, in the part's frame; z is 0 where the table does not say it."""
+    """Nominal features `(n, 3)`, mm, in the part's frame; z is 0 without a column."""
     table.need_columns(["nominal_x", "nominal_y"], "a part")
     names = [name for name in ("nominal_x", "nominal_y", "nominal_z") if name in table.names]
     columns = list(table.numbers(names).values())
@@ -245,7 +244,7 @@ def _given_zero(table: Table) -> Vector | None:
 
 
 def _seen_zero(table: Table, points: Array, notes: list[str]) -> Vector:
-    """The part's zero where the axes stood at `points` `(n, 3)`; a note where they don't fit the nominal features."""
+    """The part's zero, mm, for tool points `(n, 3)`; a note if they do not fit the nominal features."""
     nominal = _nominal(table)
     planar = "nominal_z" not in table.names
     left = points - rigid(nominal, points, planar=planar).apply(nominal)
@@ -260,7 +259,7 @@ def _seen_zero(table: Table, points: Array, notes: list[str]) -> Vector:
 
 
 def read_targets(table: Table, notes: list[str]) -> tuple[dict[str, Target], np.ndarray]:
-    """The targets by name, sorted, and the name of each row's."""
+    """The targets by name, and the name of the target of each row `(n,)`."""
     targets: dict[str, Target] = {}
     for key in table.entries:
         first, dot, name = key.partition(".")
@@ -301,7 +300,7 @@ def _tool(targets: Mapping[str, Target], names: np.ndarray | None) -> Array:
 
 
 def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:
-    """What the instrument stands on; UserError for what it can't."""
+    """Base of the instrument; UserError for an unknown one."""
     value = table.entries["stands_on"].value if "stands_on" in table.entries else "workpiece"
     if value not in STANDS_ON:
         table.header_fault("stands_on", f"expected {' or '.join(STANDS_ON)}, got {value!r}")
@@ -309,7 +308,7 @@ def read_stands_on(table: Table) -> Literal["workpiece", "bed"]:
 
 
 def read_temperatures(table: Table) -> dict[str, Array]:
-    """K from 20 degC, by sensor."""
+    """Temperatures `(n,)`, K from 20 degC, by sensor."""
     columns = table.numbers([name for name in table.names if name.startswith("temp_")])
     return {name.removeprefix("temp_"): column - REFERENCE for name, column in columns.items()}
 
@@ -359,9 +358,9 @@ def _signs(table: Table) -> Array:
 
 
 def _approach(table: Table, machine: Machine, from_order: Array | None) -> Array | None:
-    """Direction of approach `(n, axes)`: as the file says, where it does not from the order of rows.
+    """Direction of approach `(n, axes)`: as given in the file, otherwise from the order of rows.
 
-    The order in which a part is measured says nothing of the machine's moves: None there, unless the file says it.
+    The order in which a part is measured does not show the machine's moves: None for a part, unless the file gives it.
     """
     columns = table.numbers([name for name in table.names if name.startswith("dir_")])
     if from_order is None and not columns:
@@ -378,7 +377,7 @@ def _approach(table: Table, machine: Machine, from_order: Array | None) -> Array
 
 
 def _in_order(names: np.ndarray) -> np.ndarray:
-    """Numbers `(n,)` from 0 in the order of first appearance."""
+    """Number `(n,)` of each name from 0, in the order of first appearance."""
     _, first, number = np.unique(names, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[number])
 

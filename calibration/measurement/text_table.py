@@ -1,4 +1,4 @@
-"""Tables in text: header lines `# key: value`, column names, and cells by column, with their places for messages."""
+"""Tables in text: header lines `# key: value`, column names, and cells by column, with line numbers for messages."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 LARGEST = 1e12
-"""Largest number that is read: the squares of mistyped numbers must stay finite."""
+"""Largest accepted number, so that the squares of mistyped numbers stay finite."""
 
 
 class Entry(NamedTuple):
-    """The value of a header key, and its line; 0 of what was not in the file but given along with it."""
+    """The value of a header key, and its line; 0 for a key given in addition to the file."""
 
     value: str
     line: int = 0
@@ -31,29 +31,29 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """The text of a table, whose cells are read when they are asked for."""
+    """The text of a table, whose cells are read on request."""
 
     source: str
     fingerprint: str
     entries: Mapping[str, Entry]
-    """The header, by key."""
+    """Header values by key."""
     remarks: tuple[Entry, ...]
-    """Header lines that are no `key: value`."""
+    """Header lines that are not `key: value`."""
     names: tuple[str, ...]
-    """Of the columns, in order."""
+    """Names of the columns, in order."""
     names_line: int
     rows: Sequence[str]
     lines: np.ndarray
-    """Line in the file `(n,)` of each row."""
+    """Line number in the file `(n,)` of each row."""
     delimiter: str = ","
     above: Sequence[str] = ()
-    """The lines of the file down to the names of columns."""
+    """Lines of the file up to the names of columns."""
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def numbers(self, names: Sequence[str]) -> dict[str, Array]:
-        """Columns `(n,)` of numbers up to LARGEST; UserError with line and column of the first cell without one."""
+        """Columns `(n,)` of numbers up to LARGEST; UserError with line and column of the first other cell."""
         if not names:
             return {}
         try:
@@ -65,7 +65,7 @@ class Table:
         return dict(zip(names, values.T.copy(), strict=True))
 
     def texts(self, names: Sequence[str]) -> dict[str, np.ndarray]:
-        """Columns `(n,)` of texts without the blanks around them; UserError with the place of the first empty cell."""
+        """Columns `(n,)` of texts without surrounding blanks; UserError with line and column for an empty cell."""
         columns = self.cells(names)
         for name, column in columns.items():
             empty = np.flatnonzero(column == "")
@@ -74,12 +74,12 @@ class Table:
         return columns
 
     def cells(self, names: Sequence[str]) -> dict[str, np.ndarray]:
-        """Columns `(n,)` of texts, empty ones among them."""
+        """Columns `(n,)` of texts without surrounding blanks; cells may be empty."""
         return {name: np.char.strip(column) for name, column in zip(names, self._load(names, str).T, strict=True)}
 
     @property
     def head(self) -> str:
-        """Place of the column names, for messages."""
+        """Source and line of the column names, for messages."""
         return f"{self.source}:{self.names_line}" if self.names_line else self.source
 
     def fault(self, row: int, name: str, reason: str) -> NoReturn:
@@ -92,7 +92,7 @@ class Table:
         raise UserError(f"{self.source}{f':{line}' if line else ''} {key}: {reason}")
 
     def header_numbers(self, key: str, count: int) -> tuple[float, ...]:
-        """So many numbers up to LARGEST, with blanks or commas between them, of a header line."""
+        """`count` numbers up to LARGEST in a header line, separated by blanks or commas; UserError for other values."""
         cells = self.entries[key].value.replace(",", " ").split()
         values = [number_of(cell) for cell in cells]
         if len(values) != count or None in values:
@@ -101,7 +101,7 @@ class Table:
         return tuple(value for value in values if value is not None)
 
     def allow_columns(self, known: Callable[[str], bool], listed: Sequence[str]) -> None:
-        """UserError for the first column that is not known; it lists those that are."""
+        """UserError for the first unknown column; it lists the known ones."""
         for name in self.names:
             if not known(name):
                 near = difflib.get_close_matches(name, listed, n=1)
@@ -109,7 +109,7 @@ class Table:
                 raise UserError(f"{self.head} column {name}: not known{meant}; known are {', '.join(listed)}")
 
     def need_columns(self, names: Sequence[str], what: str) -> None:
-        """UserError when one of the columns is not there."""
+        """UserError for missing columns."""
         missing = [name for name in names if name not in self.names]
         if missing:
             columns = f"column{'s' if len(missing) > 1 else ''} {', '.join(missing)}"
@@ -132,12 +132,12 @@ class Table:
 
 
 def read_table(path: Path, what: str) -> Table:
-    """The table in a file; UserError when it can't be read, naming `what` it should have been."""
+    """The table in a file; UserError, naming the kind of file, if it cannot be read."""
     return parse_table(read_input(path, what), str(path))
 
 
 def parse_table(data: bytes, source: str) -> Table:
-    """The table in UTF-8 text with commas between cells; `source` names it in messages."""
+    """The table in UTF-8 text with commas between cells; `source` is its name in messages."""
     lines = text_lines(data, source)
     refuse_empty(data, source)
     entries: dict[str, Entry] = {}
@@ -169,7 +169,7 @@ def table_of(
     columns: Mapping[str, Sequence[str]],
     lines: Sequence[int],
 ) -> Table:
-    """A table from columns `(n,)` of texts without line ends, whatever file they come from."""
+    """A table from columns `(n,)` of texts without line ends; UserError without rows."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(zip(*columns.values(), strict=True))
     rows = text.getvalue().split("\n")[:-1]
@@ -179,7 +179,7 @@ def table_of(
 
 
 def body(table: Table, lines: Sequence[str]) -> Table:
-    """The table with the rows below its column names, blank ones left out; UserError for one of the wrong length."""
+    """The table with the rows below its column names, without blank ones; UserError for a row of the wrong length."""
     first = table.names_line
     filled = [(number, line) for number, line in enumerate(lines[first:], start=first + 1) if line and line.strip()]
     if not filled:
@@ -205,13 +205,13 @@ def _check_row(row: str, where: str, wanted: int, delimiter: str) -> None:
 
 
 def refuse_empty(data: bytes, source: str) -> None:
-    """UserError for a file without anything but blanks."""
+    """UserError for a file with nothing but blanks."""
     if not data.removeprefix(codecs.BOM_UTF8).strip():
         raise UserError(f"{source} is empty")
 
 
 def text_lines(data: bytes, source: str) -> list[str]:
-    """Lines of UTF-8 text, with or without a byte order mark, whatever ends them."""
+    """Lines of UTF-8 text, with any line ends, with or without a byte order mark; UserError for other content."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -222,7 +222,7 @@ def text_lines(data: bytes, source: str) -> list[str]:
 
 
 def number_of(cell: str) -> float | None:
-    """The number in a cell, None when it is none or beyond LARGEST."""
+    """The number in a cell; None for other text and for numbers beyond LARGEST."""
     try:
         value = float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:

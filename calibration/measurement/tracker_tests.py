@@ -8,8 +8,8 @@ u_angle_per_m D in either direction. Variances of the measured quantities, to fi
                                                                         d^2 = D^2 + L^2 / 4, c = L / 2 d
     two-face   distance of the two faces' points, two components:       2 a(D)^2 each, so its mean square is 4 a(D)^2
 
-Measured errors are fitted by maximum likelihood; stated values (a data sheet's, of a coverage factor k) by least
-squares of their logarithms, as the virtual calibration paper does (2.2.2, Figure 3 and Table 3).
+Measured errors are fitted by maximum likelihood; stated values (of a data sheet, with a coverage factor k) by least
+squares of their logarithms, as in the virtual calibration paper (2.2.2, Figure 3 and Table 3).
 """
 
 from __future__ import annotations
@@ -29,44 +29,44 @@ KINDS = ("ranging", "length", "two-face")
 PARAMETERS = ("u_range_um", "u_range_um_per_m", "u_angle_um", "u_angle_um_per_m")
 STARTS = ((1.0, 0.5, 5.0, 2.0), (0.1, 1.0, 0.5, 5.0), (5.0, 0.05, 20.0, 0.5))
 SMALLEST = 1e-6
-"""Smallest parameter, um or um/m; a smaller one is zero."""
+"""Smallest parameter, um or um/m; smaller ones count as zero."""
 NEAREST = 0.1
 """Smallest range of a test, m."""
 LEAST_UM, LARGEST_UM = 0.01, 1000.0
-"""Limits of a tracker's errors, um; a file beyond them is in another unit."""
+"""Limits of a tracker's errors, um; values beyond them are in another unit."""
 DOUBTFUL = 1e-3
-"""Chance of a chi2 below which the tests do not fit the model."""
+"""Probability of a chi2 below which the tests do not fit the model."""
 
 
 @dataclass(frozen=True)
 class TrackerTests:
-    """One row for each test."""
+    """Tests of a tracker, one row for each."""
 
     kind: np.ndarray
-    """`(n,)`, of KINDS."""
+    """Kind of each test `(n,)`, one of KINDS."""
     ranges: Array
-    """`(n, 2)`, m: of both ends of the length; alike in other tests."""
+    """Ranges of the two ends of the length `(n, 2)`, m; equal in other tests."""
     along: Array
-    """Share `(n,)` of the length that lies along the beam, squared: 1 of ranging, 0 of two-face tests."""
+    """Squared share of the length along the beam `(n,)`: 1 for ranging, 0 for two-face tests."""
     value: Array
-    """Errors `(n,)`, um; or stated values."""
+    """Measured errors or stated values `(n,)`, um."""
     coverage: float | None
-    """k of stated values; None of measured errors."""
+    """Coverage factor k of stated values; None for measured errors."""
     source: str
 
     @property
     def freedom(self) -> Array:
-        """Components `(n,)` that a value is made of."""
+        """Number of components of each value `(n,)`."""
         return np.where(self.kind == "two-face", 2.0, 1.0)
 
     def variances(self, parameters: Array) -> Array:
-        """Variances of each component `(n,)`, um2, by the four parameters."""
+        """Variances of each component `(n,)`, um2, from the four parameters."""
         r = parameters[0] + parameters[1] * self.ranges
         a = parameters[2] + parameters[3] * self.ranges
         return np.asarray(np.sum(self.along[:, None] * r**2 + (1.0 - self.along[:, None]) * a**2, axis=1))
 
     def slopes(self, parameters: Array) -> Array:
-        """Derivatives `(n, 4)` of the variances."""
+        """Derivatives `(n, 4)` of the variances by the parameters."""
         r = parameters[0] + parameters[1] * self.ranges
         a = parameters[2] + parameters[3] * self.ranges
         by_r, by_a = 2.0 * self.along[:, None] * r, 2.0 * (1.0 - self.along[:, None]) * a
@@ -81,9 +81,9 @@ class Fitted:
     tests: TrackerTests
     parameters: Array
     u: Array
-    """Standard uncertainties `(4,)`."""
+    """Standard uncertainties of the parameters `(4,)`."""
     predicted: Array
-    """RMS `(n,)`, um, of the values by the parameters."""
+    """Predicted RMS of each value `(n,)`, um."""
 
     @property
     def instrument(self) -> LaserTracker:
@@ -97,7 +97,7 @@ class Fitted:
         return float(np.sum(freedom * (self.tests.value[rows] / self.predicted[rows]) ** 2)), int(freedom.sum())
 
     def doubtful(self, kind: str) -> bool:
-        """True of measured errors that are larger than these parameters make them."""
+        """True if measured errors of a kind are significantly larger than predicted."""
         value, freedom = self.chi2(kind)
         return self.tests.coverage is None and freedom > 0 and float(special.chdtrc(freedom, value)) < DOUBTFUL
 
@@ -153,7 +153,7 @@ def fit_tests(tests: TrackerTests) -> Fitted:
 
 
 def _own(table: Table, name: str, rows: np.ndarray) -> Array:
-    """Numbers `(n,)` of a column that is filled in some rows only; 0 in the others."""
+    """Numbers `(n,)` of a column that is filled only in the given rows; 0 in the others."""
     found = np.zeros(len(rows))
     if not rows.any():
         return found
@@ -193,7 +193,7 @@ def _refuse_blind(tests: TrackerTests) -> None:
 
 
 def _likelihood(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
-    """Minus its logarithm, and its derivatives; of measured errors."""
+    """Negative log-likelihood of measured errors, and its derivatives."""
     variance, slopes = tests.variances(parameters), tests.slopes(parameters)
     total = 0.5 * np.sum(tests.freedom * np.log(variance) + tests.value**2 / variance)
     return float(total), 0.5 * (tests.freedom / variance - (tests.value / variance) ** 2) @ slopes
@@ -208,7 +208,7 @@ def _logarithms(parameters: Array, tests: TrackerTests) -> tuple[float, Array]:
 
 
 def _uncertainties(tests: TrackerTests, parameters: Array, predicted: Array) -> Array:
-    """Standard uncertainties `(4,)`: by Fisher's information; of stated values by the scatter about the fit."""
+    """Standard uncertainties `(4,)` from Fisher's information; for stated values from the scatter about the fit."""
     relative = tests.slopes(parameters) / tests.variances(parameters)[:, None]
     if tests.coverage is None:
         information = 0.5 * (relative * tests.freedom[:, None]).T @ relative

@@ -1,4 +1,4 @@
-"""How fast the axes moved at each observation, from the order of rows and the feed."""
+"""Velocity of the axes at each observation, from the order of rows and the feed."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from kinematics.machine import Machine
 from kinematics.transforms import Array
 
 STILL = 1e-9
-"""mm or rad: an axis that moves less between two rows stands still."""
+"""Displacement between two rows, mm or rad, below which an axis is at standstill."""
 
 
 def velocities(
     machine: Machine, positions: Array, feed: Array, begins: np.ndarray, told: Array
 ) -> tuple[Array, np.ndarray]:
-    """Velocity `(n, axes)`, mm/s and rad/s, and the rows `(n,)` in motion of which no direction is known: 0 there.
+    """Velocity `(n, axes)`, mm/s and rad/s, and a mask `(n,)` of rows in motion without a known direction (velocity 0).
 
-    The way is that from the row before, or to the next one where a row is the first in motion; a feed `(n,)`, mm/min,
-    is that of the linear axes together, and where only rotary axes move, deg/min. begins: True `(n,)` where a row does
-    not follow the one before (another run). told `(n, axes)`: directions that the file states, 0 where it states none;
-    a way that goes against them is turned round.
+    The direction is that from the row before, or to the next row for the first row in motion. The feed `(n,)`, mm/min,
+    refers to the linear axes together, or, if only rotary axes move, to these in deg/min. `begins`: True `(n,)` for a
+    row that does not follow the one before (another run). `told` `(n, axes)`: directions given in the file, 0 without
+    one; a motion against them is reversed.
     """
     moving = feed > 0.0
     steps = np.diff(positions, axis=0, append=positions[-1:])

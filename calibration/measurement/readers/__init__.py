@@ -1,7 +1,7 @@
-"""Measurements from files of any known format: each is made a table of the contract's columns, and read as such.
+"""Measurements from files of any known format: each is converted to a table of the contract's columns.
 
-A format is recognised from what stands in the file, never from units or numbers. What a file does not say of itself
-(uncertainties of the instrument, where the target sits, an axis) is given along with it, by the header keys of the
+A format is recognised from the text of the file, never from units or numbers. Information that the file lacks
+(uncertainties of the instrument, position of the target, an axis) is given in addition, with the header keys of the
 measurement file.
 """
 
@@ -23,7 +23,7 @@ from kinematics.user_error import UserError
 
 
 class Reader(NamedTuple):
-    """A format: what tells it from the beginning of a file, and what makes it a table, with notes."""
+    """A format: a test of the beginning of a file, and the conversion to a table, with notes."""
 
     recognises: Callable[[str], bool]
     to_table: Callable[[bytes, str, Machine, Mapping[str, str]], tuple[Table, list[str]]]
@@ -42,7 +42,7 @@ KNOWN = (
     "with a column map)"
 )
 HEAD = 20_000
-"""Bytes that a format is recognised from."""
+"""Number of bytes from which a format is recognised."""
 
 
 def read_any(
@@ -54,11 +54,11 @@ def read_any(
     columns: str | None = None,
     plan: Path | None = None,
 ) -> Measurement:
-    """The measurement in a file of one of FORMATS; UserError lists them when it is none.
+    """The measurement in a file of one of FORMATS; UserError with a list of these for another format.
 
     header: keys of the measurement file that this file lacks or that replace its own. columns: name or path of the
-    column map of a delimited export; plan: CSV that names of points are looked up in, or whose positions the stands of
-    a tracker's log are.
+    column map of a delimited export. plan: CSV with the positions for the names of points, or with the positions of the
+    standstills in a tracker's log.
     """
     table, notes = table_in(path, machine, format, header=header, columns=columns, plan=plan)
     measurement = measurement_of(table, machine)
@@ -74,7 +74,7 @@ def table_in(
     columns: str | None = None,
     plan: Path | None = None,
 ) -> tuple[Table, list[str]]:
-    """The table of the contract's columns that a file holds, and notes; arguments as those of `read_any`."""
+    """The table of the contract's columns from a file, and notes; arguments as in `read_any`."""
     data, given = read_input(path, "measurement file"), dict(header or {})
     if format not in FORMATS:
         raise UserError(f"format {format!r} is none of {', '.join(FORMATS)}")
@@ -120,7 +120,7 @@ def _table(
 
 
 def _at_stands(table: Table, machine: Machine, plan: Path | None) -> tuple[Table, list[str]]:
-    """The table or, of a tracker's log with a plan, the stands at the plan's positions, and notes."""
+    """The table, or the standstills at the plan's positions for a tracker's log with a plan; and notes."""
     if plan is None:
         return table, []
     from calibration.measurement.standstill.reading import is_log, standstills

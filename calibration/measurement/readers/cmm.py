@@ -1,11 +1,11 @@
-"""Tables of coordinate measuring machines, one row a feature: measured, nominal, and the error Meas - Nom.
+"""Tables of coordinate measuring machines, one row per feature: measured, nominal, and the error Meas - Nom.
 
         Meas X    Meas Y     Nom X     Nom Y     Err X     Err Y  Meas D   Nom D   Round
        -73.126   121.717   -73.140   121.705     0.014     0.012   2.174   2.167   0.007
 
-as the plug plates of the Sloan survey have them (ApachePointObservatory/fitPlugPlateMeas): columns of `Meas` and `Nom`
-in X, Y and possibly Z, blanks between numbers, free lines above. Lengths are mm there; the file does not say so, and
-the note that says it stands with the measurement. Diameters and roundness say nothing of position and are not read.
+The format is that of the plug plates of the Sloan survey (ApachePointObservatory/fitPlugPlateMeas): columns of `Meas`
+and `Nom` in X, Y and possibly Z, blanks between numbers, any lines above. Lengths are assumed to be mm, because the
+file does not give the unit; the measurement has a note on it. Diameters and roundness are not read.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from kinematics.user_error import UserError
 
 _NAME = re.compile(r"(?:Meas|Nom|Err)\s+[XYZD]|Round", re.I)
 ROUNDING = 2.5e-3
-"""mm: Err, Meas and Nom are rounded to um each."""
+"""Largest difference, mm, of Err from Meas - Nom, because each of these is rounded to um."""
 
 
 def recognises(head: str) -> bool:
-    """True of the beginning of such a file."""
+    """True for the beginning of such a file."""
     return any(_is_names(line) for line in head.splitlines())
 
 

@@ -1,7 +1,8 @@
 """Delimited exports of tracker software (SpatialAnalyzer, PolyWorks, Leica), read by a column map in TOML.
 
-There is no one format, so the map says what the export does not: which column is what, in which unit, and how uncertain
-the instrument is. Nothing of it is guessed. Ready maps stand in `calibration/readers/maps`:
+Exports have no common format. The map gives the information that the export lacks: the meaning and unit of each column,
+and the uncertainties of the instrument. Nothing is guessed. Maps for some programs are in
+`calibration/measurement/readers/maps`:
 
     delimiter = ","              # "," ";" "tab" or "blank" (any number of blanks and tabs)
     decimal = "."                # or ","
@@ -27,8 +28,8 @@ the instrument is. Nothing of it is guessed. Ready maps stand in `calibration/re
     u_angle_um = 5
     target.t1 = "0 0 -120"
 
-An export that has only names of points takes the positions of the axes from a plan: a CSV with a column of the same
-name, the columns `X`, `Y`, ... and any others of the measurement file, in its units. A name may be measured often.
+An export with names of points only takes the positions of the axes from a plan: a CSV with a column of the same name,
+the columns `X`, `Y`, ... and any others of the measurement file, in its units. A point may be measured several times.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ MAPS = Path(__file__).parent / "maps"
 
 
 class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an export does not say of itself."""
+    """Information that an export does not contain."""
 
     columns: dict[str, str | int]
     delimiter: Literal[",", ";", "tab", "blank"]
@@ -79,7 +80,7 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def keys(self) -> dict[str, str]:
-        """The header as keys of the measurement file; `target.t1` of TOML is a table there."""
+        """The header as keys of the measurement file; TOML reads `target.t1` as a table."""
         flat: dict[str, str] = {}
         for key, value in self.header.items():
             if isinstance(value, dict):
@@ -90,7 +91,7 @@ class ColumnMap(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_map(name: str) -> ColumnMap:
-    """The map of that name among the shipped ones, or in that file; UserError says what is wrong with it."""
+    """The shipped map of this name, or the map in this file; UserError for an invalid map."""
     path = MAPS / f"{name}.toml" if name in map_names() else Path(name)
     data = read_input(path, "column map")
     try:
@@ -108,7 +109,7 @@ def read_map(name: str) -> ColumnMap:
 
 
 def map_names() -> list[str]:
-    """Of the shipped maps."""
+    """Names of the shipped maps."""
     return sorted(path.stem for path in MAPS.glob("*.toml"))
 
 
@@ -133,7 +134,7 @@ def to_table(
 
 
 def _cells(data: bytes, source: str, columns: ColumnMap) -> tuple[list[str], list[list[str]], list[int]]:
-    """Names of the columns (none, where the map says so), rows of cells, and their lines."""
+    """Names of the columns (empty if the export has none), rows of cells, and their line numbers."""
     lines = [
         (number, line)
         for number, line in numbered_lines(data)[columns.skip_lines :]
@@ -150,7 +151,7 @@ def _cells(data: bytes, source: str, columns: ColumnMap) -> tuple[list[str], lis
 
 
 def _column(names: list[str], rows: list[list[str]], lines: list[int], wanted: str | int, source: str) -> list[str]:
-    """The cells of a column, by its name or its number from 1."""
+    """The cells of a column, given by name or by number from 1."""
     if isinstance(wanted, str):
         if names.count(wanted) != 1:
             found = ", ".join(names) or "none: the map has names = false"
@@ -165,7 +166,7 @@ def _column(names: list[str], rows: list[list[str]], lines: list[int], wanted: s
 
 
 def _converter(name: str, machine: Machine, columns: ColumnMap, source: str) -> Callable[[str, str], str]:
-    """What makes a cell of the export, at a place for messages, one of the measurement file."""
+    """Conversion of a cell of the export to one of the measurement file; its second argument is for messages."""
     axis = name.removeprefix("actual_")
     if name in ("x", "y", "z"):
         size, shift = _unit(columns, "xyz", LENGTHS, name, source), 0.0
@@ -199,7 +200,7 @@ def _unit(columns: ColumnMap, kind: str, sizes: Mapping[str, float], name: str, 
 def _joined(
     texts: Mapping[str, list[str]], key: str, plan: Path, lines: list[int], source: str, notes: list[str]
 ) -> dict[str, list[str]]:
-    """The columns with those that a plan has for the names in the column `key`."""
+    """The columns, together with those of the plan for the names in the column `key`."""
     planned = read_table(plan, "plan")
     planned.need_columns([key], "a plan")
     twice = (set(planned.names) & set(texts)) - {key}

@@ -1,11 +1,11 @@
-"""Logs of EPICS process variables (`camonitor`): one axis in motion, what it was told and what was observed.
+"""Logs of EPICS process variables (`camonitor`): commands and observations of one axis in motion.
 
     IOC:Axis1-PosAct      2020-12-08 16:17:33.317076 0.900391
     IOC:Axis1-Resolver    2020-12-08 16:17:33.317076 1.12222
 
-One line a value: name, date, time, value, in mm, of a rotary axis in degrees. The log says neither what a variable is
-nor which axis it is of: `command` and `observed` name the two variables, `axis` the axis. Values are paired by their
-time stamps, to the nearest within half a sample. The speed comes from the commands, over SPAN samples.
+One line per value: name, date, time, value, in mm, or degrees for a rotary axis. The log does not contain the meaning
+of a variable, nor its axis: `command` and `observed` name the two variables, `axis` the axis. Values are paired with
+the nearest time stamp within half a sample. The speed is that of the commands, over SPAN samples.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from kinematics.user_error import UserError
 _LINE = re.compile(r"(\S+)\s+(\d{4}-\d\d-\d\d)\s+(\d\d:\d\d:\d\d(?:\.\d+)?)\s+(\S+)\s*")
 _GIVEN = ("command", "observed", "axis")
 SPAN = 10
-"""Samples that a speed is taken over."""
+"""Number of samples for a speed."""
 STILL = 0.01
-"""Share of the usual speed below which the axis stands."""
+"""Share of the largest speed below which the axis is at standstill."""
 STEADY = 0.02
-"""Share by which a constant speed may differ from the usual one."""
+"""Largest relative difference of a constant speed from the median speed in motion."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +38,18 @@ class _Variable:
     """The values of one process variable, in the order of time."""
 
     time: Array
-    """`(n,)`, s from 1970."""
+    """Time `(n,)`, s from 1970."""
     value: Array
     lines: np.ndarray
 
     @property
     def sample(self) -> float:
-        """Usual time between two values, s."""
+        """Median time between two values, s."""
         return float(np.median(np.diff(self.time)))
 
 
 def recognises(head: str) -> bool:
-    """True of the beginning of such a file."""
+    """True for the beginning of such a file."""
     lines = [line for line in head.splitlines() if line.strip()]
     return bool(lines) and all(_LINE.fullmatch(line) for line in lines[:2])
 
@@ -99,7 +99,7 @@ def _check_given(told: Mapping[str, str], lines: list[tuple[int, str]], source: 
 
 
 def _variable(lines: list[tuple[int, str]], name: str, source: str) -> _Variable:
-    """The values of a variable; UserError for a line of it that is no value, and where its time goes back."""
+    """The values of a variable; UserError for a line without a value, and for a time that does not increase."""
     stamps, values, numbers = [], [], []
     for number, line in lines:
         if line.split(maxsplit=1)[:1] != [name]:
@@ -125,7 +125,7 @@ def _variable(lines: list[tuple[int, str]], name: str, source: str) -> _Variable
 def _paired(
     command: _Variable, observed: _Variable, told: Mapping[str, str], source: str
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Rows of commands and of observations that belong together, nearest to each other in time, and notes."""
+    """Indices of the commands and observations that are nearest to each other in time, and notes."""
     nearest, back = _nearest(command.time, observed.time), _nearest(observed.time, command.time)
     first = np.arange(len(command.time))
     apart = np.abs(command.time - observed.time[nearest])
@@ -146,20 +146,20 @@ def _paired(
 
 
 def _nearest(times: Array, among: Array) -> np.ndarray:
-    """Index `(n,)` of the nearest of rising times."""
+    """Index `(n,)` of the nearest of ascending times."""
     after = np.clip(np.searchsorted(among, times), 1, len(among) - 1)
     return np.asarray(np.where(times - among[after - 1] <= among[after] - times, after - 1, after))
 
 
 def _speeds(time: Array, position: Array) -> Array:
-    """Speeds `(n,)`, signed, per s, over SPAN samples about each, fewer at the ends."""
+    """Signed speeds `(n,)`, mm/s or deg/s, over SPAN samples about each, fewer at the ends."""
     low = np.maximum(np.arange(len(time)) - SPAN // 2, 0)
     high = np.minimum(np.arange(len(time)) + SPAN // 2, len(time) - 1)
     return np.asarray((position[high] - position[low]) / (time[high] - time[low]))
 
 
 def _regimes(speed: Array) -> tuple[np.ndarray, np.ndarray, float]:
-    """Where the axis moves, where at constant speed `(n,)`, and that speed, the usual one in motion."""
+    """Masks `(n,)` of motion and of constant speed, and this speed, the median in motion."""
     sizes = np.abs(speed)
     moving = sizes > STILL * sizes.max()
     usual = float(np.median(sizes[moving])) if moving.any() else 0.0
@@ -167,7 +167,7 @@ def _regimes(speed: Array) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _ways(speed: Array, moving: np.ndarray) -> Array:
-    """Directions `(n,)`, 1 or -1; of an axis that stands, as it came, or before it has come, as it goes."""
+    """Directions `(n,)`, 1 or -1; at standstill that of the last motion, or before it that of the first."""
     if not moving.any():
         return np.ones(len(speed))
     last = np.maximum.accumulate(np.where(moving, np.arange(len(speed)), 0))
@@ -175,14 +175,14 @@ def _ways(speed: Array, moving: np.ndarray) -> Array:
 
 
 def _runs(ways: Array) -> np.ndarray:
-    """Numbers `(n,)` of runs from 1: a way there, in the first direction, and its way back."""
+    """Numbers `(n,)` of runs from 1: a motion in the first direction, and its return."""
     return 1 + np.cumsum(np.append(False, (ways[1:] == ways[0]) & (ways[:-1] != ways[0])))
 
 
 def _told(
     axis: str, machine: Machine, time: Array, moving: np.ndarray, steady: np.ndarray, usual: float, lines: np.ndarray
 ) -> list[str]:
-    """What the speed says of the rows, for people."""
+    """Notes on the units, the speed and the rows at standstill or changing speed."""
     turns = machine.axes[machine.index(axis)].rotary
     unit, small = ("deg", "urad") if turns else ("mm", "um")
     notes = [f"values taken in {unit} of {axis}, deviation observed minus command in {small}"]

@@ -1,6 +1,6 @@
 """Etalon Exchange Format, "Vendor" variant (TRAC-CAL): error motions and location errors, read as an ErrorModel.
 
-As ISG and Beckhoff document it (TF5280, "Etalon Exchange Format"): `//` begins a comment; a block begins with the name
+Documented by ISG and Beckhoff (TF5280, "Etalon Exchange Format"): `//` begins a comment; a block begins with the name
 of a parameter by ISO 230-1 in brackets and has one number, or positions with values.
 
     [C0B]
@@ -11,8 +11,8 @@ of a parameter by ISO 230-1 in brackets and has one number, or positions with va
         -270.0 -0.000240680764
     }
 
-Nothing public says its units or its sign (the documented numbers would be mm and rad), nor how axes that carry the
-workpiece count: whoever reads such a file states them. Between grid points values are interpolated.
+The units, the sign, and the convention for axes that carry the workpiece are not published (the documented numbers
+would be mm and rad); the user gives them as a `Convention`. Values are interpolated between grid points.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ _BLOCK = re.compile(r"\[\s*(\w+)\s*\]")
 _MOTION = re.compile(r"E([XYZABC])([XYZABCUVW]\d?)")
 _LOCATION = re.compile(r"E?([XYZABC])0([XYZABCUVW]\d?)")
 _LENGTHS = {"mm": 1e3, "um": 1.0, "m": 1e6}
-"""In um."""
+"""Size of each unit of length, um."""
 _ANGLES = {"rad": 1e6, "urad": 1.0, "deg": 17453.292519943295}
-"""In urad."""
+"""Size of each unit of angle, urad."""
 _TURNS = {"deg": 1.0, "rad": 57.29577951308232}
-"""In degrees."""
+"""Size of each unit of rotary positions, degrees."""
 
 
 @dataclass(frozen=True)
 class Convention:
-    """What the format leaves open."""
+    """Sign and units, which the format does not define."""
 
     value_is: Literal["error", "correction"]
-    """Whether a value is the error of the machine, tool relative to workpiece, or what takes it away."""
+    """Meaning of a value: the error of the machine, tool relative to workpiece, or its correction."""
     length: str
     """Unit of linear errors: mm, um or m."""
     angle: str
@@ -66,14 +66,14 @@ class _Block:
 
 
 def recognises(head: str) -> bool:
-    """True of the beginning of such a file."""
+    """True for the beginning of such a file."""
     return any(_BLOCK.fullmatch(line.split("//")[0].strip()) for line in head.splitlines()) and (
         "Gridpoints" in head or "VALUE" in head
     )
 
 
 def read_etalon(path: Path, machine: Machine, convention: Convention) -> ErrorModel:
-    """The errors in a file, without uncertainties, which it does not have."""
+    """The errors in a file, without uncertainties, which the format does not contain."""
     data = read_input(path, "Etalon exchange file")
     effects = tuple(_effect(block, machine, convention, str(path)) for block in _blocks(data, str(path)))
     if not effects:

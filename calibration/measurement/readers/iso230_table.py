@@ -1,4 +1,4 @@
-"""Wide tables of ISO 230-2 tests, as they are kept in spreadsheets: a row for each target, a column for each run.
+"""Wide tables of ISO 230-2 tests, as in spreadsheets: a row for each target, a column for each run.
 
     # axis: X
     # unit: um
@@ -7,9 +7,9 @@
     0;         0,0;  -2,1;   0,4;  -2,4
 
 The first column is `target_mm` or `target_deg`; the others are named by the number of the run and up (+, forward) or
-down (-, backward), in either order. Commas, semicolons or tabs between cells; with the latter two a decimal comma is
-read too. The unit of the deviations, measured minus target, is stated in the header: um, mm or inch; urad, arcsec, mrad
-or deg. An empty cell is a reading that is missing.
+down (-, backward), in either order. Cells are separated by commas, semicolons or tabs; with the latter two a decimal
+comma is also read. The header gives the unit of the deviations, measured minus target: um, mm or inch; urad, arcsec,
+mrad or deg. An empty cell is a missing reading.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _TARGETS = ("target_mm", "target_deg")
 
 
 def recognises(head: str) -> bool:
-    """True of the beginning of such a file."""
+    """True for the beginning of such a file."""
     names = next((line for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")), "")
     cells = [cell.strip() for cell in names.split(_delimiter(names))]
     return cells[0] in _TARGETS and len(cells) > 1 and all(_COLUMN.fullmatch(cell) for cell in cells[1:])
@@ -104,7 +104,7 @@ def _delimiter(names: str) -> str:
 
 
 def _column(name: str, where: str) -> tuple[int, bool]:
-    """Run, and whether it goes forward."""
+    """Number of the run, and True for forward."""
     found = _COLUMN.fullmatch(name)
     if not found:
         raise UserError(f"{where} column {name}: expected a run and its direction, as in '1 up' or '1 down'")
@@ -112,5 +112,5 @@ def _column(name: str, where: str) -> tuple[int, bool]:
 
 
 def _number(cell: str, where: str, decimal: str) -> float:
-    """A number with a point, or with a comma where that does not stand between cells."""
+    """A number with a decimal point, or with a decimal comma if commas do not separate cells."""
     return number_at(cell, where, "," if decimal == "," and "," in cell else ".")

@@ -1,6 +1,6 @@
-"""Renishaw `.rtl`: runs of a laser interferometer to targets of one axis, as Laser10 and CARTO export them.
+"""Renishaw `.rtl`: runs of a laser interferometer to targets of one axis, exported by Laser10 and CARTO.
 
-No description by the maker is public. Five independent public readers and writers agree on this:
+The manufacturer publishes no description. Five independent public readers and writers agree on this:
 
     TARGET DATA::  Target-count: n  |  Targets :  n numbers, over several lines, up to  Flags: ...
     USER-TEXT::    Machine:, Serial No:, Date:, By:, Axis:, Location:, TITLE:
@@ -8,11 +8,11 @@ No description by the maker is public. Five independent public readers and write
     DEVIATIONS::   Run Target Data:  then a line of run, target (from 1), deviation for each reading
     EOF::
 
-Sections may be missing or follow in another order; the text may be in any old encoding. Three of the five agree that
-targets are mm and deviations um, measured minus target, in a linear measurement; of angular and straightness
-measurements no two agree on the unit, so those are refused. Which way a run went is taken from the order of its
-targets: usually odd runs go forward and even ones backward. One writer fills the return runs of a test in one direction
-(second number of `Flags:` 1) with zeros: a run of nothing but zeros is left out, with a note.
+Sections may be missing or in another order; the text may be in any old encoding. Three of the five agree that
+targets are mm and deviations um, measured minus target, in a linear measurement. For angular and straightness
+measurements no two agree on the unit, so these are refused. The direction of a run follows from the order of its
+targets: usually odd runs are forward and even ones backward. One writer fills the return runs of a test in one
+direction (second number of `Flags:` 1) with zeros: a run of zeros alone is left out, with a note.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ class _Content:
 
 
 def recognises(head: str) -> bool:
-    """True of the beginning of such a file."""
+    """True for the beginning of such a file."""
     return "TARGET DATA::" in head or ("HEADER::" in head and "RUNS::" in head)
 
 
 def to_table(data: bytes, source: str, machine: Machine, header: Mapping[str, str]) -> tuple[Table, list[str]]:
-    """The file as a table of the contract's columns, and notes. `header` may say the axis, besides uncertainties."""
+    """The file as a table of the contract's columns, and notes. `header` may contain the axis and uncertainties."""
     content = _content(data, source)
     header = dict(header)
     axis = header.pop("axis", content.texts.get("axis", "")).strip()
@@ -109,7 +109,7 @@ def _reading(cells: list[str], where: str, line: int, targets: int) -> tuple[int
 
 
 def _runs(content: _Content, source: str, notes: list[str]) -> tuple[dict[int, str], dict[int, str]]:
-    """By number of a run: its direction, + or -, and its name, which a forward run shares with its way back."""
+    """Direction, + or -, and name of each run, by its number; a forward run and its return share a name."""
     numbers = list(dict.fromkeys(run for run, *_ in content.readings))
     stated = content.texts.get("run-count", "")
     if stated and stated != str(len(numbers)):

@@ -1,4 +1,4 @@
-"""What readers of foreign formats share: text of any old encoding, numbers with a decimal comma, units."""
+"""Common functions of readers of foreign formats: text of any old encoding, numbers with a decimal comma, units."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from calibration.measurement.text_table import Entry, number_of
 from kinematics.user_error import UserError
 
 LENGTHS: Mapping[str, float] = {"mm": 1.0, "m": 1e3, "inch": 25.4, "um": 1e-3}
-"""In mm."""
+"""Size of each unit, mm."""
 ANGLES: Mapping[str, float] = {"deg": 1.0, "rad": 57.29577951308232}
-"""In degrees."""
+"""Size of each unit, degrees."""
 LENGTH_DEVIATIONS: Mapping[str, float] = {"um": 1.0, "mm": 1e3, "inch": 25.4e3}
-"""In um."""
+"""Size of each unit, um."""
 ANGLE_DEVIATIONS: Mapping[str, float] = {
     "urad": 1.0,
     "arcsec": 4.84813681109536,
     "mrad": 1e3,
     "deg": 17453.292519943295,
 }
-"""In urad."""
+"""Size of each unit, urad."""
 TIMES: Mapping[str, float] = {"s": 1.0, "ms": 1e-3, "min": 60.0}
-"""In s."""
+"""Size of each unit, s."""
 
 
 def old_text(data: bytes) -> str:
-    """The text; what is not UTF-8 is read byte by byte, which leaves the ASCII of keys and numbers as it is."""
+    """The text; other encodings than UTF-8 are read byte by byte, which preserves the ASCII of keys and numbers."""
     data = data.removeprefix(codecs.BOM_UTF8)
     try:
         return data.decode()
@@ -35,13 +35,13 @@ def old_text(data: bytes) -> str:
 
 
 def numbered_lines(data: bytes) -> list[tuple[int, str]]:
-    """The lines with their numbers, whatever ends them."""
+    """The lines with their numbers, for any line ends."""
     text = old_text(data).replace("\r\n", "\n").replace("\r", "\n")
     return list(enumerate(text.split("\n"), start=1))
 
 
 def number_at(cell: str, where: str, decimal: str = ".") -> float:
-    """A finite number; UserError naming the place."""
+    """The finite number in a cell; UserError, naming `where`, for other text."""
     text = cell.strip()
     if decimal == ",":
         text = text.replace(",", ".") if "." not in text else "?"
@@ -52,12 +52,12 @@ def number_at(cell: str, where: str, decimal: str = ".") -> float:
 
 
 def unit_size(units: Mapping[str, float], unit: str, where: str) -> float:
-    """Size of a unit; UserError when it is none of these."""
+    """Size of a unit; UserError for an unknown one."""
     if unit not in units:
         raise UserError(f"{where}: unit {unit!r} is none of {', '.join(units)}")
     return units[unit]
 
 
 def given_entries(header: Mapping[str, str], own: Mapping[str, str]) -> dict[str, Entry]:
-    """Header of the contract: what the format itself says, and what was given along with the file."""
+    """Header of the contract: entries of the format itself, and entries given in addition to the file."""
     return {key: Entry(value) for key, value in {**own, **header}.items()}

@@ -1,4 +1,4 @@
-"""Standstills in a tracker's stream: the stands of the machine, and the position of the plan of each stand.
+"""Standstills of the machine in a tracker's stream, and the position in the plan of each.
 
-log (time, x, y, z) -> stands -> stands and positions of the plan, in order -> rows of a measurement
+log (time, x, y, z) -> standstills -> standstills and positions of the plan, in order -> rows of a measurement
 """

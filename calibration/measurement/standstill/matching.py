@@ -1,9 +1,10 @@
-"""Assignment of stands to positions of a plan in the same order; some may be missing, and the frame is unknown.
+"""Assignment of standstills to positions of a plan in the same order; some may be missing, and the frame is unknown.
 
-The first step uses distances alone, which do not depend on the frame: successive stands are as far apart as successive
-positions. These pairs give the pose of the tracker. With the pose as many stands as possible are assigned to positions
-in order, each at most once (dynamic programming, Needleman and Wunsch 1970), and both steps are repeated. The
-assignment of a stand is certain if every assignment of the stand to another state of the machine contains fewer pairs.
+The first step uses distances alone, which do not depend on the frame: successive standstills are as far apart as
+successive positions. These pairs give the pose of the tracker. With the pose as many standstills as possible are
+assigned to positions in order, each at most once (dynamic programming, Needleman and Wunsch 1970), and both steps are
+repeated. The assignment of a standstill is certain if every assignment of it to another state of the machine contains
+fewer pairs.
 """
 
 from __future__ import annotations
@@ -17,17 +18,17 @@ from calibration.measurement.registration import rigid
 from kinematics.transforms import Array, Pose, turn
 
 NEAR, NEAR_PER_MM = 1.0, 3e-4
-"""Limit, mm, and mm per mm of the plan's extent: stands farther from every position are not in the plan."""
+"""Limit, mm, and mm per mm of the plan's extent: standstills farther from every position are not in the plan."""
 NEAREST = 0.05
-"""Smallest tolerance for the distance of a stand from its position, mm."""
+"""Smallest tolerance for the distance of a standstill from its position, mm."""
 OF_TYPICAL = 6.0
-"""Largest distance of a stand from its position, as a multiple of the typical distance."""
+"""Largest distance of a standstill from its position, as a multiple of the typical distance."""
 GUESS = 25.0
 """Largest distance of a target on table or bed from its approximate position, mm."""
 DISTANCE, OF_DISTANCE, OF_GUESSED = 0.2, 1e-3, 0.1
-"""Tolerances of the distance between two stands, mm and as shares of the nominal distance."""
+"""Tolerances of the distance between two standstills, mm and as shares of the nominal distance."""
 SKIPS = 4
-"""Largest number of successive stands or positions that are left out at a cost of `SKIP` each."""
+"""Largest number of successive standstills or positions that are left out at a cost of `SKIP` each."""
 SKIP, RESTART = 0.3, 2.0
 """Cost of leaving one out; cost of continuing at any position. A pair gains 1."""
 ROUNDS = 8
@@ -46,7 +47,7 @@ class Positions(NamedTuple):
     target: np.ndarray
     """Number of the target `(m,)`."""
     state: np.ndarray
-    """Number of the state of the machine and target `(m,)`: alike where it makes no difference which one it is."""
+    """Number of the state of machine and target `(m,)`; positions with the same number are interchangeable."""
     places: Mapping[int, Array]
     """Positions of the targets on their carriers `(3,)`, mm, by number."""
     guessed: frozenset[int]
@@ -60,7 +61,7 @@ class Positions(NamedTuple):
 
     @property
     def near(self) -> float:
-        """Largest distance of a stand from its position by errors of the machine, mm."""
+        """Largest distance of a standstill from its position by errors of the machine, mm."""
         return NEAR + NEAR_PER_MM * float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
     @property
@@ -70,22 +71,22 @@ class Positions(NamedTuple):
 
 
 class Matched(NamedTuple):
-    """Stands and positions together."""
+    """Standstills and positions together."""
 
     position: np.ndarray
-    """Row of the plan `(k,)` of each stand; -1 for stands that are not in the plan."""
+    """Row of the plan `(k,)` of each standstill; -1 for standstills that are not in the plan."""
     certain: np.ndarray
-    """Mask `(k,)`: False where another position, or another stand, fits equally well."""
+    """Mask `(k,)`: False where another position, or another standstill, fits equally well."""
     distance: Array
-    """Distance from the nominal position `(k,)`, mm; from the nearest one for a stand that is not in the plan."""
+    """Distance from the nominal position `(k,)`, mm; from the nearest one for a standstill that is not in the plan."""
     pose: Pose
     """Pose from the frame to which the tracker is fixed to the frame of the tracker."""
     other: tuple[int, int] | None
-    """First stand and its position in another assignment, in which all stands are shifted along the plan."""
+    """First standstill and its position in another assignment, in which all standstills are shifted along the plan."""
 
 
 def match(stands: Array, positions: Positions, allowed: np.ndarray) -> Matched | None:
-    """Assign stands `(k, 3)`, mm, to positions `(m,)`; allowed `(k, m)`: False where the target is another.
+    """Assign standstills `(k, 3)`, mm, to positions `(m,)`; allowed `(k, m)`: False where the target is another.
 
     None if they have fewer than four pairs, or if no assignment can be found.
     """
@@ -107,7 +108,7 @@ def match(stands: Array, positions: Positions, allowed: np.ndarray) -> Matched |
 
 
 def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> np.ndarray:
-    """Pairs `(p, 2)` of successive stands and successive positions with the same distances."""
+    """Pairs `(p, 2)` of successive standstills and successive positions with the same distances."""
     points, (k, m) = positions.points, allowed.shape
     best = np.where(allowed, 1.0, -np.inf)
     came = np.full((k, m, 2), -1)
@@ -126,7 +127,7 @@ def _by_distances(stands: Array, positions: Positions, allowed: np.ndarray) -> n
 
 
 def _misfit(stands: Array, points: Array, positions: Positions, ends: tuple[int, int], step: int) -> Array:
-    """Misfit `(m - step,)` of the distance of two stands to those of positions `step` apart; 1 is large."""
+    """Misfit `(m - step,)` of the distance of two standstills to those of positions `step` apart; 1 is large."""
     nominal = np.linalg.norm(points[step:] - points[:-step], axis=1)
     seen = float(np.linalg.norm(stands[ends[1]] - stands[ends[0]]))
     known = positions.known[step:] & positions.known[:-step]
@@ -137,7 +138,7 @@ def _misfit(stands: Array, points: Array, positions: Positions, ends: tuple[int,
 
 
 def _take(best: Array, came: np.ndarray, offered: Array, source: tuple[int, int], rows: slice) -> None:
-    """Update the best sums of `rows` where `offered` is better; `source`: its stand, and its positions before."""
+    """Update the best sums of `rows` where `offered` is better; `source`: its standstill, and its positions before."""
     better = np.isfinite(best[rows]) & (offered > best[rows])
     numbers = np.arange(rows.start, rows.stop)[better]
     best[numbers] = offered[better]
@@ -145,7 +146,7 @@ def _take(best: Array, came: np.ndarray, offered: Array, source: tuple[int, int]
 
 
 def _restart(best: Array, came: np.ndarray, anywhere: Array, reached: np.ndarray) -> None:
-    """Continue from the best pair before, at any position."""
+    """Continue at any position, from the best pair at an earlier one."""
     offered = anywhere[:-1] + 1.0 - RESTART
     better = np.isfinite(best[1:]) & (offered > best[1:])
     best[1:][better], came[1:][better] = offered[better], reached[:-1][better]
@@ -156,7 +157,7 @@ def _here(i: int, m: int) -> np.ndarray:
 
 
 def _running(values: Array, reached: np.ndarray) -> tuple[Array, np.ndarray]:
-    """Running maxima, and where they are."""
+    """Running maxima, and the pairs that reach them."""
     highest = np.maximum.accumulate(values)
     number = np.maximum.accumulate(np.where(values >= highest, np.arange(len(values)), 0))
     return highest, reached[number]
@@ -200,7 +201,7 @@ def _near(pose: Pose, nominal: Array, seen: Array, near: float) -> np.ndarray:
 def _refined(
     stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose
 ) -> tuple[Pose, Positions, Array] | None:
-    """Pose, targets and tolerances `(m,)` from all assigned stands, iterated until the assignment is constant."""
+    """Pose, targets and tolerances `(m,)` from all assigned standstills, iterated until the assignment is constant."""
     tolerance = np.where(positions.known, positions.near, GUESS)
     before: np.ndarray | None = None
     for _ in range(ROUNDS):
@@ -219,7 +220,7 @@ def _refined(
 
 
 def _posed(stands: Array, positions: Positions, position: np.ndarray, rows: np.ndarray) -> tuple[Pose, Positions]:
-    """Pose, and positions of guessed targets, from assigned stands."""
+    """Pose, and positions of guessed targets, from assigned standstills."""
     known = rows[positions.known[position[rows]]]
     use = known if len(known) >= 4 else rows
     places = dict(positions.places)
@@ -237,7 +238,7 @@ def _posed(stands: Array, positions: Positions, position: np.ndarray, rows: np.n
 
 
 def _gains(stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose, tolerance: Array) -> Array:
-    """Gain of each pair of stand and position `(k, m)`: 1 at distance 0, decreasing, -inf beyond the tolerance."""
+    """Gain of each pair of standstill and position `(k, m)`: 1 at distance 0, decreasing, -inf beyond the tolerance."""
     points = pose.apply(positions.points)
     gain = np.empty(allowed.shape)
     for i, stand in enumerate(stands):
@@ -247,7 +248,7 @@ def _gains(stands: Array, positions: Positions, allowed: np.ndarray, pose: Pose,
 
 
 def _sums(gain: Array) -> Array:
-    """Largest sums `(k + 1, m + 1)` of pairs in order among the first stands and the first positions."""
+    """Largest sums `(k + 1, m + 1)` of pairs in order among the first standstills and the first positions."""
     sums = np.zeros((gain.shape[0] + 1, gain.shape[1] + 1))
     for i, row in enumerate(gain):
         sums[i + 1, 1:] = np.maximum.accumulate(np.maximum(sums[i, 1:], sums[i, :-1] + row))
@@ -255,7 +256,7 @@ def _sums(gain: Array) -> Array:
 
 
 def _assigned(gain: Array, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position `(k,)` of each stand, -1 for none, and whether it is certain `(k,)`."""
+    """Position `(k,)` of each standstill, -1 for none, and whether it is certain `(k,)`."""
     before, after = _sums(gain), _sums(gain[::-1, ::-1])[::-1, ::-1]
     total = before[:-1, :-1] + gain + after[1:, 1:]
     best = float(before[-1, -1])
@@ -294,7 +295,7 @@ def _distances(stands: Array, points: Array, position: np.ndarray) -> Array:
 def _shifted(
     stands: Array, positions: Positions, allowed: np.ndarray, matched: Matched, tolerance: Array
 ) -> tuple[int, int] | None:
-    """Another assignment, all stands shifted along the plan, that fits as many."""
+    """Another assignment, with all standstills shifted along the plan, that has as many pairs."""
     rows = np.flatnonzero(matched.position >= 0)
     free = len(positions.target) - len(rows)
     points = positions.points
@@ -317,7 +318,7 @@ def _shifted(
 
 
 def _agreed(nominal: Array, seen: Array, tolerance: float) -> Pose | None:
-    """A pose that brings at least half of the pairs together, by the first that it is tried with."""
+    """A pose for which at least half of the pairs agree, found by iteration from all pairs; None if there is none."""
     near = np.ones(len(nominal), bool)
     for _ in range(3):
         pose = rigid(nominal[near], seen[near])

@@ -1,4 +1,4 @@
-"""A tracker's log and the plan that was run, as rows of a measurement: one for each stand at a position of the plan."""
+"""A tracker's log and its plan as rows of a measurement: one for each standstill at a position of the plan."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 COLUMNS = ("time_s", "x", "y", "z", "target", "station")
-"""Columns of a log, besides temperatures; the plan contains the other columns."""
+"""Columns of a log, in addition to temperatures; the plan contains the other columns."""
 SHORT = 0.5
-"""Stands shorter than this share of the usual one are listed."""
+"""Share of the median duration below which a standstill is listed."""
 LISTED = 12
 """Lines of each kind in the notes."""
 LEAST_SHARE = 0.5
-"""Least share of the stands that belong to the plan; below it the log is of another plan."""
+"""Least share of the standstills that belong to the plan; below it the log is of another plan."""
 SCALES = {"inch": 1 / 25.4, "m": 1e-3, "um": 1e3}
-"""Size of a mm in units that a log may be written in."""
+"""Size of 1 mm in units in which a log may be written."""
 
 
 @dataclass(frozen=True)
 class _Station:
-    """The stands of one station and their positions in the plan."""
+    """The standstills of one station and their positions in the plan."""
 
     name: str
     rows: np.ndarray
@@ -46,16 +46,16 @@ class _Station:
     found: Found
     matched: Matched
     used: np.ndarray
-    """Numbers `(r,)` of the stands that become rows."""
+    """Numbers `(r,)` of the standstills that become rows."""
 
     @property
     def plan_rows(self) -> np.ndarray:
-        """Rows of the plan `(r,)` of the stands that become rows."""
+        """Rows of the plan `(r,)` of the standstills that become rows."""
         return np.asarray(self.planned[self.matched.position[self.used]])
 
     @property
     def log_rows(self) -> np.ndarray:
-        """First rows of the log `(r,)` of the stands that become rows."""
+        """First rows of the log `(r,)` of the standstills that become rows."""
         return np.asarray(self.rows[self.found.stands.reading[self.used]])
 
 
@@ -69,13 +69,13 @@ class _Log(NamedTuple):
 
 
 def is_log(table: Table, machine: Machine) -> bool:
-    """True of a table with the columns of a log and no positions of axes."""
+    """True for a table with the columns of a log and without positions of axes."""
     names = set(table.names)
     return {"time_s", "x", "y", "z"} <= names and not names & {*machine.names, "axis", "nominal_x"}
 
 
 def standstills(log: Table, path: Path, machine: Machine) -> tuple[Table, list[str]]:
-    """The stands of a log at the positions of a plan, as a table of a measurement file, and notes.
+    """The standstills of a log at the positions of a plan, as a table of a measurement file, and notes.
 
     UserError if log and plan do not belong together, or if several assignments are possible.
     """
@@ -90,7 +90,7 @@ def standstills(log: Table, path: Path, machine: Machine) -> tuple[Table, list[s
 
 
 def _with_targets(log: Table, path: Path) -> Table:
-    """The log with the targets of the plan in its header; UserError where both have one and differ."""
+    """The log with the targets of the plan in its header; UserError if log and plan differ in a target."""
     entries = dict(log.entries)
     for key, entry in read_table(path, "plan").entries.items():
         if key.partition(".")[0] not in CARRIERS:
@@ -142,7 +142,7 @@ def _station(log: Table, name: str, columns: _Log, plan: Plan) -> _Station:
 
 
 def _planned(plan: Plan, station: str) -> np.ndarray:
-    """Rows of the plan that are measured from a station: its own, or all of a plan without stations."""
+    """Rows of the plan for a station: its own, or all rows of a plan without stations; UserError without rows."""
     stations = plan.state.station
     rows = np.arange(len(plan)) if stations is None else np.flatnonzero(stations == station)
     if not len(rows):
@@ -151,7 +151,7 @@ def _planned(plan: Plan, station: str) -> np.ndarray:
 
 
 def _positions(log: Table, plan: Plan, planned: np.ndarray) -> Positions:
-    """The plan's positions as the tracker sees them on the machine without errors."""
+    """The plan's positions, as seen by the tracker on the machine without errors."""
     nothing = np.zeros((len(plan), 3))
     stands_on = read_stands_on(log)
     blank = Measurement(plan.machine, LaserTracker(), plan.state, nothing, plan.targets, stands_on).rows(planned)
@@ -170,14 +170,14 @@ def _positions(log: Table, plan: Plan, planned: np.ndarray) -> Positions:
 
 
 def _radius(positions: Positions) -> float:
-    """Radius of a stand, mm: at most a quarter of the shortest step of the plan."""
+    """Radius of a standstill, mm: at most a quarter of the shortest step of the plan."""
     steps = np.linalg.norm(np.diff(positions.points, axis=0), axis=1)
     steps = steps[steps > 1e-6]
     return float(min(RADIUS, steps.min() / 4.0)) if len(steps) else RADIUS
 
 
 def _no_match(found: Found, positions: Positions) -> str:
-    """The reason why no stand could be assigned."""
+    """The reason why no standstill could be assigned."""
     text = (
         f"{len(found.stands)} stands and {len(positions.target)} positions in the plan have fewer than four pairs: "
         "check that log, plan and machine belong together, and check stands_on and the targets."
@@ -220,7 +220,7 @@ def _name(plan: Plan, row: int) -> str:
 
 
 def _notes(log: Table, station: _Station, plan: Plan) -> Iterator[str]:
-    """Notes on the assigned stands and, by name, on all others."""
+    """Notes on the assigned standstills and, one by one, on all others."""
     found, stands = station.found, station.found.stands
     head = f"{log.source}, station {station.name}" if "station" in log.names else log.source
     yield (

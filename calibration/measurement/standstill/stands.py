@@ -1,7 +1,8 @@
-"""Stands in a tracker's stream of points: position and duration of each standstill of the target, and its scatter.
+"""Standstills in a tracker's stream of points: position, duration and scatter of each standstill of the target.
 
-Readings are combined into medians over 25 ms. A stand is an interval in which these stay within a radius and do not
-creep. Interruptions of the beam and short disturbances do not end it if the target is at the same position after them.
+Readings are combined into medians over 25 ms. A standstill is an interval in which these stay within a radius and do
+not creep. Interruptions of the beam and short disturbances do not end it if the target is at the same position after
+them.
 """
 
 from __future__ import annotations
@@ -16,94 +17,94 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 BLOCK_S, BLOCK_READINGS = 0.025, 5
-"""Duration of a block, and the readings that it has at least."""
+"""Duration of a block, s, and its least number of readings."""
 SHORTEST_S = 0.2
-"""Shortest duration of a stand, s."""
+"""Shortest duration of a standstill, s."""
 RADIUS = 0.02
-"""Largest radius of a stand, mm, unless the noise of the blocks is larger."""
+"""Largest radius of a standstill, mm, unless the noise of the blocks is larger."""
 OF_NOISE = 6.0
-"""Radius of a stand in standard deviations of a block's median."""
+"""Radius of a standstill in standard deviations of a block's median."""
 CREEP = 0.005
-"""Speed, mm/s: a target that moves significantly faster does not stand still."""
+"""Speed, mm/s, up to which a target counts as at standstill."""
 DRIFT = 0.003
-"""Drift within a stand, mm: a smaller one does not count as creeping."""
+"""Drift within a standstill, mm, up to which it does not count as creeping."""
 AWAY = 0.5
-"""Excursion between two stands at one position, mm: a smaller one is a disturbance, not a move."""
+"""Excursion between two standstills at one position, mm, below which it is a disturbance, not a move."""
 GAP_READINGS = 5.0
-"""Intervals without a reading that interrupt the stream."""
+"""Gap that interrupts the stream, in median intervals of the readings."""
 SLOWEST = 0.1
 """Largest interval of readings, s."""
 FROZEN = 20
-"""Readings without any change at all from which on the beam counts as broken, where readings scatter."""
+"""Number of equal successive readings from which the beam counts as interrupted, if readings scatter."""
 BATCHES = 10
-"""Parts of a stand whose means show the scatter of the whole mean."""
+"""Number of parts of a standstill, whose means give the scatter of the whole mean."""
 
 
 class Stream(NamedTuple):
     """Readings in the order of time."""
 
     time: Array
-    """`(n,)`, s."""
+    """Time `(n,)`, s."""
     points: Array
-    """`(n, 3)`, mm, in the tracker's frame."""
+    """Points `(n, 3)`, mm, in the tracker's frame."""
 
 
 @dataclass(frozen=True)
 class Stands:
-    """One row for each stand, in the order of time."""
+    """Standstills, one row for each, in the order of time."""
 
     begin: Array
-    """`(k,)`, s."""
+    """Start of each standstill `(k,)`, s; `end`: its end."""
     end: Array
     points: Array
-    """Means `(k, 3)`, mm."""
+    """Mean points `(k, 3)`, mm."""
     scatter: Array
-    """Standard uncertainties `(k,)`, mm, of each coordinate of the means, by the scatter of the readings and drift."""
+    """Standard uncertainty `(k,)`, mm, of each coordinate of the means, from the scatter of the readings and drift."""
     reading: np.ndarray
-    """Number `(k,)` of the first reading."""
+    """Index `(k,)` of the first reading."""
 
     def __len__(self) -> int:
         return len(self.begin)
 
     @property
     def time(self) -> Array:
-        """Middle of the stands `(k,)`, s."""
+        """Middle of the standstills `(k,)`, s."""
         return (self.begin + self.end) / 2.0
 
 
 class Found(NamedTuple):
-    """What a stream holds."""
+    """Standstills in a stream, and statistics of the readings."""
 
     stands: Stands
     creeping: list[str]
-    """Intervals of slow motion that could be taken for a stand."""
+    """Descriptions of intervals of slow motion that could be taken for a standstill."""
     noise: float
     """Standard deviation of a coordinate of one reading, mm."""
     breaks: int
-    """Interruptions of the beam."""
+    """Number of interruptions of the beam."""
     dropped: int
-    """Readings without a beam: all zero, or frozen."""
+    """Number of readings without a beam: all zero, or frozen."""
 
 
 class _Blocks(NamedTuple):
-    """Medians of readings."""
+    """Blocks `b` of readings, each replaced by its median."""
 
     time: Array
     points: Array
     reading: np.ndarray
-    """Number of the first reading `(b,)`."""
+    """Index of the first reading `(b,)`."""
     duration: float
 
 
 class _Part(NamedTuple):
-    """Blocks of one stand, as a range of numbers; interruptions lie between parts."""
+    """Range of successive blocks of one standstill; interruptions lie between parts."""
 
     first: int
     end: int
 
 
 def find_stands(stream: Stream, where: str, radius: float = RADIUS) -> Found:
-    """The stands of a stream; UserError, naming `where`, if it is not a stream."""
+    """The standstills of a stream; UserError, naming `where`, if it is not a stream."""
     interval = _interval(stream, where)
     noise = _noise(stream.points)
     kept = np.flatnonzero(_with_beam(stream.points, noise))
@@ -147,13 +148,13 @@ def _interval(stream: Stream, where: str) -> float:
 
 
 def _noise(points: Array) -> float:
-    """Standard deviation, mm, of a coordinate of one reading: second differences know no steady motion."""
+    """Standard deviation, mm, of a coordinate of one reading, from second differences, which remove uniform motion."""
     second = points[2:] - 2.0 * points[1:-1] + points[:-2]
     return float(np.sqrt(np.mean(np.median(np.abs(second), axis=0) ** 2) / 6.0) / 0.6745)
 
 
 def _with_beam(points: Array, noise: float) -> np.ndarray:
-    """Mask `(n,)` of the readings that are measured: neither all zero nor a repeated last value."""
+    """Mask `(n,)` of the measured readings: neither all zero nor a repeated last value."""
     beam = np.any(points != 0.0, axis=1)
     if noise == 0.0:
         return np.asarray(beam)
@@ -177,7 +178,7 @@ def _blocks(stream: Stream, kept: np.ndarray, cuts: np.ndarray, interval: float)
 
 
 def _still(blocks: _Blocks, radius: float) -> Iterator[_Part]:
-    """Longest runs of blocks that stay within a radius and follow each other without interruption."""
+    """Longest sequences of blocks within a radius and without interruption."""
     points, time = blocks.points.tolist(), blocks.time.tolist()
     first, low, high = 0, points[0], points[0]
     for i, point in enumerate(points):
@@ -191,7 +192,7 @@ def _still(blocks: _Blocks, radius: float) -> Iterator[_Part]:
 
 
 def _merged(blocks: _Blocks, parts: list[_Part], radius: float) -> Iterator[list[_Part]]:
-    """Parts of one stand together: at one position, with only an interruption or a disturbance between them."""
+    """Parts of each standstill: at one position, with only interruptions or disturbances between them."""
     current: list[_Part] = []
     for part in parts:
         if part.end - part.first < 2:
@@ -217,7 +218,7 @@ def _lasts(blocks: _Blocks, rows: np.ndarray) -> bool:
 
 
 def _steady(blocks: _Blocks, rows: np.ndarray) -> np.ndarray:
-    """Blocks of a stand without the ends in which the target still settles or already moves; none if it creeps."""
+    """Blocks of a standstill without the ends in which the target settles or moves; none if it creeps."""
     rows = rows[1:-1]
     for share in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
         cut = int(share * len(rows))
@@ -232,7 +233,7 @@ def _steady(blocks: _Blocks, rows: np.ndarray) -> np.ndarray:
 
 
 def _drift(blocks: _Blocks, rows: np.ndarray) -> tuple[Array, float]:
-    """Displacement `(3,)`, mm, of a straight motion through the blocks from first to last, and its uncertainty."""
+    """Displacement `(3,)`, mm, of a linear motion fitted to the blocks, from first to last, and its uncertainty, mm."""
     time = blocks.time[rows]
     from_middle = time - time.mean()
     square = float(from_middle @ from_middle)
@@ -255,7 +256,7 @@ def _stands(blocks: _Blocks, stands: list[np.ndarray]) -> Stands:
 
 
 def _scatter(blocks: _Blocks, rows: np.ndarray) -> float:
-    """Standard uncertainty, mm, of each coordinate of the mean: means of parts, and drift."""
+    """Standard uncertainty, mm, of each coordinate of the mean, from the means of parts and the drift."""
     parts = np.array([part.mean(axis=0) for part in np.array_split(blocks.points[rows], min(BATCHES, len(rows)))])
     of_mean = float(np.mean(parts.var(axis=0, ddof=1))) / len(parts)
     way, u = _drift(blocks, rows)
