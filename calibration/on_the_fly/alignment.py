@@ -32,15 +32,15 @@ AT_A_TIME = 65_536
 
 
 class Pass(NamedTuple):
-    """Points `n` of one pass along the path, in the instrument's frame."""
+    """Points `n` of one pass along the path."""
 
     path: TargetPath
     points: Array
-    """`(n, 3)`, mm."""
+    """Points `(n, 3)`, mm, in the instrument's frame."""
     way: Array
     """Distance along the path `(n,)`, mm, as estimated so far."""
     width: float
-    """Uncertainty of `way`, mm."""
+    """Uncertainty of these distances, mm."""
 
     def rows(self, index: np.ndarray) -> Pass:
         """Some of the points."""
@@ -93,7 +93,7 @@ def aligned_pose(pose: Pose, passes: Sequence[Pass], where: str) -> Pose:
         columns = np.concatenate([design, _turned(design, some, pose, centre)], axis=2) * root[:, None, None]
         step = np.linalg.lstsq(columns.reshape(-1, 6), (left * root[:, None]).reshape(-1), rcond=1e-9)[0]
         rotation = rotation_vector_matrix(step[3:])
-        # points p of the path move to centre + R (p - centre) + shift
+        # a point p of the path moves to centre + R (p - centre) + shift
         pose = pose @ Pose(rotation, centre - turn(rotation, centre) + step[:3])
         size = max(each.path.length for each in some)
         if np.abs(step[:3]).max() + np.abs(step[3:]).max() * size < AT_REST:

@@ -93,14 +93,14 @@ class _Rows(NamedTuple):
     """Columns of the measurement, one row per cell `c`."""
 
     first: np.ndarray
-    """Number of the first reading `(c,)`."""
+    """Index of the first reading `(c,)`."""
     positions: Array
     approach: Array
     velocity: Array
     time: Array
     feed: Array
     temperatures: Array
-    """`(c, sensors)`"""
+    """Temperatures `(c, sensors)`, K from 20 degC."""
     observed: Array
     directions: Array
     """Unit vectors `(c, 2, 3)` across the path."""

@@ -45,7 +45,7 @@ class Cells:
 
 
 def cell_numbers(path: TargetPath, way: Array, cell_mm: float) -> np.ndarray:
-    """Number `(n,)` of the cell at `way` mm along the path; every corner starts a cell, of nearly `cell_mm` length."""
+    """Number `(n,)` of the cell at each distance along the path, mm; corners start cells, nearly `cell_mm` long."""
     lengths = np.diff(path.corners)
     parts = np.maximum(np.round(lengths / cell_mm), 1).astype(int)
     first = np.cumsum(parts) - parts

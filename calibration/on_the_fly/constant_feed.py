@@ -34,7 +34,7 @@ class Steadiness(NamedTuple):
 
 
 def steadiness(path: TargetPath, time: Array, way: Array, corner_mm: float, cell_mm: float) -> Steadiness:
-    """Evaluation of readings at `time` `(n,)`, s, and `way` `(n,)`, mm along the path."""
+    """Evaluation of readings at times `(n,)`, s, and distances along the path `(n,)`, mm."""
     stretch = path.stretch(way)
     distance = np.minimum(way - path.corners[stretch], path.corners[stretch + 1] - way)
     corner = (distance < corner_mm) | ~path.usable[stretch]

@@ -18,7 +18,7 @@ class Manner(NamedTuple):
     acceleration: float = 1000.0
     """Acceleration along the path, mm/s2 (deg/s2)."""
     rate: float = 500.0
-    """Readings per second."""
+    """Rate of the readings, 1/s."""
     pause_s: float = 1.0
     """Standstill at the start and at the end, s."""
     rapid: float = 15_000.0
@@ -26,16 +26,16 @@ class Manner(NamedTuple):
 
 
 class Driven(NamedTuple):
-    """One row per instant `n`."""
+    """Motion of the axes, one row per instant `n`."""
 
     time: Array
-    """`(n,)`, s."""
+    """Time `(n,)`, s."""
     positions: Array
-    """`(n, axes)`, mm and rad."""
+    """Axis positions `(n, axes)`, mm and rad."""
     velocity: Array
-    """`(n, axes)`, mm/s and rad/s."""
+    """Velocity `(n, axes)`, mm/s and rad/s."""
     acceleration: Array
-    """`(n, axes)`, mm/s2 and rad/s2."""
+    """Acceleration `(n, axes)`, mm/s2 and rad/s2."""
 
 
 class _Stretches(NamedTuple):

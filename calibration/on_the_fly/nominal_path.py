@@ -32,7 +32,7 @@ class NominalPath:
 
     machine: Machine
     positions: Array
-    """`(m, axes)`, mm and rad."""
+    """Axis positions `(m, axes)`, mm and rad."""
     way: Array
     """Distance that the feed refers to `(m,)`, from 0: mm of the linear axes together, degrees of rotary axes alone."""
     counts: np.ndarray
@@ -50,7 +50,7 @@ class Located(NamedTuple):
     """Positions on the path of a target."""
 
     points: Array
-    """`(n, 3)`, mm, in the frame to which the instrument is fixed."""
+    """Points `(n, 3)`, mm, in the frame to which the instrument is fixed."""
     tangents: Array
     """Unit vectors `(n, 3)`."""
 
@@ -62,11 +62,11 @@ class TargetPath:
     step: float
     """Length of a step, mm."""
     positions: Array
-    """`(k, axes)`, mm and rad."""
+    """Axis positions `(k, axes)`, mm and rad."""
     slopes: Array
     """Derivatives of the positions `(k, axes)`, mm and rad per mm of the path, of the segment after each step."""
     points: Array
-    """`(k, 3)`, mm, in the frame to which the instrument is fixed."""
+    """Points `(k, 3)`, mm, in the frame to which the instrument is fixed."""
     tangents: Array
     """Unit vectors `(k, 3)`."""
     way: Array

@@ -32,21 +32,21 @@ ONLY = "1"
 
 @dataclass(frozen=True)
 class Readings:
-    """One row per reading, in the order of time."""
+    """Readings of a tracker, one row for each, in the order of time."""
 
     instrument: LaserTracker
     targets: Mapping[str, Target]
     stands_on: Literal["workpiece", "bed"]
     time: Array
-    """`(n,)`, s."""
+    """Time `(n,)`, s."""
     points: Array
-    """`(n, 3)`, mm, in the instrument's frame."""
+    """Points `(n, 3)`, mm, in the instrument's frame."""
     target: np.ndarray
-    """Name `(n,)`."""
+    """Name of the target `(n,)`."""
     station: np.ndarray
-    """Name `(n,)`."""
+    """Name of the station `(n,)`."""
     run: np.ndarray
-    """Name `(n,)`."""
+    """Name of the run `(n,)`."""
     temperatures: Mapping[str, Array]
     """Temperature `(n,)` by sensor, K from 20 degC."""
     lines: np.ndarray

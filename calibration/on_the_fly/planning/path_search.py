@@ -1,8 +1,8 @@
 """Search for a path that identifies the errors in the volume best: straight moves from boundary to boundary.
 
-Of several random paths of the given length, the best is improved by moving, replacing and adding corners as long as
-`Gain.score` falls. Corners lie on the boundary of the volume: long moves have few corners, whose readings are left
-out, and reach the ends of the axes.
+The best of several random paths of the given length is improved step by step: a corner is moved, replaced or added, and
+the change is kept if `Gain.score` falls. Corners lie on the boundary of the volume, so that long moves have few
+corners, near which readings are left out, and reach the ends of the axes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Planned:
     """A path of `m` corners, and its identifiability."""
 
     corners: Array
-    """Positions `(m, axes)`, mm and rad."""
+    """Axis positions of the corners `(m, axes)`, mm and rad."""
     length_mm: float
     gain: Gain
 
