@@ -1,9 +1,9 @@
 """The joint estimate of an axis as a calibration: its positioning error as a table, its reversal, their covariance.
 
-The error motion is the mean of both directions where both are known. Its nodes are the fewest rows of the estimate
-between which straight lines stay close, and a pair on both sides of each jump. Its mean is zero, as after every fit
-(`calibration.fit.datum`): a laser's zero is no property of the axis. The reversal is a backlash, and where the reversal
-changes along the axis a table of its differences beside it.
+The error motion is the mean of both directions if both are known. Its nodes are the fewest rows of the estimate from
+which linear interpolation reproduces it, and a pair on both sides of each jump. Its mean is zero, as after every fit
+(`calibration.fit.datum`), because a laser's zero is not a property of the axis. The reversal is a backlash, with an
+additional table of differences if the reversal changes along the axis.
 
 A laser measures along one line. Joined to a calibration of the same machine, the error motion is the reading minus the
 contribution of the other effects of that calibration on that line: angular errors by their arm, and squareness.

@@ -51,7 +51,7 @@ def compared(course: Course, quasi: QuasiStatic, inside: np.ndarray) -> Comparis
 
 
 def _about_line(course: Course) -> Array:
-    """Errors of the samples about their straight line of least squares; (3), (4)."""
+    """Errors of the samples about their least-squares line, um; (3), (4)."""
     slope, offset = np.polyfit(course.raw_x, course.raw_error, 1).tolist()
     return np.asarray(course.raw_error - slope * course.raw_x - offset)
 
@@ -67,7 +67,7 @@ def _slope(targets: Array, values: Array) -> float:
 
 
 def _shifted(slope: float, targets: Array, differences: Array) -> Line:
-    """The line of this slope in the middle of the differences."""
+    """The line of this slope with zero mean distance from the differences."""
     return Line(float(np.mean(differences - slope * targets)), slope)
 
 
@@ -77,7 +77,7 @@ def _least_squares(targets: Array, differences: Array) -> Line:
 
 
 def _at(x: Array, error: Array, targets: Array) -> Array:
-    """Errors of the samples nearest to targets; 4.4."""
+    """Errors of the samples nearest to the targets, um; 4.4."""
     order = np.argsort(x)
     after = np.clip(np.searchsorted(x[order], targets), 1, len(x) - 1)
     nearer = after - (targets - x[order][after - 1] < x[order][after] - targets)

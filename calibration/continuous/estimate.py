@@ -98,7 +98,7 @@ class Estimate:
 
     @property
     def segment(self) -> tuple[float, float]:
-        """Positions that all continuous runs cover at constant velocity, mm."""
+        """Ends of the range that all continuous runs cover at constant velocity, mm."""
         return _common({way: each.shape for way, each in self.ways.items()})
 
     def curve(self, direction: str) -> tuple[Array, Array]:
@@ -128,7 +128,7 @@ class Estimate:
 
     @property
     def both(self) -> bool:
-        """True where the errors of both directions are known."""
+        """True if the errors of both directions are known."""
         return len(self.fused.ways) == 2
 
 

@@ -46,7 +46,7 @@ class Found(NamedTuple):
     """Features of the runs of one direction."""
 
     jumps: tuple[float, ...]
-    """Positions, mm."""
+    """Positions of the jumps, mm."""
     periods: tuple[float, ...]
     """Periods of the waves of the axis, mm."""
     bound_to_time: tuple[tuple[float, float], ...]

@@ -47,7 +47,7 @@ class Spread:
     reversal: float
     """Random part of the reversal, for a direction without a continuous run."""
     free: int
-    """Degrees of freedom."""
+    """Degrees of freedom of the readings."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Extra:
 
     @property
     def size(self) -> int:
-        """Number of columns."""
+        """Number of columns in `columns`."""
         return len(self.jumps) + 2 * len(self.periods)
 
 
@@ -144,16 +144,16 @@ def shape_of(courses: Sequence[Course], noises: Sequence[Noise], extra: Extra) -
 
 @dataclass(frozen=True)
 class _Equations:
-    """Normal equations of all courses: the band of the nodes, and columns beside it."""
+    """Normal equations of all courses: the band of the nodes, and the columns beside it."""
 
     nodes: Array
     band: Array
-    """`(bandwidth, m)`, lower form."""
+    """Band `(bandwidth, m)`, lower form."""
     right: Array
     beside: Array
-    """`(m, k)`."""
+    """Products of nodes and columns `(m, k)`."""
     own: Array
-    """`(k, k)`."""
+    """Products of columns `(k, k)`."""
     own_right: Array
     squares: float
     count: int
@@ -241,7 +241,7 @@ def _solved(equations: _Equations, prior: Array, order: int, logarithm: float) -
     """The solution for a prior precision of exp(logarithm) times `prior`, with its log evidence."""
     m, k = equations.beside.shape
     whole = equations.band + np.exp(logarithm) * prior
-    whole[0] += RIDGE * whole[0].max()  # nodes without a block are held by the prior alone
+    whole[0] += RIDGE * whole[0].max()  # only the prior determines nodes without a block
     factor = cholesky_banded(whole, lower=True)
     columns = cho_solve_banded((factor, True), np.column_stack([equations.beside, equations.right]))
     schur = equations.own - equations.beside.T @ columns[:, :k]

@@ -77,7 +77,7 @@ class Laser:
 
 @dataclass(frozen=True)
 class Targets:
-    """The quasi-static measurement."""
+    """Targets of the quasi-static measurement, and their sequence."""
 
     spacing: float
     """Distance of the targets, mm."""
@@ -233,7 +233,7 @@ def _standing(machine: Machine, axis: str, low: float, high: float, feed: float,
 
 
 def _at(machine: Machine, axis: str, place: Array) -> Array:
-    """Axis positions `(n, axes)`, mm and rad: one axis at `place`, mm, the others at home."""
+    """Axis positions `(n, axes)`, mm and rad: one axis at the given positions `(n,)`, mm, the others at home."""
     positions = np.tile(np.array([each.home for each in machine.axes]) * machine.scale, (len(place), 1))
     positions[:, machine.index(axis)] = place
     return positions
