@@ -36,11 +36,11 @@ STEADY = 2.45
 """Factor of sqrt(n) for the highest degree: least-squares polynomials through n evenly spaced positions oscillate from
 a degree of about 2 sqrt(n) on (Dahlquist and Bjorck, Numerical Methods, 4.4.3): 8 for 11, 11 for 21."""
 LEAST_WEIGHT = 0.01
-"""Weight of a degree, among those of one curve, below which it is left out."""
+"""Weight of a degree, among those of one curve, below which it is not used."""
 MISFIT = 1e-3
 """Probability of a chi2 below which a curve deviates significantly from its points."""
 NO_SCATTER = 1e-6
-"""Share of the largest variance below which a combination of residuals has none."""
+"""Share of the largest variance below which the variance of a combination of residuals counts as zero."""
 LARGEST_WOBBLE = 100.0
 """Largest wobble of a rotary axis in use, um and urad. Without a bound, a wobble that the polynomials nearly represent
 grows against them."""
@@ -60,7 +60,7 @@ class Shape:
 
     @property
     def parts(self) -> list[slice]:
-        """Parameters of each curve."""
+        """Range of the parameters of each curve."""
         ends = np.cumsum([0, *(basis.size for basis in self.bases)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
 
@@ -246,7 +246,7 @@ class _Criterion:
                 for k in range(part.start, part.start + own.size)
             ),
             *range(widest.parts[-1].stop, widest.size),
-        ]  # the first functions of a basis are those of one of lower degree
+        ]  # a basis begins with its functions of lower degree
         rows = every[:, columns]
         left = observed - rows @ np.linalg.lstsq(rows, observed, rcond=1e-14)[0]
         return float(left @ left) + 2.0 * shape.size

@@ -33,7 +33,7 @@ UNITS = read_only(np.array([1e-3] * 3 + [1e-6] * 3))
 
 @dataclass(frozen=True)
 class RigidMotions:
-    """Error motions in the axis' error frame, tool relative to workpiece; um and urad throughout."""
+    """Error motions in the axis' error frame, tool relative to workpiece, um and urad."""
 
     errors: Array
     """Error motions `(n, 6)`."""
