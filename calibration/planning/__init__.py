@@ -1,1 +1,1 @@
-"""Positions to measure and their order."""
+"""Positions to measure, and their sequence."""
