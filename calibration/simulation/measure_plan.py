@@ -30,13 +30,13 @@ from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 
 TRACKER = LaserTracker(u_range_um_per_m=0.25, u_angle_um=10.0, u_angle_um_per_m=2.5)
-"""The virtual calibration paper, Table 3."""
+"""Uncertainties of a tracker by the virtual calibration paper, Table 3."""
 SPECIFICATIONS: Mapping[str, Instrument] = {
     "laser-tracker": TRACKER,
     "interferometer": Interferometer(u_um=0.2, u_um_per_m=0.5, u_straightness_um=0.5, u_angle_urad=1.0),
     "part": Part(u_um=1.0, u_um_per_m=1.5),
 }
-"""Instruments unless other uncertainties are given."""
+"""Default uncertainties of each instrument."""
 AWAY_MM = 1500.0
 """Distance from the volume to a tracker without a given position, mm."""
 NEAREST_MM = 1.0

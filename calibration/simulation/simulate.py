@@ -207,7 +207,7 @@ def _alignment(planar: bool, rng: np.random.Generator) -> Pose:
 def _noise(measurement: Measurement, rng: np.random.Generator) -> Array:
     """Noise `(n, components)`, mm and rad, with the covariance of the instrument for these observations."""
     normal = rng.standard_normal(measurement.observed.shape)
-    # an interferometer's uncertainty grows from the first position of its run, so its rows stay together
+    # the uncertainty of an interferometer grows from the first position of its run, so its rows stay together
     together = len(measurement) if isinstance(measurement.instrument, Interferometer) else AT_A_TIME
     parts = zip(_parts(measurement, together), _slices(len(measurement), together), strict=True)
     return np.concatenate([np.einsum("nij,nj->ni", _root(covariance(part)), normal[rows]) for part, rows in parts])

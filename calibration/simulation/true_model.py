@@ -48,7 +48,7 @@ TABLE_1: HalfWidths = {
     "E_ZZ": (0.0, 30.0, 0.5, 30.0, 30.0, 1.0, 3.0, 3.0),
     "E_AZ": _ANGLES_Z, "E_BZ": _ANGLES_Z, "E_CZ": _ANGLES_Z,
 }  # fmt: skip
-"""Virtual calibration paper, Table 1."""
+"""Half-widths of the virtual calibration paper, Table 1."""
 
 _RADIAL, _AXIAL, _TILT, _ANGLE = (
     (0.0, 0.0, 1.0, 8.0, 8.0, 2.0, 3.0, 3.0),
