@@ -6,9 +6,9 @@ axis with the others at home, without a direction of approach, over the common r
 | | convention |
 |---|---|
 | positioning and angular error motions of a linear axis | zero at the reference position |
-| straightness | deviation from the end-point or least-squares line, whose slope goes into squareness |
+| straightness | deviation from the end-point or least-squares line, whose slope is part of squareness |
 | angular positioning of a rotary axis | zero at the reference position |
-| radial, axial and tilt error motions of a rotary axis | less their mean, which is the location error, listed apart |
+| radial, axial and tilt error motions of a rotary axis | minus their mean, listed separately as location error |
 
 Both calibrations are first transformed into one frame (`common_frame`). The difference is B minus A. All values are
 linear in the errors, so that uncertainties follow from the parameters' covariance to first order (GUM). The two
@@ -94,11 +94,11 @@ class Motion:
     known: tuple[bool, bool]
     """True for each calibration, A and B, that contains the error motion."""
     significant: bool
-    """True where the uncertainties explain the difference, over all positions, with less than 5 % probability."""
+    """True if the uncertainties explain the difference, over all positions, with less than 5 % probability."""
 
     @property
     def difference(self) -> Array:
-        """B minus A `(n,)`."""
+        """Difference B minus A `(n,)`, um or urad."""
         return self.b - self.a
 
     @property
