@@ -119,7 +119,7 @@ def _together(what: str, columns: Sequence[np.ndarray | None], names: list[str],
 
 
 def _named(names: list[str], columns: Sequence[np.ndarray | None], measurements: Sequence[Measurement]) -> np.ndarray:
-    """Names `file:name` `(n,)`."""
+    """Names `(n,)` of the form `file:name`."""
     return np.concatenate(
         [
             np.char.add(f"{name}:", np.full(len(m), UNNAMED) if column is None else column.astype(str))

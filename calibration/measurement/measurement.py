@@ -63,7 +63,7 @@ class AcrossPath:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One row per observation, in the order of acquisition; mm and rad."""
+    """States and observations, one row per observation, in the order of acquisition; mm and rad."""
 
     machine: Machine
     instrument: Instrument

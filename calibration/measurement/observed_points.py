@@ -19,7 +19,7 @@ from kinematics.transforms import Array
 
 
 class Sight(NamedTuple):
-    """Rows between whose instrument and target the same axes lie."""
+    """Rows with the same axes between instrument and target."""
 
     rows: np.ndarray
     seen: NDArrayBool

@@ -35,7 +35,7 @@ NOMINAL_AGREES = 1e-3
 
 @dataclass(frozen=True)
 class Places:
-    """One row per observation, in the order of acquisition; fields as those of `Measurement`."""
+    """Measurement states, one row per observation, in the order of acquisition; fields as in `Measurement`."""
 
     state: State
     targets: Mapping[str, Target]

@@ -83,11 +83,11 @@ class Table:
         return f"{self.source}:{self.names_line}" if self.names_line else self.source
 
     def fault(self, row: int, name: str, reason: str) -> NoReturn:
-        """UserError for a cell."""
+        """Raise a UserError for a cell."""
         raise UserError(f"{self.source}:{self.lines[row]} column {name}: {reason}")
 
     def header_fault(self, key: str, reason: str) -> NoReturn:
-        """UserError for a header line."""
+        """Raise a UserError for a header line."""
         line = self.entries[key].line
         raise UserError(f"{self.source}{f':{line}' if line else ''} {key}: {reason}")
 
@@ -116,7 +116,7 @@ class Table:
             raise UserError(f"{self.head} {what}: {columns} missing, found {', '.join(self.names)}")
 
     def _load(self, names: Sequence[str], kind: type) -> np.ndarray:
-        """Cells `(n, names)`."""
+        """Cells `(n, names)` of the given type."""
         where = [self.names.index(name) for name in names]
         return np.loadtxt(
             self.rows, dtype=kind, delimiter=self.delimiter, usecols=where, ndmin=2, comments=None, quotechar='"'

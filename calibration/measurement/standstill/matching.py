@@ -30,7 +30,7 @@ DISTANCE, OF_DISTANCE, OF_GUESSED = 0.2, 1e-3, 0.1
 SKIPS = 4
 """Largest number of successive standstills or positions that are left out at a cost of `SKIP` each."""
 SKIP, RESTART = 0.3, 2.0
-"""Cost of leaving one out; cost of continuing at any position. A pair gains 1."""
+"""Cost of leaving out one standstill or position; cost of continuing at any position. The gain of a pair is 1."""
 ROUNDS = 8
 TRIALS = 400
 MARGIN = 0.5
@@ -51,7 +51,7 @@ class Positions(NamedTuple):
     places: Mapping[int, Array]
     """Positions of the targets on their carriers `(3,)`, mm, by number."""
     guessed: frozenset[int]
-    """Targets whose position is approximate."""
+    """Numbers of the targets whose position is approximate."""
 
     @property
     def points(self) -> Array:
@@ -271,7 +271,7 @@ def _assigned(gain: Array, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _traced(sums: Array, gain: Array) -> np.ndarray:
-    """The pairs that make the largest sum."""
+    """Position `(k,)` of each standstill in the assignment with the largest sum; -1 for none."""
     position = np.full(len(gain), -1)
     i, j = gain.shape
     while i and j:

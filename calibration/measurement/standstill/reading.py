@@ -27,7 +27,7 @@ COLUMNS = ("time_s", "x", "y", "z", "target", "station")
 SHORT = 0.5
 """Share of the median duration below which a standstill is listed."""
 LISTED = 12
-"""Lines of each kind in the notes."""
+"""Largest number of lines of each kind in the notes."""
 LEAST_SHARE = 0.5
 """Least share of the standstills that belong to the plan; below it the log is of another plan."""
 SCALES = {"inch": 1 / 25.4, "m": 1e-3, "um": 1e3}

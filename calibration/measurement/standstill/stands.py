@@ -41,7 +41,7 @@ BATCHES = 10
 
 
 class Stream(NamedTuple):
-    """Readings in the order of time."""
+    """Readings of a tracker, in the order of time."""
 
     time: Array
     """Time `(n,)`, s."""
