@@ -76,7 +76,7 @@ def sanity(measurement: Measurement) -> list[Finding]:
     own = measurement.rows(np.flatnonzero(~copies))
     mistakes = [*_order(own), *_temperatures(own), *_dead(own), *_far_targets(own)]
     odd = [*_copies(measurement, copies)]
-    if measurement.across is None:  # the alignment with the path looks for mistakes of points in motion
+    if measurement.across is None:  # otherwise the alignment with the path finds them
         mistakes += list(_readings(own) if measurement.instrument.components == 1 else _mistakes(own))
     if measurement.across is None and not any(finding.fatal for finding in mistakes):
         odd += [*_small_volume(own), *_clock(own), *_first_cycle(own), *_read_back(own)]
