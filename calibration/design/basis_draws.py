@@ -1,6 +1,6 @@
 """The basis of every draw, chosen as `ncomp fit` does, for a whole chunk of draws at once.
 
-Draws that stand at the same choice are evaluated together: each choice is factorised once for all of them.
+Draws with the same choice are evaluated together: each choice is factorised once for all of them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from kinematics.transforms import Array
 def chosen(
     fits: Fits, drawn: Sample, search: Search, held_out_lines: HeldOutLines | None = None
 ) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
-    """Numbers of the draws by the parts and the prior scale that they are fitted with."""
+    """Numbers of the draws by the parts and the prior scale of their fits."""
     number = drawn.observed.shape[1]
     unexplained = None if held_out_lines is None else _unexplained(held_out_lines, drawn)
     best = basis_search.chosen(search, number, _evidence(fits, drawn), unexplained)

@@ -1,7 +1,7 @@
-"""The linear equations of one case: what observations and volume see of truths and of fitted parameters.
+"""The linear equations of one case: derivatives of observations and volume by true and by fitted parameters.
 
-All of it is first order in the errors, about the nominal machine; `calibration.study.exact` holds it against fits by
-the exact kinematics.
+They are first order in the errors, about the nominal machine; `calibration.study.exact` compares them with fits by the
+exact kinematics.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from kinematics.error_model.model import Design, ErrorModel, no_errors
 from kinematics.transforms import Array
 
 SEEN = 1e-10
-"""Directions of the registration with a smaller share of the largest singular value are none."""
+"""Share of the largest singular value below which a direction of the registration counts as none."""
 ROUNDING = 1e-7
-"""Share of a column below which what is left of it is nothing."""
+"""Share of a column below which its part outside the registration is rounding."""
 BESIDES = ""
-"""Stands for an axis where the effects are meant that are fitted besides the error motions."""
+"""Part of the effects that are fitted in addition to the error motions, in place of an axis."""
 
 
 class Made(NamedTuple):
-    """Columns of the parameters of a part, registration taken out."""
+    """Columns of the parameters of a part."""
 
     observed: Array
-    """`(N, k)`, whitened."""
+    """Whitened derivatives `(N, k)` of the observations, registration eliminated."""
     volume: Array
-    """`(G, k)`, um, aligned."""
+    """Derivatives `(G, k)`, um, of the aligned deviations in all volumes."""
     prior: Array
     """Typical sizes `(k,)` of the parameters."""
 
 
 class Columns:
-    """Whitened derivatives of the observations, the registration taken out, and aligned ones of the volume."""
+    """Whitened derivatives of the observations, registration eliminated, and aligned derivatives of the volumes."""
 
     def __init__(self, setup: Setup, volumes: Sequence[Volume], besides: Sequence[Effect]) -> None:
         self.measurement, self.volumes, self.besides = setup.measurement, tuple(volumes), tuple(besides)
@@ -57,16 +57,16 @@ class Columns:
         self._registration = column_space(self.registration, SEEN)
 
     def of_true_models(self, true_models: TrueModels) -> tuple[Array, Array]:
-        """Of a truth's coefficients: of the observations `(N, t)`, registration and all, and of the volume `(G, t)`."""
+        """Derivatives by the coefficients of true models, as of `observed` `(N, t)` and of `evaluated` `(G, t)`."""
         design = self.observed(true_models.model)
         return design * true_models.linear, self.evaluated(true_models.model) * true_models.linear
 
     def of_part(self, part: Part) -> Made:
-        """Of one axis' error motions, or of what is fitted besides, per unit of parameters."""
+        """Columns of one axis' error motions, or of the additional effects, per unit of parameters."""
         model = self.model([part])
         whole = self.observed(model)
         before, observed = np.linalg.norm(whole, axis=0), self._registration.removed(whole)
-        # what the registration takes away altogether leaves rounding, which is nothing seen
+        # a column that the registration absorbs leaves only rounding, which is no information
         observed[:, np.linalg.norm(observed, axis=0) < ROUNDING * before] = 0.0
         return Made(observed, self.evaluated(model), priors(model))
 
@@ -75,7 +75,7 @@ class Columns:
         return model_of(self.measurement, parts, self.besides)
 
     def registered(self, parts: Sequence[Part], left: Array, step: Array) -> Array:
-        """The step of the registration for residuals `(N,)`, when the parameters take theirs."""
+        """The step of the registration for residuals `(N,)`, with the step `(p,)` of the parameters."""
         rest = left - self.observed(self.model(parts)) @ step
         return np.asarray(self._registration.back @ (self._registration.basis.T @ rest) / self._units)
 
@@ -84,13 +84,13 @@ class Columns:
         return np.concatenate([volume.columns(model) for volume in self.volumes])
 
     def observed(self, model: ErrorModel) -> Array:
-        """Whitened derivatives `(N, p)` of the observations by the parameters of a model, registration and all."""
+        """Whitened derivatives `(N, p)` of the observations by model parameters, registration not eliminated."""
         design = Design(model, self.measurement.machine, self.measurement.state, with_instrument=True)
         return np.asarray(design.of(slice(None), self._transform).reshape(self._transform[:, :, 0].size, -1))
 
 
 def model_of(measurement: Measurement, parts: Sequence[Part], besides: Sequence[Effect]) -> ErrorModel:
-    """What is fitted: the error motions of axes in their bases, and effects besides."""
+    """The fitted model: the error motions of axes in their bases, and additional effects."""
     effects: list[Effect] = []
     for axis, basis in parts:
         effects += besides if axis == BESIDES else axis_effects(measurement, axis, parse_basis(basis))
@@ -102,17 +102,17 @@ class Sample:
     """A chunk of draws of one case."""
 
     coefficients: Array
-    """Of the truths `(t, draws)`."""
+    """Coefficients `(t, draws)` of the true models."""
     observed: Array
-    """Whitened deviations with noise `(N, draws)`, registration not yet taken out."""
+    """Whitened deviations with noise `(N, draws)`, registration not eliminated."""
     noise: Array
-    """What of it is noise `(draws, n, d)`."""
+    """Noise `(draws, n, d)` in `observed`."""
 
 
 def sample(setup: Setup, seen: Array, coefficients: Array, rng: np.random.Generator) -> Sample:
-    """What the instrument sees of truths; `seen` `(N, t)` as of `Columns.of_true_models`."""
+    """The observations of true models by the instrument; `seen` `(N, t)`: as of `Columns.of_true_models`."""
     n, d, _ = setup.noise.shape
-    # one draw after the other, so that the first are the same however many there are
+    # one draw after the other: the first draws do not depend on their number
     normal = rng.standard_normal((coefficients.shape[1], n, d))
     noise = (setup.noise @ normal[..., None])[..., 0]
     return Sample(coefficients, seen @ coefficients + noise.reshape(len(noise), -1).T, noise)

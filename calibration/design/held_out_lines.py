@@ -18,19 +18,19 @@ from kinematics.user_error import UserError
 
 
 class Line(NamedTuple):
-    """One line, or another block of rows, and the fits that have not seen it."""
+    """One line, or another block of rows, and the other rows, which are fitted to predict it."""
 
     told: np.ndarray
     """True `(N,)` for the scalars of the line that the others can predict."""
     others: np.ndarray
-    """True `(N,)` for those that are fitted."""
+    """True `(N,)` for the scalars that are fitted."""
     registration: Array
     """Orthonormal columns `(others, r)` of the effect of the registration on the other lines."""
     carried: Array
     """Effect `(told, r)` of the same registration on the line."""
 
     def split(self, columns: Array) -> tuple[Array, Array]:
-        """Columns `(N, k)` at the others and at the line, the registration by the others taken out of both."""
+        """Columns `(N, k)` at the others and at the line, without the registration of the others in both."""
         others = columns[self.others]
         along = self.registration.T @ others
         return others - self.registration @ along, columns[self.told] - self.carried @ along
@@ -46,7 +46,7 @@ class HeldOutLines:
 
     @classmethod
     def of(cls, fits: Fits) -> HeldOutLines | None:
-        """The blocks of `calibration.fit.cross_validation`; None off a few diagonals or without such blocks."""
+        """The blocks of `calibration.fit.cross_validation`; None without such blocks, or off a few diagonals."""
         measurement, registration = fits.columns.measurement, fits.columns.registration
         if lines(measurement) is None:
             return None
@@ -60,7 +60,7 @@ class HeldOutLines:
                 return None
             try:
                 refuse_lines(measurement.rows(np.flatnonzero(others)))
-            except UserError:  # the others are no measurement on their own
+            except UserError:  # the other rows alone can't be fitted
                 return None
             held.append(_line(registration, *(np.repeat(rows, measurement.components) for rows in (told, others))))
             number += int(told.sum())
@@ -78,7 +78,7 @@ class HeldOutLines:
         return total
 
     def _columns(self, part: Part) -> Array:
-        """Whitened derivatives `(N, k)` by the parameters of a part, registration and all."""
+        """Whitened derivatives `(N, k)` by the parameters of a part, registration not eliminated."""
         if part not in self._raw:
             self._raw[part] = self.fits.columns.observed(self.fits.columns.model([part]))
         return self._raw[part]

@@ -1,4 +1,4 @@
-"""One case, laid out: where is measured and from where, all of it nominal; weights and noise of its observations."""
+"""Layout of one case: nominal positions, targets and stations; weights and noise of its observations."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 
 Weighting = Literal["full", "cartesian-diagonal"]
-"""By the full covariance of each observation, or by the variances of x, y and z alone (the paper, (8))."""
+"""Weights by the full covariance of each observation, or by the variances of x, y and z alone (the paper, (8))."""
 NEAREST_MM = 1.0
-"""A target closer to a tracker has no direction."""
+"""Smallest distance, mm, between tracker and target: a closer target has no direction."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What a measurement would be of a machine without errors, by an instrument without noise."""
+    """A measurement of a machine without errors by an instrument without noise, with weights and noise."""
 
     measurement: Measurement
     registration: Registration
     poses: Mapping[str, Pose] | None
     white: Array
-    """What observations are weighted by `(n, d, d)`."""
+    """Weights `(n, d, d)` of the observations."""
     noise: Array
-    """Noise of unit variance times this `(n, d, d)` is that of the instrument, weighted."""
+    """Factors `(n, d, d)` from noise of unit variance to the weighted noise of the instrument."""
     minutes: float
     notes: tuple[str, ...] = ()
 
@@ -51,16 +51,16 @@ def laid_out(
     weighting: Weighting = "full",
     temperatures: Mapping[str, tuple[float, float]] | None = None,
 ) -> Setup:
-    """The set-up of a plan, measured once from each place of the tracker; points out of reach are left out, and said.
+    """The set-up of a plan, measured once from each tracker position; points out of reach are left out, with a note.
 
-    UserError for an instrument that sees nothing, or stands in a target.
+    UserError for an instrument that observes nothing, or that is at a target.
     """
     state, poses, notes = plan.state, None, list(plan.notes)
     minutes = plan.minutes
     if isinstance(instrument, LaserTracker):
         if not trackers:
             raise UserError("where does the laser tracker stand? (tracker = [x, y, z])")
-        # a levelled tracker sees the same whichever way it is turned: the angle need not be drawn
+        # the rotation of a levelled tracker about its vertical has no effect: it need not be drawn
         poses = {f"s{k}": tracker_pose(place, np.random.default_rng(0)) for k, place in enumerate(trackers, start=1)}
         state = at_stations(state, list(poses))
         minutes *= len(poses)

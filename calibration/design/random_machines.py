@@ -1,4 +1,4 @@
-"""Machines at random as coefficients: what they err by is linear in these, so a chunk of them is one matrix."""
+"""Random machines as coefficients: their errors are linear in these, so that a chunk of machines is one matrix."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ class TrueModels:
     """Virtual machines: their parameters are uniform between `low` and `high`, or fixed where the two are the same."""
 
     model: ErrorModel
-    """With all parameters at their largest."""
+    """The error model with all parameters at their largest values."""
     low: Array
-    """`(t,)`, in the units of the model, as `high`."""
+    """Limits `(t,)` of the parameters in the units of the model, as `high`."""
     high: Array
     linear: Array
-    """1 `(t,)` for amplitudes, 0 for what shapes them (a period, a time constant)."""
+    """1 `(t,)` for amplitudes, 0 for parameters of their shape (a period, a time constant)."""
 
     @classmethod
     def of(
         cls, machine: Machine, half_widths: HalfWidths, drawn: Sequence[Effect] = (), fixed: Sequence[Effect] = ()
     ) -> TrueModels:
-        """Error motions within half-widths; amplitudes of `drawn` effects within plus and minus their own; others."""
+        """Error motions within half-widths, `drawn` effects with amplitudes within their own, and `fixed` effects."""
         motions = largest_truth(machine, half_widths)
         effects = (*motions, *drawn, *fixed)
         model = msgspec.structs.replace(no_errors(machine), effects=effects)
@@ -45,12 +45,12 @@ class TrueModels:
         return cls(model, low, high, linear.astype(float))
 
     def draw(self, rng: np.random.Generator, number: int) -> Array:
-        """Coefficients `(t, number)`: the first are the same however many are drawn."""
+        """Random coefficients `(t, number)`; the first draws do not depend on their number."""
         share = rng.uniform(size=(number, len(self.low)))
         return np.asarray((self.low + share * (self.high - self.low)).T)
 
     def variances(self) -> Array:
-        """Of the coefficients `(t,)`; a uniform distribution has a third of its squared half-width."""
+        """Variances `(t,)` of the coefficients: a third of the squared half-width of a uniform distribution."""
         return np.asarray((self.high - self.low) ** 2 / 12.0)
 
     def machine(self, coefficients: Array) -> ErrorModel:

@@ -14,14 +14,14 @@ from calibration.fit.linear import NormalBlocks, Part, Posterior, pseudo_inverse
 from kinematics.transforms import Array
 
 UNSEEN = 1e-10
-"""Singular values squared below this share of the largest count as zero where no prior holds."""
+"""Share of the largest eigenvalue below which another counts as zero, where there is no prior."""
 KEPT = 160
-"""Factorised designs that are kept."""
+"""Number of factorised designs in the cache."""
 
 
 @dataclass(frozen=True)
 class Factorised:
-    """The fit of one choice of bases: normal matrix with its priors, in units of these."""
+    """Factorised normal equations of one choice of bases, with its priors."""
 
     solve: Callable[[Array], Array]
     log_determinant: float
@@ -29,7 +29,7 @@ class Factorised:
 
 @dataclass
 class Fits:
-    """Fits of one case, whatever the choice of bases: blocks are made once, however many choices share them."""
+    """Fits of one case for any choice of bases: blocks are computed once, however many choices share them."""
 
     columns: Columns
     true_models: TrueModels
@@ -45,27 +45,27 @@ class Fits:
         return self._of(part).observed.T @ drawn.observed
 
     def step(self, parts: tuple[Part, ...], prior_scale: float, left: Array, parameters: Array) -> Array:
-        """The step of parameters `(p,)` for whitened residuals `(N,)`: back to the same factorisation."""
+        """The step of parameters `(p,)` for whitened residuals `(N,)`, by the same factorisation."""
         right = np.concatenate([self._of(part).observed.T @ left for part in parts])
         if np.isfinite(prior_scale):
             right = right - parameters / self.scale(parts, prior_scale) ** 2
         return self.factorised(parts, prior_scale).solve(right[:, None])[:, 0]
 
     def scale(self, parts: Sequence[Part], prior_scale: float) -> Array:
-        """Prior standard deviations `(p,)`: typical sizes times `prior_scale`, which effects besides don't have."""
+        """Prior standard deviations `(p,)`: typical sizes, for error motions times `prior_scale`."""
         scales = [
             self._of(part).prior * (prior_scale if part[0] and np.isfinite(prior_scale) else 1.0) for part in parts
         ]
         return np.concatenate(scales)
 
     def errors(self, parts: Sequence[Part], parameters: Array, coefficients: Array) -> Array:
-        """RMS error `(volumes, draws)`, um, that a fit `(p, draws)` leaves of truths `(t, draws)`."""
+        """RMS error `(volumes, draws)`, um, of true models `(t, draws)` minus their fits `(p, draws)`."""
         left = self.true_volume @ coefficients
         left -= np.concatenate([self._of(part).volume for part in parts], axis=1) @ parameters
         return self._rms(left)
 
     def before(self, coefficients: Array) -> Array:
-        """The same of the machine as it is."""
+        """RMS error `(volumes, draws)`, um, of true models `(t, draws)` without a correction."""
         return self._rms(self.true_volume @ coefficients)
 
     def _rms(self, deviations: Array) -> Array:
@@ -92,7 +92,7 @@ def rms(deviations: Array) -> Array:
 
 
 def _least_squares(matrix: Array) -> Factorised:
-    """Without priors: the pseudo-inverse, which leaves at zero what the data do not determine."""
+    """The fit without priors, by the pseudo-inverse: directions that the data do not determine stay zero."""
     size = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
     root = pseudo_inverse(matrix / np.outer(size, size), UNSEEN).root / size[:, None]
     return Factorised(lambda right: root @ (root.T @ right), float("nan"))

@@ -1,4 +1,4 @@
-"""Where a machine is judged: deviations on a grid all over the travel, after a rigid alignment."""
+"""Evaluation of a machine: deviations on a grid over the whole travel, after a rigid alignment."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from kinematics.state import State
 from kinematics.transforms import Array
 
 GRID = 9
-"""Positions on each linear axis (contract 4.2)."""
+"""Number of positions on each linear axis (contract 4.2)."""
 RIGID = 1e-9
 """Share of the largest singular value below which a rigid motion moves no point."""
 WAVES = (0.6180339887498949, 0.7548776662466927, 0.5698402909980532)
-"""Steps, as shares of their way, of rotary axes from one position of the grid to the next: never in phase."""
+"""Steps, as shares of their range, of rotary axes from one position of the grid to the next: never in phase."""
 
 
 @dataclass(frozen=True)
 class Volume:
-    """Positions, the transform of errors to tool points there, and what a rigid alignment can take off."""
+    """Positions, the transform of errors to tool points there, and the rigid motions that an alignment removes."""
 
     machine: Machine
     state: State
     tool: Array
-    """`(3,)` or `(n, 3)`, mm."""
+    """Tool vectors `(3,)` or `(n, 3)`, mm."""
     transform: Array
-    """`(n, 3, (axes + 1) * 6)`, mm."""
+    """Transform `(n, 3, (axes + 1) * 6)` of errors to displacements, mm."""
     rigid: Array
-    """Orthonormal columns `(3 n, 6 or fewer)`."""
+    """Rigid motions, as orthonormal columns `(3 n, 6 or fewer)`."""
 
     @classmethod
     def of(
@@ -47,9 +47,9 @@ class Volume:
         turned: Mapping[str, tuple[float, float]] | None = None,
         sensors: Iterable[str] = (),
     ) -> Volume:
-        """The grid of the machine for a tool, mm; rotary axes at home, or all over the ranges `turned`, degrees.
+        """The grid of the machine for a tool, mm; rotary axes at home, or spread over the ranges `turned`, degrees.
 
-        The machine comes from where it was before, stands still, and is at 20 degC, at its `sensors` too.
+        The states are those of `standing`: positions in their order, at rest, 20 degC, also at the `sensors`.
         """
         positions = evaluation_grid(machine, GRID)
         for step, (axis, (low, high)) in zip(WAVES, (turned or {}).items(), strict=False):
@@ -59,8 +59,8 @@ class Volume:
 
     @classmethod
     def at(cls, machine: Machine, state: State, tool: Array) -> Volume:
-        """Any positions, with a tool `(3,)` or `(n, 3)`, mm."""
-        # points on one line leave a turn free
+        """The volume of any positions, with a tool `(3,)` or `(n, 3)`, mm."""
+        # points on one line leave a rotation undetermined
         rigid = column_space(rigid_columns(tool_point(machine, state.positions, tool)), RIGID).basis
         return cls(machine, state, tool, place_transform(machine, state.positions, tool)[:, :3], rigid)
 
@@ -72,7 +72,7 @@ class Volume:
 
 
 def standing(positions: Array, sensors: Iterable[str] = ()) -> State:
-    """The machine at positions `(n, axes)`, mm and rad, come to in this order, standing still, at 20 degC."""
+    """The machine at rest at positions `(n, axes)`, mm and rad, approached in this order, at 20 degC."""
     n, still = len(positions), np.zeros(positions.shape)
     return with_moves(
         State(

@@ -1,4 +1,4 @@
-"""The observation equations: what is expected to be observed, and its derivatives; one instrument kind each.
+"""The observation equations: expected observations and their derivatives, for each kind of instrument.
 
 observed = registration(points of the machine with errors) + shift by the instrument's own effects + noise. Values are
 exact; derivatives are those at nominal positions, first order in the errors.
@@ -22,13 +22,13 @@ from kinematics.forward import axis_frames
 from kinematics.transforms import Array, by_turn, turn
 
 IN_LINE = 1.0
-"""mm: points nearer to a line do not say how the instrument is turned about it."""
+"""RMS distance of points from a line, mm, below which they do not determine the instrument's rotation about it."""
 
 
 def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
-    """A first registration, from the nominal machine and the rows that are trusted, a mask `(n,)`.
+    """A first registration, from the nominal machine and the rows in the mask `trusted` `(n,)`.
 
-    Targets on the tool say where the instrument stood as long as they suffice: of the others there are guesses.
+    Poses of the instrument come from targets on the tool where these suffice: positions of other targets are guesses.
     """
     names, groups = np.unique(measurement.groups).tolist(), measurement.groups
     if isinstance(measurement.instrument, Interferometer):
@@ -42,7 +42,7 @@ def start(measurement: Measurement, trusted: np.ndarray) -> Registration:
     poses, centres = {}, {}
     for name in names:
         mine = groups == name
-        # where too few are trusted the station is astray as a whole
+        # with too few trusted rows, all rows of the station count
         choices = [rows for rows in (mine & trusted & known, mine & trusted) if rows.sum() >= (2 if planar else 3)]
         rows = next((rows for rows in choices if planar or width(points[rows]) > IN_LINE), [*choices, mine][0])
         poses[name] = rigid(points[rows], observed[rows], planar=planar)
@@ -57,7 +57,7 @@ def width(points: Array) -> float:
 
 
 def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
-    """Expected observations `(n, d)`, mm and rad, in the components that count, with these effects on them.
+    """Expected observations `(n, d)`, mm and rad, in the components that count, with these effects.
 
     NaN for runs of an interferometer whose zero the registration does not hold.
     """
@@ -75,7 +75,7 @@ def expected(measurement: Measurement, registration: Registration, effects: Obse
 def transform(measurement: Measurement, registration: Registration) -> Array:
     """Derivatives `(n, d, (axes + 1) * 6 + 3)`: by the error motions, and by the shift of the observed point.
 
-    As `ErrorModel.observation_design` takes it.
+    This is the transform that `ErrorModel.observation_design` expects.
     """
     n = len(measurement)
     if isinstance(measurement.instrument, Interferometer):
@@ -114,7 +114,8 @@ def registration_design(measurement: Measurement, registration: Registration) ->
 def covariance(measurement: Measurement) -> Array:
     """Covariances `(n, d, d)`, mm2 or rad2, of the components that count; rows in motion are means.
 
-    Sheet and scatter describe the same readings (GUM 4.3.10): scatter counts as far as it exceeds the sheet.
+    Specification and scatter describe the same readings (GUM 4.3.10): scatter counts as far as it exceeds the
+    specification of the instrument.
     """
     instrument = measurement.instrument
     if isinstance(instrument, Interferometer):
@@ -135,16 +136,16 @@ def _widened(covariances: Array, scatter: Array) -> Array:
 
 
 def _counted(measurement: Measurement, vectors: Array) -> Array:
-    """What counts `(n, d, ...)` of vectors `(n, 3, ...)` in the instrument's frame."""
+    """The components that count, `(n, d, ...)`, of vectors `(n, 3, ...)` in the instrument's frame."""
     if measurement.across is None:
         return vectors[:, : measurement.components]
     return measurement.across.of(vectors)
 
 
 def _lines(measurement: Measurement) -> Array:
-    """Directions `(n, 6)` that an interferometer measures in, of a displacement or a turn, workpiece frame.
+    """Directions `(n, 6)`, of displacement or rotation, in which an interferometer measures, workpiece frame.
 
-    Those of the axis' motion or turn; of an error motion that is named, of its error frame.
+    The direction is that of the axis' motion, or of the error frame for a named error motion.
     """
     machine = measurement.machine
     assert measurement.axis is not None
@@ -158,7 +159,7 @@ def _lines(measurement: Measurement) -> Array:
 
 
 def _named_lines(measurement: Measurement, lines: Array, component: np.ndarray) -> Array:
-    """The directions `(n, 6)`, those of error motions that are named replaced by the axes of the error frame."""
+    """The directions `(n, 6)`; those of named error motions are axes of the error frame."""
     machine = measurement.machine
     assert measurement.axis is not None
     frames = axis_frames(machine, measurement.state.positions)
@@ -204,7 +205,7 @@ def _mean_zero(measurement: Measurement, mine: np.ndarray, trusted: np.ndarray) 
 
 
 def _first_targets(measurement: Measurement, registration: Registration) -> dict[str, Array]:
-    """Positions `(3,)`, mm, of the targets on table and bed, and free ones: medians of where first poses show them."""
+    """Positions `(3,)`, mm, of free targets and targets on table and bed: medians over their rows, with first poses."""
     unknown = [name for name, target in measurement.targets.items() if target.free or not target.known]
     found = {name: np.array(measurement.targets[name].position) for name in unknown}
     if not found:
@@ -220,6 +221,6 @@ def _first_targets(measurement: Measurement, registration: Registration) -> dict
 
 
 def _in_space(measurement: Measurement, points: Array) -> Array:
-    """Observed points `(n, 3)`; what a part's measurement does not say of z is nominal."""
+    """Observed points `(n, 3)`; z of a part that is measured in x and y is nominal."""
     missing = points[:, measurement.instrument.components :]
     return np.concatenate([measurement.observed, missing], axis=1)

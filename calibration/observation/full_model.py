@@ -1,4 +1,4 @@
-"""The model that a fit starts from: the error motions of every axis that moves in the data."""
+"""The model at the start of a fit: the error motions of every axis that moves in the data."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from kinematics.turn import gap_of, measured_arc, swept_arc
 from kinematics.user_error import UserError
 
 STILL = 1e-6
-"""mm or degrees: an axis that moves less stands still."""
+"""Range, mm or degrees, up to which an axis does not move."""
 _KINDS = "b-spline:N, cubic:N (nodes), legendre:N, polynomial:N (degree), fourier:N (harmonics)"
 
 
 @dataclass(frozen=True)
 class BasisChoice:
-    """How the error motions of an axis are written, apart from its interval."""
+    """Basis of the error motions of an axis, without its interval."""
 
     kind: str
     """b-spline (degree 1, an interpolated table), cubic, legendre, polynomial or fourier."""
@@ -37,7 +37,7 @@ class BasisChoice:
         return f"{self.kind}:{self.size}"
 
     def over(self, interval: Interval, *, closed: bool = False) -> Basis:
-        """The basis over an interval, mm or degrees; closed: it is a whole turn, with which the errors repeat."""
+        """The basis over an interval, mm or degrees; closed: the interval is a whole turn, where the errors repeat."""
         match self.kind:
             case "b-spline" | "cubic":
                 nodes = np.linspace(*interval, self.size).tolist()
@@ -54,7 +54,7 @@ class BasisChoice:
 
 
 def parse_basis(text: str) -> BasisChoice:
-    """A choice such as `b-spline:12` or `legendre:5`; UserError says which there are."""
+    """A choice such as `b-spline:12` or `legendre:5`; UserError, with the known kinds, for any other text."""
     found = re.fullmatch(r"(b-spline|cubic|legendre|polynomial|fourier):(\d+)", text.strip())
     if not found:
         raise UserError(f"basis {text!r} is none of {_KINDS}")
@@ -85,12 +85,12 @@ def stated_bases(text: str, axes: Sequence[str]) -> dict[str, BasisChoice]:
 def moving_axes(measurement: Measurement) -> dict[str, Interval]:
     """The axes that move, and are measured, in the data, with the interval that they cover, mm or degrees.
 
-    Of an axis that turns fully, the arc of the turn.
+    For an axis that turns fully, the interval is the measured arc.
     """
     across = measurement.across
     positions = (measurement.state.positions if across is None else across.ends) / measurement.machine.scale
     low, high = positions.min(axis=0), positions.max(axis=0)
-    # the ends come back from rad with an error that no interval should show
+    # rounding removes the error of the conversion from rad
     ends = np.round(np.stack([low, high], axis=1), 9).tolist()
     for i, axis in enumerate(measurement.machine.axes):
         if axis.turns_fully:
@@ -101,7 +101,7 @@ def moving_axes(measurement: Measurement) -> dict[str, Interval]:
 
 
 def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> ErrorModel:
-    """What `axis_effects` has of each axis that moves in the data; `bases` by axis."""
+    """The model of `axis_effects` of each axis that moves in the data; `bases` by axis. UserError where none moves."""
     effects = [effect for axis in moving_axes(measurement) for effect in axis_effects(measurement, axis, bases[axis])]
     if not effects:
         raise UserError(f"{measurement.source}: no axis moves in these data")
@@ -109,9 +109,9 @@ def rigid_model(measurement: Measurement, bases: Mapping[str, BasisChoice]) -> E
 
 
 def axis_effects(measurement: Measurement, axis: str, choice: BasisChoice) -> list[Effect]:
-    """What is fitted of one axis that moves: its six error motions, all zero.
+    """The fitted effects of one axis that moves: its six error motions, all zero.
 
-    An interferometer sees along the axis that it measures: of that the positioning error, and its backlash.
+    For an interferometer: the error motions that it observes, by default the positioning error, and the backlash.
     """
     arc, own = moving_axes(measurement)[axis], measurement.machine.axes[measurement.machine.index(axis)]
     basis = choice.over(arc, closed=own.turns_fully and not gap_of(arc))
@@ -135,7 +135,7 @@ def observed_components(measurement: Measurement, axis: str) -> list[Component]:
 def with_effects(
     measurement: Measurement, bases: Mapping[str, BasisChoice], effects: Sequence[Effect], prior_scale: float
 ) -> tuple[ErrorModel, np.ndarray]:
-    """The rigid model with effects besides, and priors `(parameters,)`; those of the error motions times a factor."""
+    """The rigid model with additional effects, and priors `(parameters,)`; `prior_scale`: factor of the rigid ones."""
     rigid = rigid_model(measurement, bases)
     model = msgspec.structs.replace(rigid, effects=(*rigid.effects, *effects))
     prior = priors(model)
@@ -144,10 +144,10 @@ def with_effects(
 
 
 def distinct_positions(measurement: Measurement, axis: str) -> int:
-    """At how many positions of an axis there are data, to 1 um or a thousandth of a degree."""
+    """Number of different positions of an axis in the data, to 1 um or a thousandth of a degree."""
     return len(np.unique(np.round(measurement.state.position(measurement.machine, axis), 3)))
 
 
 def priors(model: ErrorModel) -> np.ndarray:
-    """Standard deviations `(parameters,)` that the fit expects of the parameters, in their units."""
+    """Prior standard deviations `(parameters,)` in the units of the parameters: their typical sizes."""
     return np.array([quantity.typical for effect in model.effects for quantity in effect.parameter_table])

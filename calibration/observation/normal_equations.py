@@ -1,4 +1,4 @@
-"""Normal equations, gathered a block of rows at a time: memory does not grow with the number of observations."""
+"""Normal equations, assembled a block of rows at a time: memory does not grow with the number of observations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kinematics.transforms import Array, blocks
 from kinematics.user_error import UserError
 
 CERTAIN = 1e-6
-"""Share of the largest standard uncertainty of a row, below which another is none."""
+"""Share of the largest standard uncertainty of a row below which another counts as zero."""
 
 
 @dataclass
@@ -39,7 +39,7 @@ class NormalEquations:
 def whiteners(measurement: Measurement) -> Array:
     """Matrices W `(n, d, d)` that make the noise white: W C W' = 1; Montavon et al., weights by Cholesky.
 
-    UserError for an instrument that is certain in some direction.
+    UserError for an instrument without uncertainty in some direction.
     """
     try:
         root = np.linalg.cholesky(equations.covariance(measurement))

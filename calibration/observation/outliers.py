@@ -1,10 +1,10 @@
-"""Rows that do not belong to the rest: found, named and left out, never fitted.
+"""Outliers: rows that contradict all others are found, listed and left out of the fit.
 
-The rule: with d2 the squared Mahalanobis distance of a row's residual by the instrument's covariance, times a robust
-variance factor of the whole (from the median of all d2; at least 1 where the sheet holds), a row is an outlier when so
-large a d2 would turn up in fewer than one of a hundred such measurements of nothing but noise (Bonferroni, chi2 with
-the row's components). While the fit is still on its way, rows count by Huber's weights instead. A station most of whose
-rows are outliers has failed as a whole and is left out.
+The rule: d2 is the squared Mahalanobis distance of a row's residual by the instrument's covariance, times a robust
+variance factor of the whole (from the median of all d2; at least 1 where the specification holds). A row is an outlier
+when so large a d2 occurs in fewer than one of a hundred such measurements with noise alone (Bonferroni, chi2 with the
+row's components). During the iterations of the fit, rows have Huber's weights instead. A station most of whose rows are
+outliers has failed as a whole and is left out.
 """
 
 from __future__ import annotations
@@ -23,21 +23,22 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 Variance = Literal["sheet", "estimate"]
-"""Of the instrument's noise: as its sheet says, or that times a factor from the residuals."""
+"""Variance of the instrument's noise: from its specification, or that times a factor from the residuals."""
 SIGNIFICANCE = 0.01
-"""Chance that a measurement of n rows without outliers has a row rejected."""
+"""Probability that a measurement of n rows without outliers has a row rejected."""
 HUBER = 0.95
 """Share of good rows that keep their full weight."""
 ASTRAY = 10.0
-"""Rows that miss the nominal machine by 1 mm and so many medians take no part in the first registration."""
+"""Multiple of the median deviation from the nominal machine, and at least 1 mm, above which a row is left out of the
+first registration."""
 FAILED = 0.5
-"""Share of its rows found to be outliers, beyond which a station has failed."""
+"""Share of outliers among the rows of a station above which it has failed."""
 
 
 def robust_factor(distances: Array, components: int, effective_parameters: float, least: float) -> float:
     """Variance factor, at least `least`, that brings the median of squared distances `(n,)` to that of chi2.
 
-    spent: degrees of freedom that the fit took out of the residuals.
+    effective_parameters: degrees of freedom that the fit took out of the residuals.
     """
     scalars = distances.size * components
     share = (
@@ -56,13 +57,13 @@ def huber_weights(distances: Array, components: int, factor: float) -> Array:
 
 
 def outlying(distances: Array, components: int, factor: float) -> np.ndarray:
-    """True `(n,)` for outliers, by the rule."""
+    """True `(n,)` for outliers, by the rule of this module."""
     limit = special.chdtri(components, SIGNIFICANCE / max(len(distances), 1))
     return np.asarray(distances > limit * factor)
 
 
 def failed_stations(measurement: Measurement, bad: np.ndarray) -> list[str]:
-    """Groups, of several, most of whose rows are bad."""
+    """Names of the groups most of whose rows are bad; none where there is only one group."""
     groups = measurement.groups
     names = np.unique(groups).tolist()
     return [name for name in names if bad[groups == name].mean() > FAILED] if len(names) > 1 else []
@@ -71,7 +72,8 @@ def failed_stations(measurement: Measurement, bad: np.ndarray) -> list[str]:
 def duplicates(measurement: Measurement) -> np.ndarray:
     """True `(n,)` for rows that repeat an earlier one to the last digit, observation included: copies, not repeats.
 
-    One number, as an interferometer reads it to 0.01 um, comes again by chance: without a time such rows are repeats.
+    A single number, such as an interferometer's reading to 0.01 um, can recur by chance: without a time such rows are
+    repeats.
     """
     if measurement.instrument.components == 1 and measurement.state.time is None:
         return np.zeros(len(measurement), bool)
@@ -87,7 +89,7 @@ def duplicates(measurement: Measurement) -> np.ndarray:
 
 
 def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarray]:
-    """A registration on the nominal machine that gross errors do not spoil, and the rows `(n,)` it trusts."""
+    """A registration on the nominal machine without rows with gross errors, and a mask `(n,)` of the rows in it."""
     n = len(measurement)
     nominal = Observation(np.zeros((n, len(measurement.machine.axes) + 1, 6)), np.zeros((n, 3)))
     trusted = np.ones(n, bool)
@@ -102,7 +104,7 @@ def first_registration(measurement: Measurement) -> tuple[Registration, np.ndarr
 
 
 def refuse_lines(measurement: Measurement) -> None:
-    """UserError where a station saw points along one line only: which way is across, nobody knows."""
+    """UserError where a station observed points on one line only: its rotation about the line is undetermined."""
     if measurement.instrument.components < 3:
         return
     points, groups = seen_points(measurement, None, measurement.tool), measurement.groups

@@ -1,4 +1,4 @@
-"""What a laser tracker can't see: beyond its articulation, its range, or the angle that the reflector takes."""
+"""Reach of a laser tracker: limits of its articulation, of its range, and of the angle at the reflector."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ class Reach:
     """Limits, degrees and mm; None for none."""
 
     elevation: tuple[float, float] | None = None
-    """Of the beam, from the tracker's x y plane; the virtual calibration paper, Table 3, has -59 ... 79."""
+    """Range of the beam's angle to the tracker's x y plane; the virtual calibration paper, Table 3, has -59 ... 79."""
     incidence: float | None = None
-    """Largest angle between the beam and the axis of the reflector, half of what its maker states as opening."""
+    """Largest angle between the beam and the axis of the reflector: half the opening that its maker states."""
     range_mm: float | None = None
 
 
 class Seen(NamedTuple):
-    """Which rows are in reach `(n,)`, and for what the others are not."""
+    """Mask `(n,)` of the rows in reach, and the reasons why others are not."""
 
     rows: np.ndarray
     notes: tuple[str, ...]
 
 
 def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) -> Seen:
-    """What a tracker sees from where it stands of a measurement yet to be made, at nominal positions.
+    """The rows of a planned measurement that a tracker can observe from its poses, at nominal positions.
 
-    Each reflector is mounted so that its axis points to the tracker as well as may be over all its positions.
+    Each reflector is mounted so that its axis points to the tracker as well as possible over all its positions.
     """
     points = seen_points(measurement, None, measurement.tool)
     own = Registration(poses).seen(measurement, points)
