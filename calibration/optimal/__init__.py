@@ -1,1 +1,1 @@
-"""Measurements laid where they tell most: positions, targets and tracker with the least volumetric uncertainty."""
+"""Optimised measurements: positions, targets and tracker position with the least volumetric uncertainty."""

@@ -1,4 +1,4 @@
-"""Where could be measured: positions all over the volume with every target, as far as a tracker sees them."""
+"""Candidates of a measurement: positions over the whole volume with every target, as far as a tracker sees them."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from kinematics.transforms import Array, Pose
 from kinematics.user_error import UserError
 
 BEYOND = 1.25
-"""Positions are laid in so much more than the travel and brought back to its ends: faces and edges tell most."""
+"""Factor by which positions are spread beyond the travel, then clipped to its ends: faces and edges are most useful."""
 NEAREST_MM = 100.0
-"""From the tracker to a target at least."""
+"""Smallest distance, mm, from the tracker to a target."""
 OFF_MM, LOW = 1500.0, 0.2
-"""From the volume to a tracker of which nothing is said; its lower height, as a share of the volume's."""
+"""Distance, mm, from the volume to a tracker without a given position; its lower height, as a share of the volume's."""
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """A box in the workpiece frame, mm, in which no target may be and which no beam may cross; open where not said."""
+    """A box in the workpiece frame, mm, in which no target may be and which no beam may cross."""
 
     low: Vector
     high: Vector
 
     def contains(self, points: Array) -> np.ndarray:
-        """Which points `(n, 3)` are inside."""
+        """Mask `(n,)` of the points `(n, 3)` inside the box."""
         return np.asarray(np.all((points >= self.low) & (points <= self.high), axis=1))
 
     def between(self, origin: Array, points: Array) -> np.ndarray:
-        """Which lines from the origin `(3,)` to points `(n, 3)` cross the box (slabs)."""
+        """Mask `(n,)` of the lines from the origin `(3,)` to points `(n, 3)` that cross the box (slab method)."""
         way = points - origin
         way = np.where(np.abs(way) < 1e-9, 1e-9, way)
         ends = np.stack([(np.array(self.low) - origin) / way, (np.array(self.high) - origin) / way])
@@ -48,7 +48,10 @@ class Obstacle:
 
 
 def obstacle_of(box: Mapping[str, tuple[float, float]]) -> Obstacle:
-    """The obstacle of ranges by x, y, z; UserError for others and for ranges that run backward."""
+    """The obstacle of ranges by x, y, z, infinite where none is given.
+
+    UserError for other letters, and for ranges that do not go from a lower to a higher position.
+    """
     unknown = sorted(set(box) - set("xyz"))
     if unknown or not box:
         raise UserError(f"obstacle: expected ranges of x, y, z, got {', '.join(unknown) or 'none'}")
@@ -60,7 +63,7 @@ def obstacle_of(box: Mapping[str, tuple[float, float]]) -> Obstacle:
 
 
 def positions(machine: Machine, choices: Choices, number: int) -> Array:
-    """Positions `(number, axes)`, mm and rad, evenly all over the volume and denser at its ends (Halton)."""
+    """Positions `(number or fewer, axes)`, mm and rad, evenly over the whole volume and denser at its ends (Halton)."""
     from scipy.stats import qmc
 
     low, high = limits(machine, choices)
@@ -80,7 +83,7 @@ def positions(machine: Machine, choices: Choices, number: int) -> Array:
 
 
 def with_targets(places: Array, targets: Mapping[str, Target]) -> State:
-    """Every position with every target; they are come to from either side, in any order, as in a shuffled plan."""
+    """States of every position with every target, approached in random order, as in a shuffled plan."""
     rng = np.random.default_rng(0)
     every = np.tile(places, (len(targets), 1))
     n = len(every)
@@ -105,7 +108,7 @@ def seen(
     reach: Reach | None,
     obstacles: Sequence[Obstacle],
 ) -> np.ndarray:
-    """Mask `(n,)` of the states whose target a tracker at a place `(3,)`, mm, sees."""
+    """Mask `(n,)` of the states whose target a tracker at a position `(3,)`, mm, sees."""
     stationed = replace(state, station=np.full(len(state), "s1"))
     nothing = np.zeros((len(state), 3))
     blank = Measurement(machine, LaserTracker(), stationed, nothing, targets)
@@ -120,7 +123,7 @@ def seen(
 
 
 def places_around(machine: Machine, choices: Choices, target: Target) -> list[Vector]:
-    """Where a tracker could stand: 1.5 m off the corners and the sides of the volume, in a low and a middle height."""
+    """Possible tracker positions, mm: 1.5 m off the corners and sides of the volume, at a low and a middle height."""
     low, high = limits(machine, choices)
     linear = np.flatnonzero(~machine.rotary)
     corners = np.tile(stand(machine, choices), (2 ** len(linear), 1))

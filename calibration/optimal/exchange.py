@@ -1,8 +1,9 @@
-"""I-optimal choice among candidates: those rows whose fit leaves the least mean variance where a machine is judged.
+"""I-optimal choice among candidates: the rows whose fit has the least mean variance over the evaluated positions.
 
-The variance is tr(B V), V = (P + sum F'F)^-1 over the rows F of the candidates that are chosen. B = G'G / n over the
-places where the machine is judged; P is the information of the priors. Chosen first one by one, each that takes most
-away (rank-d updates of V), then by exchange of the least useful for the most useful one (Fedorov) until none helps.
+The variance is tr(B V), V = (P + sum F'F)^-1 over the rows F of the chosen candidates. B = G'G / n over the evaluated
+positions; P is the information of the priors. Candidates are first chosen one by one, each with the largest reduction
+of the variance (rank-d updates of V). Then the least useful one is exchanged for the most useful one (Fedorov) until no
+exchange is an improvement.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ import numpy as np
 from kinematics.transforms import Array
 
 LOOKED_AT = 48
-"""Candidates whose gain is worked out anew at a time; of all others what it was is more than what it is."""
+"""Number of candidates whose improvement is computed anew at a time; earlier values are upper limits for all others."""
 TRIED = 12
-"""Exchanges that are tried, from the least useful chosen one on, before none is said to help."""
+"""Number of exchanges that are tried, from the least useful chosen candidate on, before the search ends."""
 RENEWED = 100
-"""Updates after which V is worked out anew."""
+"""Number of updates after which V is computed anew."""
 LEAST = 1e-4
-"""Share of the variance that an exchange takes away at least."""
+"""Smallest reduction of the variance by an exchange, as a share of the variance."""
 
 
 @dataclass
@@ -47,17 +48,17 @@ class Selection:
         return float(np.sum(self.evaluated * self.spread))
 
     def gains(self, which: np.ndarray) -> Array:
-        """By how much each of these candidates would make the variance smaller."""
+        """Reductions `(n,)` of the variance by each of these candidates."""
         _, inner, outer = self._through(which)
         return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) + inner), outer))
 
     def losses(self, which: np.ndarray) -> Array:
-        """By how much it would be larger without each of these, which are chosen."""
+        """Increases `(n,)` of the variance without each of these chosen candidates."""
         _, inner, outer = self._through(which)
         return np.asarray(np.einsum("nij,nji->n", np.linalg.inv(np.eye(inner.shape[1]) - inner), outer))
 
     def change(self, candidate: int, sign: int) -> None:
-        """Choose a candidate (+1), or no longer (-1)."""
+        """Add a candidate (+1), or remove it (-1)."""
         across, inner, _ = self._through(np.array([candidate]))
         F, U, size = self.rows[candidate], across[0].T, inner.shape[1]
         K = U @ np.linalg.inv(np.eye(size) * sign + inner[0])
@@ -84,7 +85,7 @@ class Selection:
 
 
 def filled(selection: Selection, number: int, allowed: np.ndarray) -> None:
-    """Choose the most useful of the allowed candidates, a mask, one by one until there are so many."""
+    """Choose the most useful of the allowed candidates, a mask, one by one until `number` are chosen."""
     gains = np.where(allowed & ~selection.chosen, np.inf, -np.inf)
     while np.count_nonzero(selection.chosen) < number:
         order = np.argsort(-gains)
@@ -106,7 +107,7 @@ def filled(selection: Selection, number: int, allowed: np.ndarray) -> None:
 
 
 def exchanged(selection: Selection, allowed: np.ndarray, rounds: int) -> int:
-    """Exchange chosen candidates for allowed ones that make the variance smaller; how many were exchanged."""
+    """Exchange chosen candidates for allowed ones that reduce the variance; the number of exchanges."""
     done = 0
     for _ in range(rounds):
         inside = np.flatnonzero(selection.chosen)

@@ -1,4 +1,4 @@
-"""A short way through positions, and the plan that goes it."""
+"""A short path through positions, and the plan along it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from kinematics.transforms import Array
 
 
 def toured(machine: Machine, positions: Array) -> np.ndarray:
-    """Order `(n,)` of positions `(n, axes)` in which each is the nearest of those left, from the lowest corner on."""
+    """Order `(n,)` of positions `(n, axes)`: the nearest one comes next, from the lowest corner on."""
     places = positions / machine.scale
     left, order = np.arange(len(places)), []
     here = places.min(axis=0) if len(places) else np.zeros(0)
@@ -38,7 +38,7 @@ def plan_of(
     *,
     shuffled: np.random.Generator | None = None,
 ) -> Plan:
-    """The plan through positions `(n, axes)`, one target after the other: in a short way, or shuffled."""
+    """The plan through positions `(n, axes)`, one target after the other: on a short path, or shuffled."""
     order = []
     for name in targets:
         mine = np.flatnonzero(target == name)

@@ -1,8 +1,9 @@
-"""An optimised measurement: from a wish to a plan and a place for the tracker.
+"""An optimised measurement: from requirements to a plan and a tracker position.
 
-The least mean variance of the volumetric error, aligned, for a number of points or of minutes: positions and targets
-by exchange (`calibration.optimal.exchange`), the tracker's place by the same for each of them in little. What is
-fitted later is not known yet: meant are smooth error motions (Legendre polynomials, the higher the smaller).
+The plan has the least mean variance of the aligned volumetric error for a number of points or of minutes. Its positions
+and targets come from an exchange (`calibration.optimal.exchange`), the tracker position from a comparison of smaller
+plans. The fitted model is not known yet: the error motions are assumed to be smooth (Legendre polynomials, the higher
+the smaller).
 """
 
 from __future__ import annotations
@@ -33,52 +34,52 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 BASIS = "legendre:12"
-"""Of linear axes; its k-th parameter is expected to have the typical size over 1 + k: errors are smooth."""
+"""Basis of linear axes; its k-th parameter is expected to have the typical size over 1 + k: errors are smooth."""
 ROTARY_BASIS = "fourier:3"
 FREE = 1e-9
-"""Information on the registration beforehand."""
+"""Prior information on the registration."""
 EXCHANGES = 40
 IN_LITTLE = 4
-"""Places of the tracker are compared by so much fewer candidates and points."""
+"""Factor by which candidates and points are reduced to compare tracker positions."""
 VISIBLE = 0.3
-"""Standard uncertainty of an effect that is to be seen, as a share of its typical size."""
+"""Largest standard uncertainty of a required effect, as a share of its typical size."""
 WEIGHT, HEAVIER, TIMES = 1.0, 4.0, 7
-"""Weight of the variance of effects that are to be seen, and by how much and how often it grows until they are."""
+"""Weight of the variance of required effects, its growth factor, and the largest number of attempts."""
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What is wanted, and what is in the way."""
+    """Requirements of the measurement, and obstacles."""
 
     choices: Choices
     """Targets, ranges, timing; rotary axes."""
     points: int | None = None
     minutes: float | None = None
     trackers: Sequence[Vector] = ()
-    """Places to choose from; none for some around the volume."""
+    """Tracker positions to choose from, mm; empty for positions around the volume."""
     reach: Reach | None = None
     obstacles: Sequence[Obstacle] = ()
     visible: Sequence[Effect] = ()
     candidates: int = 2000
     change_min: float = 5.0
-    """To change the target."""
+    """Time to change the target, min."""
 
 
 @dataclass(frozen=True)
 class Optimised:
-    """The plan, and what it promises."""
+    """The plan, and its predicted uncertainty."""
 
     plan: Plan
     tracker: Vector
     expected_um: float
-    """RMS volumetric error, of noise and of what the plan does not see, for errors of typical size."""
+    """RMS volumetric error, um, from noise and from undetermined parameters, for errors of typical size."""
     visible: Mapping[str, float] = field(default_factory=dict)
-    """Standard uncertainty of the effects that are to be seen, as shares of their typical sizes."""
+    """Standard uncertainties of the required effects, as shares of their typical sizes."""
 
 
 @dataclass(frozen=True)
 class _Field:
-    """Candidates as seen from one place of the tracker."""
+    """Candidates and their equations for one tracker position."""
 
     state: State
     rows: Array
@@ -90,7 +91,7 @@ class _Field:
     """Columns of the amplitudes of effects, by name."""
 
     def selection(self, weight: float = 0.0) -> Selection:
-        """Nothing chosen yet; with a weight on the variance of the effects that are to be seen."""
+        """An empty selection, with a weight on the variance of the required effects."""
         weights = np.zeros(len(self.prior))
         weights[list(self.besides.values())] = weight
         return Selection(self.rows, self.prior, self.evaluated + np.diag(weights), np.zeros(len(self.rows), bool))
@@ -99,7 +100,7 @@ class _Field:
 def optimised(
     machine: Machine, instrument: Instrument, wish: Wish, progress: Callable[[str], None] = lambda _: None
 ) -> Optimised:
-    """The best plan that is found; UserError when nothing can be seen, or not what is to be seen."""
+    """The best plan that is found; UserError where nothing can be seen, or not a required effect."""
     if not isinstance(instrument, LaserTracker):
         raise UserError("an optimised plan is for a laser tracker")
     if (wish.points is None) == (wish.minutes is None):
@@ -120,7 +121,7 @@ def optimised(
 def _tracker(
     machine: Machine, instrument: LaserTracker, wish: Wish, places: Array, progress: Callable[[str], None]
 ) -> Vector:
-    """The place from which a smaller plan of the same kind is best."""
+    """The tracker position from which a smaller plan of the same kind is best."""
     first = next(iter(wish.choices.targets.values()))
     trackers = list(wish.trackers) or places_around(machine, wish.choices, first)
     if len(trackers) == 1:
@@ -144,7 +145,7 @@ def _tracker(
 
 
 def _seen_from(machine: Machine, instrument: LaserTracker, wish: Wish, places: Array, tracker: Vector) -> _Field:
-    """The candidates and their equations, for one place of the tracker."""
+    """The candidates and their equations, for one tracker position."""
     targets = wish.choices.targets
     state = with_targets(places, targets)
     pose = tracker_pose(tracker, np.random.default_rng(0))
@@ -211,7 +212,7 @@ def _smooth(model: ErrorModel) -> Array:
 
 
 def _number(machine: Machine, wish: Wish, found: _Field) -> int:
-    """How many points there are to be; in so many minutes by the length of ways through as many candidates."""
+    """Number of points; for a number of minutes, from the duration of plans through that many candidates."""
     if wish.points is not None:
         number = wish.points
     else:
@@ -244,7 +245,7 @@ def _as_plan(
 
 
 def _refuse_hidden(found: _Field) -> None:
-    """UserError for an effect that not even all candidates together show."""
+    """UserError for a required effect that all candidates together do not show."""
     if found.besides:
         spread = np.linalg.inv(found.prior + _information(found.rows))
         for name, k in found.besides.items():
@@ -256,7 +257,7 @@ def _refuse_hidden(found: _Field) -> None:
 
 
 def _chosen(found: _Field, number: int, wish: Wish) -> np.ndarray:
-    """Numbers of the best candidates; those that show the effects to be seen weigh more until they do."""
+    """Numbers of the best candidates; the weight of required effects grows until the candidates show them."""
     weight = WEIGHT
     for _ in range(TIMES):
         selection = found.selection(weight if wish.visible else 0.0)
@@ -271,7 +272,7 @@ def _chosen(found: _Field, number: int, wish: Wish) -> np.ndarray:
 def _planned(
     machine: Machine, instrument: LaserTracker, wish: Wish, found: _Field, chosen: np.ndarray, tracker: Vector
 ) -> tuple[Plan, dict[str, float]]:
-    """The plan of these candidates in an order that shows what is to be seen; UserError when none does."""
+    """The plan of these candidates in an order that shows the required effects; UserError when none does."""
     told: dict[str, float] = {}
     for shuffled in (None, np.random.default_rng(wish.choices.seed)):
         plan = _as_plan(machine, wish, found, chosen, shuffled)

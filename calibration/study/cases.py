@@ -1,4 +1,4 @@
-"""Cases ready to be worked on, anywhere: all that a case of a study says, looked up and laid out."""
+"""Cases ready for work in any process: all entries of a study's cases, read and laid out."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from kinematics.state import REFERENCE
 from kinematics.user_error import UserError
 
 OPTIMISED = "optimised"
-"""The strategy that lays positions where they tell most."""
+"""Name of the strategy with optimised positions."""
 ACTIVE = 180.0
-"""Incidence, degrees, of a reflector that turns to the tracker by itself."""
+"""Incidence, degrees, that denotes a reflector that turns to the tracker by itself."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One way to measure virtual machines and to fit what was measured."""
+    """One method to measure virtual machines and to fit the data."""
 
     name: str
     plan: Plan
@@ -51,7 +51,7 @@ class Case:
     besides: tuple[Effect, ...]
     true_models: TrueModels
     volumes: tuple[Volume, ...]
-    """The grid, and what else is judged."""
+    """The grid, and other volumes of the evaluation."""
     seed: int
 
     def setup(self) -> Setup:
@@ -74,7 +74,7 @@ class Case:
 
 
 def _content(value: object) -> Iterator[bytes]:
-    """All that a value holds, without caches: numbers, names and arrays, in their order."""
+    """The content of a value, without caches: numbers, names and arrays, in their order."""
     if isinstance(value, np.ndarray):
         numbers = value.dtype.kind != "O"
         yield f"{value.dtype.str}{value.shape}".encode()
@@ -106,7 +106,10 @@ def code() -> str:
 
 
 def read_cases(study: StudyEntry, folder: Path) -> list[Case]:
-    """All cases of a study; paths in it are relative to `folder`. UserError, naming the case, for what can't be."""
+    """All cases of a study; paths in it are relative to `folder`.
+
+    UserError, with the name of the case, for an entry that can't be used.
+    """
     machine = machines.load(_path(study.machine, folder))
     instrument = instrument_of(study.instrument, "study", folder)
     true_models = _true_models(study.errors, machine, folder)
@@ -151,12 +154,12 @@ def _case(
 
 
 def with_volume(case: Case, volume: Volume) -> Case:
-    """The case, judged in another place too."""
+    """The case with another volume of the evaluation."""
     return replace(case, volumes=(*case.volumes, volume))
 
 
 def choices_of(entry: CaseEntry) -> Choices:
-    """How positions are laid and visited, as a case says."""
+    """Choice of positions and of the measuring sequence, from the entry of a case."""
     timed = entry.dwell_s is not None or entry.feed is not None
     timing = (
         Timing(entry.point_s, entry.setup_min, entry.dwell_s, entry.feed)
@@ -187,7 +190,7 @@ def targets_of(entry: CaseEntry) -> dict[str, Target]:
 
 
 def _wish(entry: CaseEntry, trackers: tuple[Vector, ...], reach: Reach | None, machine: Machine) -> Wish:
-    """What an optimised case wants."""
+    """Requirements of an optimised case."""
     points = sum(entry.points) if isinstance(entry.points, tuple) else entry.points
     return Wish(
         choices_of(entry),
@@ -263,6 +266,6 @@ def _half_widths(entry: ErrorsEntry, folder: Path) -> HalfWidths:
 
 
 def _path(text: str, folder: Path) -> str:
-    """A path as seen from here; other texts as they are."""
+    """A path with its folder; other texts unchanged."""
     is_path = text.lower().endswith((".json", ".toml")) and not text.lstrip().startswith("{")
     return str(folder / text) if is_path else text

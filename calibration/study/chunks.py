@@ -1,4 +1,4 @@
-"""A chunk of draws of one case: the unit of work, the same wherever it is done."""
+"""A chunk of draws of one case: the unit of work, with the same outcome in any process."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 SIZE = 50
-"""Draws of a chunk; the last of a case may have fewer."""
+"""Number of draws of a chunk; the last of a case may have fewer."""
 MACHINES, NOISE = 0, 1
-"""Streams of random numbers. No case has its own: all measure the same machines, and differ by nothing but method."""
+"""Streams of random numbers, common to all cases: these measure the same machines and differ only in the method."""
 
 
 class Chunk(NamedTuple):
-    """Which draws: number of the chunk, and how many."""
+    """Number of a chunk, and number of its draws."""
 
     number: int
     draws: int
@@ -48,14 +48,14 @@ class Prepared:
     setup: Setup
     fits: Fits
     bases: tuple[Part, ...] | Search
-    """The bases of all draws, or what each of them chooses from."""
+    """The bases of all draws, or the search that chooses those of each draw."""
     prior_scale: float
     held_out_lines: HeldOutLines | None
-    """Lines that choices are judged by, of data on a few diagonals."""
+    """Lines by which choices are evaluated, for data on a few diagonals."""
 
     @classmethod
     def of(cls, case: Case) -> Prepared:
-        """The case, its designs made."""
+        """The case with its designs."""
         setup = case.setup()
         fits = Fits(Columns(setup, case.volumes, case.besides), case.true_models)
         prior = case.fit.prior
@@ -63,7 +63,7 @@ class Prepared:
         return cls(case, setup, fits, _bases(case, fits, scale), 1.0 if scale is None else scale, HeldOutLines.of(fits))
 
     def sample(self, chunk: Chunk) -> Sample:
-        """The virtual machines of a chunk and what is observed of them."""
+        """The virtual machines of a chunk and their observations."""
         streams = [
             np.random.default_rng(np.random.SeedSequence(self.case.seed, spawn_key=(chunk.number, stream)))
             for stream in (MACHINES, NOISE)
@@ -72,13 +72,13 @@ class Prepared:
         return sample(self.setup, self.fits.true_observed, coefficients, streams[1])
 
     def choices(self, drawn: Sample) -> dict[tuple[tuple[Part, ...], float], np.ndarray]:
-        """Numbers of the draws by the bases and the prior that they are fitted with."""
+        """Numbers of the draws by the bases and the prior of their fits."""
         if isinstance(self.bases, Search):
             return chosen(self.fits, drawn, self.bases, self.held_out_lines)
         return {(self.bases, self.prior_scale): np.arange(drawn.observed.shape[1])}
 
     def outcome(self, chunk: Chunk) -> Outcome:
-        """All draws of a chunk, fitted and judged."""
+        """All draws of a chunk, fitted and evaluated."""
         drawn = self.sample(chunk)
         before = self.fits.before(drawn.coefficients)
         after = np.empty_like(before)
@@ -88,13 +88,13 @@ class Prepared:
         return Outcome(before, after)
 
     def fitted(self, parts: tuple[Part, ...], scale: float, drawn: Sample, draws: np.ndarray) -> Array:
-        """Parameters `(p, draws)`, in their units."""
+        """Fitted parameters `(p, draws)`, in their units."""
         right = np.concatenate([self.fits.right(part, drawn)[:, draws] for part in parts])
         return self.fits.factorised(parts, scale).solve(right)
 
 
 def work(case: Case, chunk: Chunk) -> Outcome:
-    """One chunk of a case."""
+    """The outcome of one chunk of a case."""
     return prepared(case.key, case).outcome(chunk)
 
 

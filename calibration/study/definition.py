@@ -20,7 +20,7 @@ Range = tuple[float, float]
 
 
 class InstrumentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What measures; standard uncertainties (k=1) by their keys in a measurement file, and what it can reach."""
+    """The instrument: standard uncertainties (k=1) by their keys in a measurement file, and its reach."""
 
     kind: Literal["laser-tracker", "interferometer", "part"] = "laser-tracker"
     u_range_um: float | None = None
@@ -30,48 +30,48 @@ class InstrumentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     u_um: float | None = None
     u_um_per_m: float | None = None
     tests: str | None = None
-    """File of a laser tracker's tests (ASME B89.4.19) that its uncertainties are fitted to."""
+    """File of a laser tracker's tests (ASME B89.4.19), from which its uncertainties are fitted."""
     planar: bool = False
     elevation: Range | None = None
     incidence_deg: Positive | None = None
     range_mm: Positive | None = None
     temperature: dict[str, Range] = {}
-    """By sensor, degC at the start and at the end."""
+    """Temperatures, degC, at the start and at the end, by sensor."""
 
 
 class ErrorsEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the virtual machines err by."""
+    """The errors of the virtual machines."""
 
     model: Literal["fourier", "table-1", "none"] = "table-1"
     half_widths: str | dict[str, tuple[float, ...]] | None = None
     """`table-1`, the path of a table, or rows E_XX = [a0, a1, n1, b1, c1, ...] by error motion, um and urad."""
     effects: tuple[str, ...] = ()
-    """Amplitudes uniform between plus and minus what stands here."""
+    """Effects whose amplitudes are uniform between plus and minus the given ones."""
     fixed: tuple[str, ...] = ()
-    """Effects of every draw alike; also a calibration, `cal.json`."""
+    """Effects that are the same in every draw; also a calibration, `cal.json`."""
 
 
 class FitEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the measurement is fitted."""
+    """The fit of the measurement."""
 
     basis: str = "auto"
-    """As in `ncomp fit`: auto, auto:KIND, KIND:SIZE, or X=KIND:SIZE,Y=..."""
+    """Basis, as in `ncomp fit`: auto, auto:KIND, KIND:SIZE, or X=KIND:SIZE,Y=..."""
     weighting: Weighting = "full"
     prior: Literal["auto", "none"] | Positive = "auto"
     """Standard deviation, um and urad, of the parameters of error motions; auto: by evidence, or 30."""
     effects: tuple[str, ...] = ()
-    """Fitted besides the error motions."""
+    """Effects that are fitted in addition to the error motions."""
 
 
 class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One way to measure."""
+    """One method to measure."""
 
     name: str
     strategy: str
     points: int | tuple[int, ...] | None = None
     spacing_mm: Positive | None = None
     tracker: tuple[float | Triple, ...] = ()
-    """Where it stands, mm: [x, y, z], or several of these, one for each station."""
+    """Position of the tracker, mm: [x, y, z], or several of these, one for each station."""
     tools: dict[str, Triple] | tuple[Triple, ...] = ()
     planes_at: float = 1.0
     ranges: dict[str, Range] = {}
@@ -90,25 +90,25 @@ class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     feed: Positive | None = None
     elevation: Range | None = None
     incidence_deg: Positive | None = None
-    """Above those of the instrument, where they differ from case to case; 180 for an active reflector."""
+    """Largest incidence, degrees, in place of the instrument's; 180 for an active reflector."""
     minutes: Positive | None = None
-    """Of an optimised strategy, instead of points; as all that follow."""
+    """Duration of an optimised measurement, instead of points; candidates, obstacles and visible are for it as well."""
     candidates: Annotated[int, msgspec.Meta(ge=100, le=20_000)] = 2000
     obstacles: tuple[dict[str, Range], ...] = ()
     """Boxes in the workpiece frame, ranges of x, y, z in mm."""
     visible: tuple[str, ...] = ()
-    """Effects that the measurement has to show."""
+    """Required effects: the measurement has to show them."""
     fit: FitEntry | None = None
 
 
 class StudyEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The whole file."""
+    """The content of the file."""
 
     machine: str
     case: Annotated[tuple[CaseEntry, ...], msgspec.Meta(min_length=1)]
     draws: Annotated[int, msgspec.Meta(ge=2)] | Literal["adaptive"] = 200
     tolerance_um: Positive = 0.1
-    """Of an adaptive study: to how much the results shall have settled."""
+    """Tolerance, um, to which the results of an adaptive study converge."""
     most_draws: Annotated[int, msgspec.Meta(ge=2)] = 100_000
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     check_draws: Annotated[int, msgspec.Meta(ge=0)] = 2
@@ -118,11 +118,11 @@ class StudyEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     errors: ErrorsEntry = ErrorsEntry()
     fit: FitEntry = FitEntry()
     common: dict[str, Any] = {}
-    """Keys of a case that hold for every case that does not say otherwise."""
+    """Keys of a case that hold for every case that does not contain them."""
 
 
 def read_study(path: Path) -> StudyEntry:
-    """The study in a TOML file; UserError, naming file and key, for what can't be used."""
+    """The study in a TOML file; UserError, with file and key, for an entry that can't be used."""
     where = f"study {path}"
     try:
         content = tomllib.loads(read_input(path, "study").decode())
@@ -132,7 +132,7 @@ def read_study(path: Path) -> StudyEntry:
 
 
 def study_of(content: dict[str, Any], where: str) -> StudyEntry:
-    """The study that a table says; `where` names it in messages."""
+    """The study in a table; `where` names it in messages."""
     content = _with_rows(content)
     common, cases = content.get("common", {}), content.get("case", [])
     if isinstance(common, dict) and isinstance(cases, list):
@@ -151,7 +151,7 @@ def study_of(content: dict[str, Any], where: str) -> StudyEntry:
 
 
 def _with_rows(content: dict[str, Any]) -> dict[str, Any]:
-    """The content with the rows of error motions that stand in [errors] itself as its half-widths."""
+    """The content, with the rows of error motions directly in [errors] moved to its half-widths."""
     errors = content.get("errors")
     if isinstance(errors, str):
         return {**content, "errors": {"model": errors}}
@@ -166,7 +166,7 @@ def _with_rows(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def instrument_of(entry: InstrumentEntry, where: str, folder: Path) -> Instrument:
-    """The instrument, its tests relative to `folder`; UserError for uncertainties that it does not have, or none."""
+    """The instrument, its tests relative to `folder`; UserError for unknown or missing uncertainties."""
     from calibration.measurement.file import KINDS, check_uncertainties, uncertainty_keys
 
     known = uncertainty_keys(KINDS[entry.kind])

@@ -1,4 +1,4 @@
-"""Some draws once more by the exact kinematics: what the linear equations of a study are held against."""
+"""Some draws of a study once more by the exact kinematics, to check its linear equations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kinematics.transforms import Array
 
 STEPS = 20
 CONVERGED = 1e-6
-"""Of a step, as a share of the largest parameter."""
+"""Largest component of the last step, as a share of the largest parameter."""
 
 
 class Compared(NamedTuple):
@@ -31,12 +31,12 @@ class Compared(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """The largest, um."""
+        """The largest difference, um."""
         return float(np.abs(self.exact - self.linear).max(initial=0.0))
 
 
 def compared(prepared: Prepared, draws: int) -> Compared:
-    """The first draws of a case by the linear equations, and by the exact kinematics, iterated; the same noise."""
+    """The first draws of a case by the linear equations, and by iterated exact kinematics, with the same noise."""
     drawn = prepared.sample(Chunk(0, draws))
     linear, exact = np.empty(draws), np.empty(draws)
     for (parts, scale), numbers in prepared.choices(drawn).items():
@@ -58,7 +58,7 @@ def _fitted(
         nominal.machine, true_model, nominal.state, nominal.instrument, np.random.default_rng(0), setup.poses,
         nominal.targets, axis=nominal.axis, run=nominal.run, noise_scale=0.0,
     )  # fmt: skip
-    # noise is weighted here, and in mm there
+    # the noise of a sample is weighted, that of observations is in mm
     in_mm = np.linalg.solve(setup.white, noise[..., None])[..., 0]
     measured = replace(seen, observed=seen.observed + in_mm)
     model, registration = fits.columns.model(parts), setup.registration
@@ -75,7 +75,7 @@ def _fitted(
 
 
 def _left(volume: Volume, true_model: ErrorModel, found: ErrorModel) -> float:
-    """RMS, um, of what the fit leaves in a volume, aligned."""
+    """RMS error in a volume after correction by the fit, aligned, um."""
     machine, q = volume.machine, volume.state.positions
     there, fitted = (
         exact_deviation(machine, q, model.errors(machine, volume.state), volume.tool).position

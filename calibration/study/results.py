@@ -13,7 +13,7 @@ from kinematics.transforms import Array
 
 HEAD = ("name", "points", "minutes", "ve0_rms_um", "ve0_p95_um", "ve_rms_um", "ve_p95_um")
 ALONG_PROGRAM = ("program0_rms_um", "program0_p95_um", "program_rms_um", "program_p95_um")
-"""Behind the others, where a study has an NC program."""
+"""Further columns of a study with an NC program."""
 
 
 def write_results(results: Sequence[Result], file: BinaryIO) -> None:
@@ -32,9 +32,9 @@ def summary(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def standard_errors(values: Array) -> tuple[float, float]:
-    """Standard uncertainties, um, of mean and 95 % quantile of results `(draws,)`, from their number.
+    """Standard uncertainties, um, of mean and 95 % quantile of results `(draws,)`, due to the number of draws.
 
-    Of the quantile by the order statistics one standard deviation of its rank (binomial) to either side.
+    That of the quantile comes from the order statistics one standard deviation of its rank (binomial) to either side.
     """
     n = len(values)
     rank = np.sqrt(LEVEL * (1 - LEVEL) / n)

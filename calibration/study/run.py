@@ -16,13 +16,13 @@ from calibration.study.store import Store
 from kinematics.transforms import Array
 
 AT_ONCE = 8
-"""Chunks of a case that are begun before the stopping rule is asked again; it judges them one by one all the same."""
+"""Number of chunks of a case between two checks of the stopping rule, which evaluates them one by one."""
 Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
 class Draws:
-    """How many draws there are to be."""
+    """Number of draws of each case."""
 
     number: int | None
     """None where the stopping rule decides."""
@@ -30,7 +30,7 @@ class Draws:
     most: int = 100_000
 
     def chunks(self, begun: int) -> list[Chunk]:
-        """The next chunks of a case, of which some are begun."""
+        """The next chunks of a case after those already begun."""
         if self.number is None:
             last = min(begun + AT_ONCE, -(-self.most // SIZE))
             return [Chunk(k, SIZE) for k in range(begun, last)]
@@ -39,14 +39,14 @@ class Draws:
 
 @dataclass(frozen=True)
 class Result:
-    """What came out of a case."""
+    """Result of a case."""
 
     case: Case
     before: Array
-    """RMS error of each draw `(volumes, draws)`, um."""
+    """RMS error `(volumes, draws)`, um, of each draw without a correction; `after`: with it."""
     after: Array
     batches: tuple[Array, ...]
-    """After, on the grid, by chunk `(draws,)`."""
+    """RMS errors `(draws,)`, um, with a correction, on the grid, by chunk."""
     converged: bool
     """False where an adaptive study ended at its largest number of draws."""
     points: int
@@ -59,7 +59,7 @@ class Result:
 
 @dataclass
 class _Progressing:
-    """A case on its way."""
+    """A case in progress."""
 
     case: Case
     key: str
@@ -69,7 +69,7 @@ class _Progressing:
     """Number of chunks that count, once it is known."""
 
     def judge(self, draws: Draws) -> None:
-        """Find out how many of the chunks are enough."""
+        """Set `enough` where the stopping rule, or a limit on the draws, decides it."""
         chunks = sorted(self.outcomes)
         if draws.number is not None:
             self.enough = len(chunks)
@@ -88,7 +88,7 @@ def run(
     cases: Sequence[Case], draws: Draws, team: Workers, store: Store, check_draws: int = 0,
     progress: Progress = lambda _: None,
 ) -> list[Result]:  # fmt: skip
-    """All cases; `progress` is called with numbers of draws done. The same results whoever works."""
+    """Results of all cases, independent of the workers; `progress` is called with numbers of draws done."""
     going = [_Progressing(case, case.key) for case in cases]
     while rest := [each for each in going if each.enough is None]:
         tasks = []

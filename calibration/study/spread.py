@@ -1,6 +1,6 @@
-"""Where chunks are worked on: in this process, in several of this machine, or on a cluster of Dask.
+"""Workers for chunks: this process, several processes of this machine, or a cluster of Dask.
 
-Each gives back every outcome, in any order, and works on a chunk again whose worker was lost.
+Each returns every outcome, in any order; the last two repeat a chunk whose worker was lost.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from calibration.study.chunks import Chunk, Outcome, work
 from kinematics.user_error import UserError
 
 RETRIES = 10
-"""Times that a chunk is begun anew after its worker was lost."""
+"""Number of times that a chunk is begun anew after its worker was lost."""
 CONNECT_S = 20
 Task = tuple[Case, Chunk]
 
 
 class Workers(Protocol):
-    """Somebody who works."""
+    """Workers that compute the outcomes of chunks."""
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[tuple[Task, Outcome]]:
-        """The outcome of every task, as they come."""
+        """Every task with its outcome, in the order of completion."""
 
 
 class Here:
@@ -72,7 +72,7 @@ class Processes:
 
     def _submitted(self, task: Task) -> Future[Outcome]:
         if self._pool is None:
-            # begun anew: a fork keeps locks that other threads of this process hold
+            # spawned, because a fork keeps locks that other threads of this process hold
             self._pool = ProcessPoolExecutor(self._number, multiprocessing.get_context("spawn"))
         return self._pool.submit(work, *task)
 
@@ -107,14 +107,14 @@ class Cluster:
             raise UserError(f"--dask: the cluster gives up on a chunk whose workers were lost: {fault}") from None
 
     def close(self) -> None:
-        """Take leave of the cluster, which goes on."""
+        """Disconnect from the cluster, which continues to run."""
         self._client.close()
 
     def _check(self, address: str) -> None:
-        """UserError unless there are workers, all with the code that runs here."""
+        """UserError unless there are workers, all with the same code as this process."""
         try:
             found = self._client.run(code)
-        except Exception as fault:  # whatever a worker without ncomp answers
+        except Exception as fault:  # a worker without ncomp can raise any error
             raise UserError(f"--dask {address}: ncomp does not run on the workers: {fault}") from None
         if not found:
             raise UserError(f"--dask {address}: the cluster has no workers")
@@ -125,7 +125,7 @@ class Cluster:
 
 @contextmanager
 def workers(number: int, dask: str | None) -> Iterator[Workers]:
-    """Workers of a Dask scheduler at an address, or so many processes of this machine."""
+    """The workers of the Dask scheduler at an address, or `number` processes of this machine."""
     if dask is None and number == 1:
         yield Here()
         return

@@ -1,4 +1,4 @@
-"""When there are enough draws: the adaptive procedure of GUM Supplement 1 (JCGM 101:2008, 7.9)."""
+"""Stopping rule of a study: the adaptive procedure of GUM Supplement 1 (JCGM 101:2008, 7.9)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from kinematics.transforms import Array
 
 LEVEL = 0.95
 LEAST = 3
-"""Batches; of two the scatter is hardly known."""
+"""Smallest number of batches: two hardly determine their scatter."""
 
 
 class Estimates(NamedTuple):
-    """What has to settle, of the results of draws, um."""
+    """Estimates from the results of draws, um, that have to converge."""
 
     mean: float
     deviation: float

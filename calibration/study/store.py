@@ -1,4 +1,4 @@
-"""Finished chunks, kept beside the results until these are written: an interrupted study goes on where it was."""
+"""Finished chunks, kept beside the results until these are written: an interrupted study continues from them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from kinematics.user_error import UserError
 
 @dataclass(frozen=True)
 class Store:
-    """A folder of chunks, each in a file that is named by the key of its case; None keeps nothing."""
+    """A folder of chunks, each in a file named by the key of its case; without a folder, nothing is kept."""
 
     folder: Path | None
 
@@ -27,7 +27,7 @@ class Store:
         return cls(None if output == "-" else Path(f"{output}.chunks"))
 
     def get(self, key: str, chunk: Chunk) -> Outcome | None:
-        """A chunk that is finished already; None for one that is not, or is damaged."""
+        """The outcome of a finished chunk; None where it is missing or damaged."""
         if self.folder is None:
             return None
         with suppress(OSError, ValueError, KeyError, EOFError), np.load(self._path(key, chunk)) as found:
@@ -49,7 +49,7 @@ class Store:
         write_whole(self._path(key, chunk), content.getvalue())
 
     def clear(self, keys: Iterable[str]) -> None:
-        """Remove the chunks of these cases, whose results are written; and the folder when it is empty then."""
+        """Remove the chunks of these cases, and the folder if it is empty then."""
         if self.folder is None or not self.folder.is_dir():
             return
         for key in keys:
