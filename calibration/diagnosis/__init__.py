@@ -1,1 +1,1 @@
-"""The closed loop: what a model lacks, found in what a fit leaves; named, added, and held against the data."""
+"""Diagnosis of a model: missing causes are found in the residuals, named, added and validated against the data."""

@@ -1,4 +1,4 @@
-"""The closed loop: is anything missing, what is it, how sure is that, and what does adding it bring."""
+"""Diagnosis of a model: missing causes, their verdicts, the new calibration and its improvement."""
 
 from __future__ import annotations
 
@@ -33,57 +33,57 @@ from calibration.plausibility.checks import Finding, usable
 from kinematics.error_model.model import ErrorModel
 
 GATE = 0.2
-"""Chance that pure noise is looked into any further."""
+"""Chance that causes are searched for although the residuals are pure noise."""
 LEFT = 0.01
-"""Chance that pure noise is said to depend on something."""
+"""Chance that residuals of pure noise are found to depend on something."""
 AGAIN = 3
-"""Times that the bases are chosen anew with what was found."""
+"""Times that the bases are selected again with the causes found."""
 QUIET = 1e-2
-"""Share of the sheet's variance below which repeats are not believed: rounded readings repeat themselves."""
+"""Least ratio of the repeats' variance to the specified variance: rounded readings repeat exactly."""
 LATE = 3.0
-"""Times that the data take: a clock that begins later counts from midnight, or from another epoch."""
+"""Multiple of the duration of the data: a clock that begins later counts from midnight or another epoch."""
 LeftOver = Literal["report", "add"]
 DOUBT, ENOUGH = 1e-3, 20
-"""p-value of the instrument's sheet, from so many degrees of freedom of repeats, below which these say its noise."""
+"""p-value of the specification below which repeats replace it, and the degrees of freedom that they need."""
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the data say of a model."""
+    """Result of a diagnosis: the data, the fits before and after, the causes and the new calibration."""
 
     measurement: Measurement
     base: Base
     before: Stage
-    """The present model."""
+    """Fit of the present model."""
     named: Stage
-    """With the causes that were found."""
+    """Fit with the causes found."""
     after: Stage
-    """With what has no name as well, where that was asked for and could be added."""
+    """Fit with unnamed effects too, where these were requested and predict better; otherwise `named`."""
     model: ErrorModel
-    """The new calibration: of the machine, without the instrument's effects."""
+    """The new calibration: the machine's effects, without the instrument's."""
     findings: tuple[Finding, ...]
     repeats: Repeats | None
     tests: tuple[Test, ...]
-    """Of the residuals of the present model."""
+    """Whiteness tests of the residuals of the present model."""
     tests_after: tuple[Test, ...]
     causes: tuple[Named, ...]
     left_share: float
-    """Of what the model without causes leaves, as the shares of these: what is left with all of them."""
+    """Squares left with all causes, as a share of the squares without any; same reference as the causes' shares."""
     not_visible: tuple[NotVisible, ...]
     untested: tuple[Untested, ...]
     identifiability: Identifiability | None
-    """Of the error motions; None against a calibration, whose knowledge stands in for what the data do not see."""
+    """Identifiability of the error motions; None where a calibration of other data is the prior knowledge."""
     unexplained: Unexplained | None
-    """What no cause explains, also where it was added without a name."""
+    """Dependence that no cause explains, also where unnamed effects were added for it."""
     unnamed: str
-    """What came of the request to add that; empty where there was none."""
+    """Result of the request to add unnamed effects; empty without a request, or with nothing to add."""
     evaluated: tuple[Evaluated, ...]
     """All candidates, evaluated on the linearised fit of the result, the best first."""
     closure: float | None
-    """Share of what is left beyond the noise that no rigid chain can explain; None where data are too few to say."""
+    """Share of the residual beyond the noise that no rigid chain can explain; None where the data are too few."""
     volume: Volume
     proposed_measurements: tuple[ProposedMeasurement, ...]
-    """Measurements that would tell most, per minute, the best first."""
+    """Proposed measurements, the largest predicted information per minute first."""
     reason: str
     """Reason why the new calibration must not be used; empty if it may."""
 
@@ -100,24 +100,24 @@ class Diagnosis:
 
     @property
     def with_unnamed(self) -> bool:
-        """True where what no cause explains is in the new model."""
+        """True where the new model has unnamed effects."""
         return self.after is not self.named
 
     @property
     def unexplained_um(self) -> float:
-        """RMS per scalar of what depends on variables that no cause explains; urad on rotary axes."""
+        """RMS, um per scalar (rotary axes: urad), of the dependence that no cause explains; 0 without one."""
         if self.unexplained is None:
             return 0.0
         return remainder.shared_rms(self.named.linearised, self.unexplained)
 
     @cached_property
     def one_by_one(self) -> list[Dependence]:
-        """How what no cause explains depends on each variable alone; empty where nothing is left."""
+        """Dependence of the residuals on each variable alone; empty where `unexplained` is None."""
         return [] if self.unexplained is None else remainder.one_by_one(self.named.linearised)
 
     @property
     def by_direction(self) -> dict[str, dict[str, float]]:
-        """RMS residual, um, by direction (of an interferometer by axis), before and after."""
+        """RMS residual, um, before and after, by direction (interferometer: by axis)."""
         return {"before": by_direction(self.before), "after": by_direction(self.after)}
 
     @property
@@ -127,7 +127,7 @@ class Diagnosis:
 
     @property
     def next_measurement(self) -> str:
-        """What to measure next, in workshop words."""
+        """Recommended next measurement, as text for the workshop."""
         if self.proposed_measurements:
             return self.proposed_measurements[0].says
         if self.unexplained is not None:
@@ -137,12 +137,12 @@ class Diagnosis:
 
     @property
     def noise_um(self) -> float:
-        """RMS per scalar that the residuals would have were they noise alone; urad on rotary axes."""
+        """RMS, um per scalar (rotary axes: urad), that residuals of pure noise would have."""
         return _noise_um(self.after.linearised)
 
 
 class _Found(NamedTuple):
-    """Where the search has come to."""
+    """State of the search: its selector, the present stage and the candidates evaluated last."""
 
     selector: Selector
     stage: Stage
@@ -157,11 +157,11 @@ def diagnose(
     left_over: LeftOver = "report",
     progress: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
-    """What a model of these data lacks: the present calibration, or one of all error motions.
+    """Diagnosis of the present calibration, or without one of a model of all error motions, against the data.
 
-    left_over: what is done with what no cause explains.
+    left_over: "report" only lists the dependence that no cause explains; "add" adds unnamed effects for it.
 
-    UserError when the data can't be what they say they are, or can't be fitted.
+    UserError when the data are not plausible or cannot be fitted.
     """
     progress("looking at the data")
     measurement, findings = _looked_at(measurement)
@@ -194,7 +194,7 @@ def diagnose(
         tests_after = remainder.tests(after.linearised)
     bare = after.linearised if not after.accepted else selector.bare.linearised
     causes = named(after, bare)
-    # what no cause explains makes outliers as well
+    # an unexplained dependence makes outliers too
     lost = outliers(after.fit, bare) if left is None else None
     causes += [] if lost is None else [lost]
     evaluated = found.evaluated or tuple(evaluate(after.linearised, candidates))
@@ -241,7 +241,7 @@ def _no_gain(stage: Stage) -> str:
 
 
 def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
-    """The measurement on a clock that begins with it, and what is odd about it; UserError where it can't be used."""
+    """The measurement with times from its first row, and the findings about it; UserError where it cannot be used."""
     findings = usable(measurement)
     measurement, late = _from_its_start(measurement)
     if late:
@@ -251,7 +251,7 @@ def _looked_at(measurement: Measurement) -> tuple[Measurement, list[Finding]]:
 
 
 def _causes(selector: Selector) -> _Found:
-    """The causes, each held against its siblings, and the bases chosen anew until they stay with what was found."""
+    """The causes, each compared with its siblings; bases are selected again until the causes do not change them."""
     selector = selector.on(selector.base.coarser(selector.measurement, selector.progress))
     selection = selector.select()
     for _ in range(AGAIN):
@@ -267,7 +267,10 @@ def _causes(selector: Selector) -> _Found:
 
 
 def _left(found: _Found) -> tuple[_Found, list[Test], Unexplained | None]:
-    """What is left, once causes that were only blamed for it are taken back."""
+    """The result without impostors, the tests of its residuals, and the dependence that no cause explains.
+
+    Impostors are causes that were accepted only because they imitate this dependence.
+    """
     while True:
         tests = remainder.tests(found.stage.linearised)
         left = remainder.unexplained(found.stage.linearised) if combined(tests, LEFT) else None
@@ -294,7 +297,7 @@ def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:
 
 
 def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
-    """The measurement on a clock of its own where its clock counts from an epoch; when that was, else 0."""
+    """The measurement with times from its first row where its clock counts from an epoch; that epoch, s, else 0."""
     time = measurement.state.time
     if time is None or time.min() <= LATE * np.ptp(time):
         return measurement, 0.0
@@ -303,12 +306,15 @@ def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
 
 
 def _in_doubt(noise: Repeats) -> bool:
-    """Drifts between repeats make them scatter more, never less."""
+    """True where repeats contradict the instrument specification.
+
+    Repeats far apart in time count only where they scatter less than specified, since drift adds scatter.
+    """
     return (not noise.apart or noise.factor < 1.0) and noise.degrees_of_freedom >= ENOUGH and noise.p_value < DOUBT
 
 
 def _as_noisy_as(measurement: Measurement, noise: Repeats) -> Measurement:
-    """The measurement with the uncertainties of its instrument as the repeats show them."""
+    """The measurement with the uncertainties of its instrument scaled to the noise of the repeats."""
     instrument = measurement.instrument
     sheet = {field: getattr(instrument, field) for field in instrument.__struct_fields__ if field.startswith("u_")}
     factor = max(noise.factor, QUIET) ** 0.5

@@ -1,4 +1,4 @@
-"""What the new model brings: by direction, in the volume, and how much of the rest no rigid chain could explain."""
+"""Improvement by the new model: by direction, in the volume, and the share that no rigid chain can explain."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from kinematics.transforms import Array
 FINEST = 48
 """Parameters of an error motion of the finest rigid chain."""
 SHARE = 3
-"""Scalars per parameter that are needed to say what a rigid chain could explain."""
+"""Scalars per parameter of the finest rigid chain that `closure` needs."""
 
 
 class Volume(NamedTuple):
     """Deviations of the tool over the measured states, RMS and largest length, um."""
 
     machine_rms: float
-    """Of the machine, by the new model."""
+    """Deviation of the machine, by the new model."""
     machine_max: float
     left_rms: float
-    """What correcting by the present model leaves, by the new one."""
+    """Deviation that a correction by the present model leaves, by the new model."""
     left_max: float
 
 
 def by_direction(stage: Stage) -> dict[str, float]:
-    """RMS residual, um, in x, y and z of what a tracker stands on; of an interferometer by axis."""
+    """RMS residual, um, in x, y, z of the part that carries the tracker; of an interferometer by axis."""
     fit = stage.fit
     measurement, kept = fit.measurement, fit.kept
     micro = in_micro(fit, fit.residual)[kept]
@@ -49,7 +49,7 @@ def by_direction(stage: Stage) -> dict[str, float]:
 
 
 def in_micro(fit: Fit, values: Array) -> Array:
-    """Observed values `(n, d)` of all rows in um (rotary axes: urad), of a tracker in x, y, z of what it stands on."""
+    """Observed values `(n, d)` of all rows, um (rotary axes: urad), of a tracker in the frame of the part it stands on."""
     measurement = fit.measurement
     if isinstance(measurement.instrument, LaserTracker):
         values = np.einsum("nji,nj->ni", fit.registration.rotations(measurement), values)
@@ -73,9 +73,9 @@ def volume(before: Stage, after: Stage) -> Volume:
 
 
 def closure(linearised: LinearisedFit) -> float | None:
-    """Share of what is left beyond the noise that the finest rigid chain can't explain; None where data are too few.
+    """Share of the residual beyond the noise that the finest rigid chain cannot explain; None where data are too few.
 
-    1 where nothing of it is an error motion of an axis, whatever its course; 0 where there is nothing beyond the noise.
+    1: no part of it is an error motion of an axis, of any course. 0: also where nothing is left beyond the noise.
     """
     measurement = linearised.measurement
     beyond = linearised.squares - linearised.degrees_of_freedom

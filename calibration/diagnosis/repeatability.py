@@ -1,9 +1,9 @@
-"""The instrument's noise from repeats alone: the same commands, target, station and way of approach, seen again.
+"""The instrument's noise from repeats alone: rows of the same commands, target, station and approach.
 
-Whatever the machine's errors, a repeat sees the same ones; what repeats differ by is noise, and what drifts or moves
-between them. Repeats soon after one another (CLOSE_S, or CLOSE_ROWS where no time is known) tell the noise; where there
-are too few of those all repeats are taken, `apart`, and the noise may be less than they say. The zero of each run of an
-interferometer, which nobody knows, is estimated with them.
+Repeats share the machine's errors. They differ by noise, and by drift or motion between them. Repeats soon after one
+another (CLOSE_S, or CLOSE_ROWS where no time is recorded) show the noise. Where these are too few, all repeats are
+used (`apart`), and the noise may be less than they show. The zero of each run of an interferometer is unknown and is
+estimated along with the noise.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from kinematics.transforms import Array
 CLOSE_S = 120.0
 CLOSE_ROWS = 8
 ENOUGH = 12
-"""Degrees of freedom from which close repeats do without the others."""
+"""Degrees of freedom, in scalars, from which close repeats are used alone."""
 ROUNDS = 200
 SETTLED = 1e-9
-"""Share of the noise that zeros of runs still move by when they have settled."""
+"""Relative change of the residuals below which the zeros of the runs have converged."""
 
 
 class Component(NamedTuple):
-    """One direction that the instrument observes in; standard deviations, k = 1."""
+    """Noise in one observed direction; standard deviations, k = 1."""
 
     name: str
     """range, azimuth, elevation; deviation; x, y, z."""
@@ -41,35 +41,35 @@ class Component(NamedTuple):
     """um or urad."""
     noise: float
     sheet: float
-    """RMS of what the sheet says of these rows."""
+    """RMS of the specified standard deviations of these rows."""
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """What repeats say of the noise, and of the sheet."""
+    """Noise from repeats, compared with the instrument specification."""
 
     places: int
-    """Places that were seen again."""
+    """Number of measurement states that were measured again."""
     degrees_of_freedom: int
-    """Scalars left over for the noise."""
+    """Degrees of freedom of the noise, in scalars."""
     factor: float
-    """Variance of the repeats in terms of the sheet's."""
+    """Ratio of the repeats' variance to the specified variance."""
     p_value: float
-    """Of the sheet, two-sided: small when the repeats scatter more, or less, than it says."""
+    """Two-sided p-value of the specification: small where repeats scatter more, or less, than specified."""
     components: tuple[Component, ...]
     apart: bool
-    """True where the repeats lie so far apart in time that drifts are in them too."""
+    """True where the repeats lie so far apart in time that they contain drift."""
 
     @property
     def says(self) -> str:
-        """One sentence."""
+        """The result in one sentence."""
         noise = ", ".join(f"{c.name} {c.noise:.3g} {c.unit} (sheet {c.sheet:.3g})" for c in self.components)
         when = "long after one another, with all drifts in them" if self.apart else "soon after one another"
         return f"noise from {self.places} places seen again, {when}: {noise}; p of the sheet {self.p_value:.2g}"
 
 
 def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
-    """The noise from repeats among the rows kept, a mask `(n,)`; None without any."""
+    """Noise from repeats among the rows kept, a mask `(n,)`; None without repeats."""
     own = measurement.rows(np.flatnonzero(kept))
     if not len(own):
         return None
@@ -84,18 +84,18 @@ def repeats(measurement: Measurement, kept: np.ndarray) -> Repeats | None:
 
 
 class _Again(NamedTuple):
-    """Rows that belong together, the numbers of what they belong to, and what is left over for the noise."""
+    """Repeated rows, the numbers of their clusters, and the degrees of freedom left for the noise."""
 
     rows: np.ndarray
     cluster: np.ndarray
     zero: np.ndarray
-    """Number `(rows,)` of the run whose zero is in the row; 0 of all where there are no zeros."""
+    """Number `(rows,)` of the run whose zero the row contains; 0 for all rows where there are no zeros."""
     degrees_of_freedom: int
-    """By component."""
+    """Degrees of freedom per component."""
 
 
 def _clusters(measurement: Measurement, places: np.ndarray) -> np.ndarray:
-    """Numbers `(n,)`: rows of one place that follow soon after one another."""
+    """Cluster numbers `(n,)`: rows of one measurement state that follow soon after one another."""
     time = measurement.state.time
     when, limit = (np.arange(len(places)), CLOSE_ROWS) if time is None else (time, CLOSE_S)
     order = np.lexsort((when, places))
@@ -106,7 +106,7 @@ def _clusters(measurement: Measurement, places: np.ndarray) -> np.ndarray:
 
 
 def _seen_again(measurement: Measurement, cluster: np.ndarray) -> _Again:
-    """The rows whose cluster has several."""
+    """The rows whose cluster has several rows."""
     rows = np.flatnonzero(np.bincount(cluster)[cluster] > 1)
     _, number = np.unique(cluster[rows], return_inverse=True)
     zero = np.zeros(len(rows), int)
@@ -122,7 +122,7 @@ def _seen_again(measurement: Measurement, cluster: np.ndarray) -> _Again:
 
 
 def _judged(measurement: Measurement, again: _Again, places: np.ndarray, *, apart: bool) -> Repeats | None:
-    """The noise in these rows, against the sheet."""
+    """Noise of these rows, compared with the specification; None without degrees of freedom."""
     if again.degrees_of_freedom < 1:
         return None
     own = measurement.rows(again.rows)
@@ -141,7 +141,7 @@ def _judged(measurement: Measurement, again: _Again, places: np.ndarray, *, apar
 
 
 def _left_over(measurement: Measurement, again: _Again) -> Array:
-    """Observations `(rows, d)` less the mean of their cluster, and of their run's zero."""
+    """Observations `(rows, d)` less the mean of their cluster and the zero of their run."""
     left = _less_mean(measurement.observed, again.cluster)
     if not again.zero.any():
         return left
@@ -160,7 +160,7 @@ def _less_mean(values: Array, number: np.ndarray) -> Array:
 
 
 def _components(measurement: Measurement, left: Array, degrees_of_freedom: int) -> tuple[Component, ...]:
-    """Noise by direction; of the rows of linear and of rotary axes apart."""
+    """Noise by direction, separately for rows of linear and of rotary axes."""
     covariance = equations.covariance(measurement)
     share = degrees_of_freedom / len(left)
     if not isinstance(measurement.instrument, LaserTracker):
@@ -187,7 +187,7 @@ def _components(measurement: Measurement, left: Array, degrees_of_freedom: int) 
 
 
 def _beam_frame(points: Array) -> Array:
-    """Rows of rotations `(n, 3, 3)`: along the beam, across it to the left, and up; points `(n, 3)`."""
+    """Rotations `(n, 3, 3)` whose rows point along the beam, across it to the left, and up; points `(n, 3)`."""
     beam = points / np.linalg.norm(points, axis=1, keepdims=True)
     left = np.cross([0.0, 0.0, 1.0], beam)
     size = np.linalg.norm(left, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""A diagnosis in words: what the terminal and the page both say of it."""
+"""Text of a diagnosis, shared by the terminal and the page."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from calibration.diagnosis.verdict import Alternative, Named
 
 MANY = 8
-"""Names of one sort that are printed; all are in the JSON."""
+"""Most parameters of a cause, and most outliers, that are printed; the JSON has all."""
 SIBLINGS = 3
 FAR = 4.0
-"""Times that the residual's variance may be the sheet's, or the sheet's the residual's."""
+"""Ratio of the residual variance to the specified variance, or its inverse, above which a note is printed."""
 FEW = 20.0
-"""Degrees of freedom below which nothing missing means little."""
+"""Degrees of freedom below which a note is printed: a result without causes then means little."""
 COVERAGE = 2
 ORIGINS: dict[Origin, str] = {
     "automatic": "error motions of all axes, their basis by the evidence",
@@ -33,11 +33,11 @@ REMEDIES = {
     "bidirectional table": "a bidirectional table puts it right, and so does the corrected program, at each reversal",
     "none": "nothing that is known before the cut puts it right: it is a matter for the machine or its control",
 }
-"""What an effect's remedy (docs/effects.md) means in the workshop."""
+"""Meaning of an effect's remedy (docs/effects.md) in the workshop."""
 
 
 def title(cause: Named) -> str:
-    """Kind and place."""
+    """Title of a cause: its kind and its axis or component, with a mark for the instrument."""
     if cause.kind == "higher-frequency":
         return f"{cause.effect.name} needs a higher spatial frequency"
     if isinstance(cause.effect, Unnamed):
@@ -48,7 +48,7 @@ def title(cause: Named) -> str:
 
 
 def in_full(name: str) -> str:
-    """The name of an effect where it stands among others: `cross-axis E_XY(X)`."""
+    """Name of an effect in a list with others: `cross-axis E_XY(X)`."""
     return f"cross-axis {name}" if name.startswith("E_") and "(" in name else name
 
 
@@ -68,7 +68,7 @@ def sizes(cause: Named) -> list[str]:
 
 
 def _given(effect: Effect) -> Iterator[str]:
-    """What else a size is to be read with."""
+    """Conditions of a size: the moment of a station shift, the fixed point of a growth."""
     if isinstance(effect, StationShift) and effect.since_s is not None:
         yield f"from {effect.since_s / HOUR:.4g} h on"
     if isinstance(effect, (GrowthWithSensor, GrowthWithTime)):
@@ -76,7 +76,7 @@ def _given(effect: Effect) -> Iterator[str]:
 
 
 def with_uncertainty(value: float, u: float) -> str:
-    """A value with its expanded uncertainty, to two digits of it; `u` is the standard one."""
+    """A value with its expanded uncertainty, rounded to two digits of the latter; `u` is the standard uncertainty."""
     expanded = COVERAGE * u
     if not 0.0 < expanded < math.inf:
         return f"{value:.4g}"
@@ -85,7 +85,7 @@ def with_uncertainty(value: float, u: float) -> str:
 
 
 def quantity_name(quantity: Parameter) -> str:
-    """Name of a parameter without its unit; of a row's the number: `shift x`, `sine 1`."""
+    """Name of a parameter without its unit; of a vector or list with its component or number: `shift x`, `sine 1`."""
     name, _, index = quantity.name.rstrip("]").partition("[")
     name = name.removesuffix(f"_{quantity.unit.replace('/', '_per_').lower()}").replace("_", " ")
     if not index:
@@ -95,7 +95,7 @@ def quantity_name(quantity: Parameter) -> str:
 
 
 def odds(value: float) -> str:
-    """Odds in few digits."""
+    """Odds as text, with few digits."""
     return f"{value:.0f}" if value < 1e4 else f"{value:.0e}" if value < 1e99 else "> 1e99"
 
 
@@ -105,24 +105,24 @@ def held_out(cause: Named) -> str:
 
 
 def sibling(other: Alternative) -> str:
-    """Another cause, how alike, and the odds against it."""
+    """Name of another cause, its cosine, and the odds of the named cause against it."""
     return f"{in_full(other.name)} (cosine {other.cosine:.2f}, odds {odds(other.odds)})"
 
 
 def verdict(cause: Named) -> str:
-    """One word; ties can't be overlooked."""
+    """The verdict in one word; a tie in capitals."""
     return cause.verdict.upper() if cause.verdict == "tied" else cause.verdict
 
 
 def remedy(effect: Effect) -> str:
-    """What to do about it."""
+    """Remedy of an effect, as text."""
     if effect.ACTS_ON == "instrument":
         return "it is the instrument's: taken out of the data, not written into the machine"
     return REMEDIES[effect.REMEDY]
 
 
 def hidden(found: Diagnosis) -> dict[str, list[str]]:
-    """By what would show them, the causes that the data don't show, with the share of their signal that survives."""
+    """Causes that the data do not show, by remedy, each with the share of its signal that is its own."""
     by_remedy: dict[str, list[str]] = {}
     for entry in found.not_visible:
         by_remedy.setdefault(entry.remedy, []).append(f"{in_full(entry.name)} ({entry.share:.2f})")
@@ -130,7 +130,7 @@ def hidden(found: Diagnosis) -> dict[str, list[str]]:
 
 
 def notes(found: Diagnosis) -> Iterator[str]:
-    """What there is to be said besides, of each cause and of what has none."""
+    """Notes on the unnamed effects, on the causes and on effects of the instrument."""
     if found.unnamed:
         yield found.unnamed
     for cause in found.causes:
@@ -141,14 +141,14 @@ def notes(found: Diagnosis) -> Iterator[str]:
 
 
 def model_line(found: Diagnosis) -> str:
-    """What the present model is."""
+    """One line on the present model."""
     choice = found.base.choice
     bases = "" if choice is None else ": " + ", ".join(f"{axis} {basis}" for axis, basis in choice.bases.items())
     return f"{ORIGINS[found.base.origin]}{bases}; {len(found.before.fit.model.parameters)} parameters"
 
 
 def data_line(found: Diagnosis) -> str:
-    """What the data are."""
+    """One line on the data."""
     measurement = found.measurement
     count = 0 if measurement.run is None else len(set(measurement.run.tolist()))
     runs = f", {count} run{'s' if count > 1 else ''}" if count else ""
@@ -156,12 +156,12 @@ def data_line(found: Diagnosis) -> str:
 
 
 def missing(found: Diagnosis) -> bool:
-    """True unless the present model explains the data, all of them."""
+    """True unless the present model explains all the data."""
     return bool(found.causes or found.unexplained or found.after.fit.failed)
 
 
 def left_out(found: Diagnosis) -> Iterator[str]:
-    """What was not fitted, and why."""
+    """Runs, set-ups and rows that were left out of the fit, with the reasons."""
     fit = found.after.fit
     if fit.failed:
         what = "runs" if fit.measurement.instrument.components == 1 else "set-ups"
@@ -173,7 +173,7 @@ def left_out(found: Diagnosis) -> Iterator[str]:
 
 
 def doubt(found: Diagnosis) -> Iterator[str]:
-    """What of the noise, or of the number of rows, makes the result less than it looks."""
+    """Notes on weaknesses of the result: few degrees of freedom, or residuals far from the specified noise."""
     fit = found.after.fit
     if fit.degrees_of_freedom < FEW:
         freedom = f"{fit.degrees_of_freedom:.0f} degrees of freedom"
@@ -190,7 +190,7 @@ def doubt(found: Diagnosis) -> Iterator[str]:
 
 
 def left_line(found: Diagnosis) -> str:
-    """What is left, in terms of the noise, and what it depends on."""
+    """Remaining residual, also in units of the noise, and the variables that it depends on."""
     rms, left = found.after.fit.rms_um, found.unexplained
     depends = "depends on nothing that is known of the data"
     if left is not None:

@@ -1,4 +1,4 @@
-"""The new calibration: the machine's effects with what was found, in the datum; the instrument's stay behind."""
+"""The new calibration: the machine's effects with the causes found, in the datum, without the instrument's."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kinematics.error_model.model import ErrorModel, Provenance
 
 
 def new_calibration(base: Base, fit: Fit, causes: Sequence[str], present: ErrorModel | None) -> ErrorModel:
-    """What a diagnosis makes of a fit; `causes` are told in its provenance, `present` is what it started from."""
+    """The new calibration from a fit; its provenance lists `causes` and the inputs of the calibration `present`."""
     model = merged(fit.model) if base.origin == "updated" else in_datum(fit)
     found = f"; added: {', '.join(causes)}" if causes else ""
     before = {} if present is None else {**present.provenance.inputs, "present calibration": present.id}
@@ -46,7 +46,7 @@ def _temperatures(fit: Fit, present: ErrorModel | None) -> dict[str, tuple[float
 
 
 def merged(model: ErrorModel) -> ErrorModel:
-    """Effects that say the same of the same places as one, their parameters added: a change and what it changed."""
+    """The model in which effects that differ only in linear parameters are one, with the sum of their parameters."""
     places: dict[str, int] = {}
     effects: list[Effect] = []
     of: list[int] = []
@@ -64,7 +64,7 @@ def merged(model: ErrorModel) -> ErrorModel:
 
 
 def _what(effect: Effect) -> str:
-    """What an effect is, apart from its linear parameters."""
+    """JSON of an effect without its linear parameters, uncertainties and note."""
     fields: dict[str, Any] = msgspec.to_builtins(effect)
     changing = {quantity.name for quantity in effect.quantities() if quantity.linear}
     told = {name: value for name, value in fields.items() if name not in changing and name not in ("u", "note")}

@@ -1,4 +1,4 @@
-"""What a selection comes to: causes with sizes, verdicts and siblings; what is not visible, and what would show it."""
+"""Named causes with sizes, verdicts and siblings; causes that the data cannot show, with the remedies."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Verdict = Literal["strong", "tied", "weak"]
 ALIKE = 0.9
 """Cosine from which two causes can be tied."""
 EVEN = 5.0
-"""Logarithm of the odds below which they are: 150 to 1."""
+"""Logarithm of the odds below which two causes are tied: 150 to 1."""
 CLEAR = 2.0
-"""Standard errors of the held-out gain, and multiples of the least delta-BIC, of a strong verdict."""
+"""Standard errors of the held-out gain, and multiples of the required delta-BIC, of a strong verdict."""
 REMEDIES = {
     "backlash": "positions approached from both sides, in an order in which neither side comes later",
     "settling": "moves of different lengths to the same positions, and dwell times",
@@ -44,51 +44,51 @@ REMEDIES = {
     HIGHER_FREQUENCY: "positions at finer spacing",
     "location": "a second tool vector, and positions over the whole travel",
 }
-"""What would make a cause visible, by its kind."""
+"""Measurements that make a cause visible, by its kind."""
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another cause that these data can hardly tell from the one that is named."""
+    """Another cause that these data can hardly distinguish from the named one."""
 
     kind: str
     axis: str | None
     name: str
     cosine: float
     odds: float
-    """Of the named cause against this one."""
+    """Odds of the named cause against this one."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """A cause that the data ask for."""
+    """A cause that the data support."""
 
     kind: str
     effect: Effect
-    """With parameters and standard uncertainties."""
+    """The effect with its parameters and standard uncertainties."""
     delta_bic: float
     heldout_gain_um: float
     share: float
-    """Of what the present model leaves, by its squares in terms of the noise."""
+    """Share of the squares without any cause that this cause explains; squares in units of the noise."""
     verdict: Verdict
     visible: float
-    """Share of its signal that survives the model and the registration."""
+    """Share of its signal that neither the model nor the registration can imitate."""
     alternatives: tuple[Alternative, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
     def where(self) -> str:
-        """Machine or instrument."""
+        """The part that the cause acts on: machine or instrument."""
         return "instrument" if self.effect.ACTS_ON == "instrument" else "machine"
 
     @property
     def axis(self) -> str | None:
-        """Axis, direction of the tool, circle of the instrument."""
+        """Axis, direction of the tool, or circle, station or target of the instrument."""
         return where(self.effect)
 
     @property
     def fields(self) -> dict[str, Any]:
-        """What else tells it from others: component, other axis, sensor, harmonic, station."""
+        """Further fields that distinguish it from others: component, other axis, sensor, harmonic, station."""
         names = (
             "component",
             "other",
@@ -112,14 +112,14 @@ class NotVisible:
 
     name: str
     share: float
-    """Of its signal that survives."""
+    """Share of its signal that neither the model nor the registration can imitate."""
     remedy: str
 
 
 def named(stage: Stage, before: LinearisedFit) -> list[Named]:
-    """The accepted causes of a stage; `before` is the linearised fit without any of them.
+    """The accepted causes of a stage, the best first, unnamed effects last.
 
-    The best first, those without a name last.
+    before: the linearised fit without any of them.
     """
     found = []
     whole = in_terms_of(before, stage.linearised)
@@ -146,12 +146,12 @@ def named(stage: Stage, before: LinearisedFit) -> list[Named]:
 
 
 def in_terms_of(before: LinearisedFit, linearised: LinearisedFit) -> float:
-    """Sum of squares of one linearised fit in units of the noise of another: each may have estimated its own."""
+    """Sum of squares of the fit `before` in units of the noise of `linearised`: each may have its own estimate."""
     return max(before.squares * before.fit.variance_factor / linearised.fit.variance_factor, 1e-300)
 
 
 def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
-    """The rows that do not belong to the rest, as a cause; None without any that noise never makes."""
+    """The outliers of three-component observations as one cause; None without any, or where noise can make them."""
     rows = fit.outliers
     if not len(rows) or fit.measurement.instrument.components != 3:
         return None
@@ -171,11 +171,11 @@ def outliers(fit: Fit, before: LinearisedFit) -> Named | None:
 
 
 def not_visible(evaluated: Sequence[Evaluated]) -> list[NotVisible]:
-    """Causes of the library of which these data show next to nothing."""
+    """Causes of the library of whose signal the model and the registration leave a share below `SEEN`."""
     best: dict[str, tuple[float, str]] = {}
     for each in evaluated:
         if each.candidate.replaces or isinstance(each.candidate.effect, Cyclic | QuantisedCompensation):
-            continue  # proposed from the residual: not of the library
+            continue  # proposed from the residual, not part of the library
         name, share = each.candidate.effect.name, each.projected.visible
         if name not in best or share > best[name][0]:
             best[name] = (share, each.candidate.kind)
@@ -199,7 +199,7 @@ def smallest_sizes(evaluated: Sequence[Evaluated], scalars: int) -> Iterator[tup
 
 
 def tied_with(accepted: Accepted) -> list[Sibling]:
-    """Siblings that these data can't tell from a cause."""
+    """Siblings that these data cannot distinguish from a cause."""
     own = accepted.candidate.kind, accepted.candidate.axis
     return [
         sibling
@@ -225,7 +225,7 @@ def _verdict(accepted: Accepted) -> Verdict:
 
 
 def _with_uncertainty(effect: Effect, without: LinearisedFit) -> Effect:
-    """The effect; steps of a table with the uncertainty that the search for their place has."""
+    """The effect; the steps of a compensation table with the uncertainties of their search."""
     if not isinstance(effect, QuantisedCompensation):
         return effect
     return effect.with_parameters(effect.parameters, (effect.uncertainties[0], *saw_uncertainty(without, effect)))

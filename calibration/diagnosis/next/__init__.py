@@ -1,1 +1,1 @@
-"""Measurements that would decide between the remaining causes."""
+"""Proposed measurements that distinguish the remaining causes."""

@@ -1,4 +1,4 @@
-"""Measurements with something set up besides, or anew: the tracker, a target, fixed targets, a bar."""
+"""Follow-up designs with an additional or a new set-up: the tracker, a target, fixed targets, a bar."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from kinematics.machine import Vector
 from kinematics.transforms import Array, Pose, rotation_about, turn
 
 STATION_MIN, TOOL_MIN = 20.0, 5.0
-"""To set up the instrument anew, and to change the tool, a target or a bar."""
+"""Minutes to set up the instrument again, and to change the tool, a target or a bar."""
 TOOL_MM = 150.0
-"""By so much another tool vector differs."""
+"""Shift of the other tool vector, mm."""
 EVERY_MIN, LEAST_VISITS = 10.0, 6
-"""Fixed references are measured so often."""
+"""Minutes between measurements of the fixed references, and about the least number of these measurements."""
 BAR_READINGS = 10
-"""Of each end of a bar."""
+"""Readings of each end of a bar."""
 
 
 def from_elsewhere(data: Data) -> Iterator[FollowUpDesign]:
-    """The tracker as far away, on the other side of the volume or at its side."""
+    """The tracker at the same distance, on the other side of the volume or a quarter round it."""
     m, registration = data.measurement, data.registration
     index = data.index
     name = _unused(list(registration.poses))
@@ -43,7 +43,7 @@ def from_elsewhere(data: Data) -> Iterator[FollowUpDesign]:
 
 
 def with_other_tools(data: Data) -> Iterator[FollowUpDesign]:
-    """One target on the tool farther to the side, or lower."""
+    """One target on the tool, shifted to the side or downwards."""
     m = data.measurement
     numbers = m.target_number[data.index]
     on_tool = [i for i, target in enumerate(m.targets.values()) if target.carrier == "tool"]
@@ -63,7 +63,7 @@ def with_other_tools(data: Data) -> Iterator[FollowUpDesign]:
 
 
 def with_references(data: Data) -> Iterator[FollowUpDesign]:
-    """The same positions, and fixed targets between them: all of them now and then, or one after every position."""
+    """The same positions with fixed targets between them: all of them at intervals, or one after every position."""
     count = len(data.index)
     fixed = references(data.measurement, data.registration)
     every = max(1, min(round(EVERY_MIN * 60.0 / data.step_s), -(-count // LEAST_VISITS)))
@@ -76,7 +76,7 @@ def with_references(data: Data) -> Iterator[FollowUpDesign]:
 
 
 def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], visits: np.ndarray) -> FollowUpDesign:
-    """Fixed targets in turn, measured before the rows `visits`, where the machine stands just then."""
+    """Fixed targets in turn, measured before the rows `visits`, with the machine at the positions of those rows."""
     index, m = data.index, data.measurement
     assert m.state.target is not None
     rows = np.insert(index, visits, index[np.minimum(visits, len(index) - 1)])
@@ -88,7 +88,7 @@ def _interleaved(data: Data, name: str, does: str, fixed: dict[str, Target], vis
 
 
 def with_bar(data: Data) -> FollowUpDesign:
-    """A calibrated bar, as far as the tracker can see it whole."""
+    """A calibrated bar, in line with the beam and with the tracker between its ends."""
     m = data.measurement
     ends, lengths = bar(m, data.registration)
     names = np.repeat(list(ends), BAR_READINGS)

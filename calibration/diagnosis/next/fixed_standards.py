@@ -1,4 +1,4 @@
-"""Fixed targets and a calibrated bar, set up where the tracker stands: what does not move, and what is known."""
+"""Fixed targets and a calibrated bar on the part that carries the tracker: steady points and known lengths."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from calibration.measurement.registration import Registration
 from kinematics.transforms import Array
 
 BAR_MM, BAR_U_UM = 2000.0, 1.0
-"""A bar, and its standard uncertainty."""
+"""Length of a bar, mm, and its standard uncertainty, um."""
 NEAREST_MM = 500.0
-"""To the tracker."""
+"""Distance of the bar from the tracker, mm."""
 
 
 class Length(NamedTuple):
@@ -23,11 +23,11 @@ class Length(NamedTuple):
     one: str
     other: str
     u_mm: float
-    """Standard uncertainty."""
+    """Standard uncertainty, mm."""
 
 
 def references(measurement: Measurement, registration: Registration) -> dict[str, Target]:
-    """Three targets about the foot of the volume, on what the tracker stands on; their places need not be known."""
+    """Three targets at the foot of the volume, on the part that carries the tracker, at positions that may be unknown."""
     points = _tool_points(measurement, registration)
     low, high = points.min(axis=0), points.max(axis=0)
     corners = [(low[0], low[1]), (high[0], low[1]), ((low[0] + high[0]) / 2, high[1])]
@@ -35,9 +35,9 @@ def references(measurement: Measurement, registration: Registration) -> dict[str
 
 
 def bar(measurement: Measurement, registration: Registration) -> tuple[dict[str, Target], tuple[Length, ...]]:
-    """Ends of a bar set up twice: in line with the beam, behind the tracker, and with the tracker between its ends.
+    """Ends of a bar in two set-ups: in line with the beam behind the tracker, and with the tracker between its ends.
 
-    Ranges add up in the second, and are subtracted in the first, so that their offset is told from their scale.
+    Ranges are subtracted in the first and added in the second: this separates their offset from their scale.
     """
     tracker = registration.poses[str(measurement.groups[-1])].inverse().translation[0]
     way = (tracker - _tool_points(measurement, registration).mean(axis=0)) * (1.0, 1.0, 0.0)
@@ -59,7 +59,7 @@ def _tool_points(measurement: Measurement, registration: Registration) -> Array:
 
 
 def _target(measurement: Measurement, place: Array) -> Target:
-    """A target that does not move against the tracker."""
+    """A target that does not move relative to the tracker."""
     carrier: Carrier = "table" if measurement.stands_on == "workpiece" else "bed"
     x, y, z = place.tolist()
     return Target((x, y, z), carrier)

@@ -1,6 +1,6 @@
-"""A measurement that could follow the one at hand, and what it goes on from.
+"""A follow-up design, a measurement that could follow the data, and the data that it continues.
 
-It is one of the same machine by the same instrument, its observations those of the machine without errors.
+It uses the same machine and instrument; its observations are those of the machine without errors.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ from kinematics.transforms import Array
 
 MOST_ROWS = 400
 POINT_S = 15.0
-"""Time of a row where the data do not say it; the virtual calibration paper, 3.2."""
+"""Time per row, s, where the data have no times; the virtual calibration paper, 3.2."""
 NEW = "next"
 """Name of a station, a target or a run that the data do not have."""
 
 
 class FollowUpDesign(NamedTuple):
-    """A measurement that could follow."""
+    """A measurement that could follow the data."""
 
     name: str
     does: str
-    """In the imperative."""
+    """Instruction, in the imperative."""
     minutes: float
     measurement: Measurement
     registration: Registration
-    """Of the data and of this measurement."""
+    """Registration of the data and of this measurement."""
     lengths: tuple[Length, ...] = ()
-    """Distances between its targets that are known."""
+    """Known distances between its targets."""
     unknown: tuple[Effect, ...] = ()
-    """What else nobody knows of it, and is found along with the registration."""
+    """Effects that are unknown in it and are estimated with the registration."""
 
 
 @dataclass(frozen=True)
 class Data:
-    """The data at hand, and what of them is measured again."""
+    """The data, and the rows of them that are measured again."""
 
     measurement: Measurement
     registration: Registration
     most: int = MOST_ROWS
-    """Rows that are measured again."""
+    """Most rows that are measured again."""
 
     @cached_property
     def index(self) -> np.ndarray:
@@ -74,7 +74,7 @@ class Data:
 
     @cached_property
     def step_s(self) -> float:
-        """Time of a row."""
+        """Time per row, s."""
         time = self.measurement.state.time
         steps = np.diff(time) if time is not None else np.zeros(0)
         steps = steps[steps > 0.0]
@@ -82,13 +82,13 @@ class Data:
 
     @property
     def own_drift(self) -> tuple[Effect, ...]:
-        """Of an instrument that was set up anew, or on another day: what it did before says nothing of it."""
+        """Drift of a tracker that is set up again, or on another day: the data do not determine it."""
         tracker = isinstance(self.measurement.instrument, LaserTracker)
         return (TrackerDrift(),) if tracker and self.measurement.state.time is not None else ()
 
     @property
     def positions(self) -> str:
-        """What is measured again, for people."""
+        """Description of the positions that are measured again."""
         count = len(self.index)
         return (
             "the same path"
@@ -97,16 +97,16 @@ class Data:
         )
 
     def clock(self, index: np.ndarray) -> Array:
-        """Times `(n,)`, s, of rows in a new order, from one step after the start on."""
+        """Times `(n,)`, s, of rows in a new order, the first one a step after the start."""
         time = self.measurement.state.time
         if not self.in_motion or time is None:
             return np.asarray(self.step_s * np.arange(1, len(index) + 1))
         return np.asarray(np.abs(time[index] - time[index[0]]) + self.step_s)
 
     def following(self, index: np.ndarray, pause_min: float = 0.0, **changes: Any) -> Measurement:
-        """Rows of the data once more, in this order, after their end; `changes` of the columns of the state.
+        """Rows of the data again, in this order, after their end; `changes` replace columns of the state.
 
-        The machine goes on from where it stood last, at the temperatures that it had then.
+        The machine continues from its last position, at its last temperatures.
         """
         m = self.measurement
         before, state = m.state, m.state.rows(index)
@@ -132,7 +132,7 @@ class Data:
         registration: Registration | None = None,
         pause_min: float = 0.0,
     ) -> FollowUpDesign:
-        """What the machine without errors would show of it, and how long it takes."""
+        """The design with the observations of the machine without errors, and its duration."""
         registration = registration or self.registration
         n = len(measurement)
         if measurement.axis is not None:
@@ -151,7 +151,7 @@ class Data:
 
 
 def _moves_after(before: State, positions: Array) -> tuple[Array, Array]:
-    """Last move and approach `(n, axes)` at positions after a state; those that it ended with until an axis moves."""
+    """Last move and approach `(n, axes)` at positions after a state; those at its end until an axis moves."""
     assert before.last_move is not None
     moved = with_moves(State(np.concatenate([before.positions[-1:], positions]))).rows(slice(1, None))
     assert moved.last_move is not None

@@ -1,8 +1,8 @@
-"""Information on causes by the data at hand, and with one measurement more before it is made: to first order.
+"""Information on causes in the data, and with one more measurement before it is made: to first order.
 
-K has the whitened columns of the model, of the causes asked about and of the registration; K'K of the data and of a
-planned measurement add up. Of a cause's columns G then stays S = G'G - G'B (B'B + priors)^-1 B'G with any others B
-fitted along, and of its signal, of size a, the non-centrality a' S a.
+K has the whitened columns of the model, of the causes in question and of the registration; K'K of the data and of a
+planned measurement add up. The information on a cause with columns G is S = G'G - G'B (B'B + priors)^-1 B'G, with any
+others B fitted too. A signal of size a has the non-centrality a' S a.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Information:
     _left: dict[tuple[object, ...], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def left(self, cause: int, beside: int | None = None, without: slice | None = None) -> Array:
-        """S `(k, k)` of a cause, with another one fitted `beside`, and the model `without` some of its columns."""
+        """S `(k, k)` of a cause, with another one fitted `beside` it, and the model `without` some of its columns."""
         key = (beside, None if without is None else (without.start, without.stop))
         first, last = self.causes[0].start, self.causes[-1].stop
         if key not in self._left:
@@ -60,14 +60,14 @@ class Information:
 
 @dataclass(frozen=True)
 class PredictedInformation:
-    """The linearised fit of the data at hand, and the causes in question."""
+    """The linearised fit of the data, and the causes in question."""
 
     linearised: LinearisedFit
     effects: Sequence[Effect]
 
     @property
     def now(self) -> Information:
-        """By the data at hand."""
+        """Information in the data."""
         linearised, registered = self.linearised, len(self._lengths)
         own, by_model = linearised.design[:, :registered], linearised.design[:, registered:]
         columns = signals(linearised.measurement, linearised.rows, self.effects, linearised.transform)
@@ -75,7 +75,7 @@ class PredictedInformation:
         return self._known(whole.T @ whole, linearised.scalars)
 
     def after(self, now: Information, follow_up: FollowUpDesign) -> Information:
-        """By the data at hand and a planned measurement."""
+        """Information in the data and a planned measurement."""
         fit, more = self.linearised.fit, follow_up.measurement
         white = whiteners(more) / np.sqrt(fit.variance_factor)
         rows = np.arange(len(more))
@@ -107,7 +107,7 @@ class PredictedInformation:
 
     @cached_property
     def _lengths(self) -> Array:
-        """Lengths of the registration's columns, which are the units of the linearised fit's design."""
+        """Lengths of the registration's columns, by which the linearised fit scales them."""
         some = self.linearised.measurement.rows(self.linearised.rows)
         own = self.linearised.white @ equations.registration_design(some, self.linearised.fit.registration)
         return np.asarray(np.linalg.norm(own.reshape(self.linearised.scalars, -1), axis=0))

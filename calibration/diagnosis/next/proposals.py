@@ -1,4 +1,4 @@
-"""Measurements that could follow the one at hand: the same positions in other ways, and what else a workshop can do."""
+"""Follow-up designs: the same positions in another order or by another approach, and other set-ups."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ STOPS = 8
 """Positions that are approached by moves of different lengths."""
 SHORT_MM, SHORT_RAD = 5.0, np.deg2rad(1.0)
 LONG = 0.4
-"""Of the travel that the data cover."""
+"""Length of a long move, as a share of the travel that the data cover."""
 
 
 def follow_up_designs(fit: Fit) -> Iterator[FollowUpDesign]:
-    """All measurements that make sense after the data of a fit; none after a part's."""
+    """All designs that make sense after the data of a fit; none unless a tracker or an interferometer was used."""
     measurement = fit.measurement
     data = Data(measurement, fit.registration)
     if isinstance(measurement.instrument, LaserTracker | Interferometer):
@@ -48,13 +48,13 @@ def follow_up_designs(fit: Fit) -> Iterator[FollowUpDesign]:
 
 
 def _of_fewer(data: Data) -> Iterator[FollowUpDesign]:
-    """What a few of the positions tell as well."""
+    """Designs with fewer positions."""
     for plan in (*_once_more(data), *with_references(data)):
         yield plan._replace(name=f"{plan.name}, fewer")
 
 
 def _once_more(data: Data) -> Iterator[FollowUpDesign]:
-    """The same positions, or the same path, in another order, at another feed, from cold."""
+    """The same positions or the same path in reverse, in shuffled order, at another feed, or after a cold start."""
     index, what, state = data.index, data.positions, data.measurement.state
     back = index[::-1]
     turned = {} if state.velocity is None else {"velocity": -state.velocity[back]}
@@ -75,7 +75,7 @@ def _once_more(data: Data) -> Iterator[FollowUpDesign]:
 
 
 def _course(clock: Array, time: Array, kelvin: Array) -> Array:
-    """What a sensor shows at times `(n,)`, s, since the start, as it did over the times of the data `(m,)`."""
+    """Temperatures at times `(n,)`, s, after the start, by their course over the times of the data `(m,)`."""
     order = np.argsort(time, kind="stable")
     return np.asarray(np.interp(clock, time[order] - time[order[0]], kelvin[order]))
 
@@ -93,7 +93,7 @@ def _at_another_feed(data: Data) -> FollowUpDesign:
 
 
 def _otherwise_approached(data: Data) -> Iterator[FollowUpDesign]:
-    """From the other side, and by moves of different lengths."""
+    """The same positions approached from the other side, and by moves of different lengths."""
     index, axes = data.index, list(moving_axes(data.measurement))
     if data.measurement.state.approach is None or data.measurement.state.last_move is None:
         return
@@ -104,7 +104,7 @@ def _otherwise_approached(data: Data) -> Iterator[FollowUpDesign]:
 
 
 def _from_other_side(data: Data, axes: list[str]) -> Measurement:
-    """Each position passed by a little, and come back to, by the axes that move."""
+    """Each position approached from the other side, by a short move of all axes that move in the data."""
     machine, there = data.measurement.machine, data.following(data.index)
     before, last, approach = data.measurement.state.approach, there.state.last_move, there.state.approach
     assert before is not None
@@ -160,7 +160,7 @@ def _finer(data: Data) -> Iterator[FollowUpDesign]:
 
 
 def _only_moving(measurement: Measurement, axis: int, start: State) -> Measurement:
-    """The other axes count as come to where they stand as they came to a row of the data: one move tells nothing."""
+    """The measurement with one moving axis; the others keep the last move and approach of the state `start`."""
     own, state = np.arange(measurement.state.positions.shape[1]) == axis, measurement.state
     columns = {
         name: np.where(own, column, getattr(start, name))

@@ -1,8 +1,8 @@
-"""What to measure next: moves of a measurement, ranked by what each tells per minute.
+"""Proposed measurements: follow-up designs, ranked by predicted information per minute.
 
-A move is judged before it is made. A tie counts as separated when either of the two causes, had it its fitted size,
-would be found although the other is fitted along; a cause that the data do not show counts for little, and no more than
-is needed to find it at its typical size.
+A design is evaluated before it is made. A tie counts as separated when each of the two causes, at its fitted size,
+would be found with the other one fitted too. A cause that the data do not show has a small weight, and its
+information counts only up to the amount that finds it at its typical size.
 """
 
 from __future__ import annotations
@@ -23,41 +23,41 @@ from kinematics.effects import Effect
 from kinematics.transforms import Array
 
 SURE = 0.8
-"""Power from which a move is said to separate or to show."""
+"""Power from which a design separates a tie or shows a cause."""
 MARGIN = 2.33
-"""Standard deviations above the threshold of what is surely found (0.99); more is not counted."""
+"""Standard deviations above the threshold for a power of 0.99; more information is not counted."""
 WEIGHTS = {"tied": 1.0, "weak": 0.5, "hidden": 0.05}
 LISTED = 3
-"""Causes that a sentence lists."""
+"""Most causes that a sentence lists."""
 
 
 class ProposedMeasurement(NamedTuple):
-    """A measurement to add."""
+    """A proposed measurement."""
 
     name: str
     minutes: float
     gain_per_minute: float
-    """By which the squares that tell causes apart, or show them, grow, in terms of the noise's variance."""
+    """Weighted growth per minute of the squares that separate or show causes, in units of the noise variance."""
     says: str
-    """What to do, and what it tells, in workshop words."""
+    """Instruction and expected result, as text for the workshop."""
 
 
 class Signal(NamedTuple):
-    """A cause of some size, by its number in the outlook."""
+    """A cause of some size, by its index in the predicted information."""
 
     cause: int
     size: Array | None
-    """In terms of typical sizes; None for every parameter at its own."""
+    """Parameters in units of typical sizes; None: every parameter at its typical size."""
     shapes: int
     beside: int | None = None
     """The other cause that is fitted along."""
     without: slice | None = None
-    """Columns of the model that the cause itself has in it."""
+    """Columns of the model that belong to the cause itself."""
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """What is not known yet: answered when all its signals would be found."""
+    """An open question, answered when all its signals would be found."""
 
     kind: str
     name: str
@@ -65,18 +65,18 @@ class Question:
     signals: tuple[Signal, ...]
 
     def needed(self, signal: Signal, known: Information) -> tuple[int, float]:
-        """Degrees of freedom of a signal, and the gain that names its cause."""
+        """Degrees of freedom of a signal, and the gain from which its cause is named."""
         own = known.causes[signal.cause]
         degrees_of_freedom = own.stop - own.start + signal.shapes
         worth = CLEAR * WORTH if self.kind == "weak" else WORTH
         return degrees_of_freedom, -worth + degrees_of_freedom * float(np.log(known.scalars))
 
     def told(self, known: Information) -> float:
-        """Non-centrality of the least of the signals, no more than is needed."""
+        """Non-centrality of the weakest signal, at most the amount that is needed."""
         return min(self._one(signal, known) for signal in self.signals)
 
     def power(self, known: Information) -> float:
-        """Chance that all signals, each by itself, would be found."""
+        """Least of the chances that each signal by itself would be found."""
         chances = []
         for signal in self.signals:
             if self.kind == "hidden" and known.share(signal.cause) < SEEN:
@@ -97,9 +97,9 @@ class Question:
 def proposed_measurements(
     stage: Stage, causes: Sequence[Named], evaluated: Sequence[Evaluated]
 ) -> Iterator[ProposedMeasurement]:
-    """Moves that tell something, the best first; then the ties that none of them separates.
+    """Designs that answer a question, the best first; then the ties that none of them separates.
 
-    judged: all candidates.
+    evaluated: all candidates.
     """
     effects, questions = _questions(stage, causes, evaluated)
     if not questions:
@@ -129,7 +129,7 @@ def proposed_measurements(
 def _questions(
     stage: Stage, causes: Sequence[Named], evaluated: Sequence[Evaluated]
 ) -> tuple[list[Effect], list[Question]]:
-    """Causes in question, and what is asked of them: ties, weak causes, and causes that the data do not show."""
+    """Effects in question, and the questions: ties, weak causes, and causes that the data do not show."""
     effects: list[Effect] = []
     found: list[Question] = []
 
@@ -158,7 +158,7 @@ def _questions(
 
 
 def _hidden(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
-    """Of each cause that the data do not show the variant that they show best."""
+    """The most visible variant of each cause that the data do not show."""
     best: dict[str, Evaluated] = {}
     for each in evaluated:
         name = each.candidate.effect.name
@@ -173,7 +173,7 @@ def _noncentrality(signal: Signal, known: Information) -> float:
 
 
 def _said(answers: Sequence[tuple[Question, float]]) -> str:
-    """What a move tells, for people."""
+    """Expected result of a design, as text."""
     parts = [f"separates {q.name} from {q.other} (power {_chance(power)})" for q, power in answers if q.kind == "tied"]
     parts += [f"makes {q.name} sure (power {_chance(power)})" for q, power in answers if q.kind == "weak"]
     hidden = [q.name for q, _ in answers if q.kind == "hidden"]

@@ -1,9 +1,9 @@
-"""Whether as much would have been found where there is nothing: in what is left, its signs at random.
+"""Chance level of accepted causes: the gain that the same search finds in the residuals with random signs.
 
-Where much is left that no cause explains, residuals are neither even nor white, and a search over thousands of shapes
-finds more in them than noise of their size allows; so may a cause that acts on a few rows. Signs drawn anew for every
-row keep their sizes and whatever makes some rows larger than others, and destroy what a cause could follow (the wild
-bootstrap of Wu 1986 and Liu 1988).
+Where much is left that no cause explains, residuals are neither homogeneous nor white. A search over thousands of
+shapes then finds more in them than in noise of their size; so may a cause that acts on a few rows. A random sign for
+every row keeps the sizes of the residuals, and whatever makes some rows larger than others, but destroys every course
+that a cause could follow (the wild bootstrap of Wu 1986 and Liu 1988).
 """
 
 from __future__ import annotations
@@ -22,37 +22,37 @@ SMOOTH = (
     *("error-motion", "location", "cross-axis", "thermal-drift", "thermal-scale", "thermal-drift-sensor"),
     *("thermal-scale-sensor", "station-shift", "tracker-drift", "tracker-range", "air-scale", "tracker-angle"),
 )
-"""Kinds that do what another smooth function of their variables could do."""
+"""Kinds that another smooth function of their variables could imitate."""
 DRAWS = 19
-"""A cause that none of them matches is found by chance in at most one of twenty times."""
+"""Random draws: a cause that exceeds all of them is found by chance at most once in twenty times."""
 SEED = 1
 SEARCHES: Mapping[str, Callable[[LinearisedFit], Iterable[Candidate]]] = {
     "cyclic": scans.waves,
     "quantised-compensation": scans.steps,
     "station-shift": scans.breaks,
 }
-"""How shapes are found, by kind of effect."""
+"""Search for shapes, by kind of effect."""
 
 
 @dataclass
 class Chance:
-    """What is found in what a fit leaves, the signs of its rows drawn at random."""
+    """Gains found in the residuals of a fit, the signs of its rows drawn at random."""
 
     linearised: LinearisedFit
-    """Of the fit with all causes."""
+    """The fit with all causes."""
     library: Sequence[Candidate]
     _draws: dict[str, Iterator[float]] = field(init=False, default_factory=dict)
     _known: dict[str, list[float]] = field(init=False, default_factory=dict)
-    """The largest gain of each draw so far, by kind of effect."""
+    """Largest gain of each draw so far, by kind of effect."""
 
     def finds(self, accepted: Accepted) -> bool:
-        """True where one of the draws holds as much as an accepted cause is worth.
+        """True where one of the draws reaches the gain of an accepted cause.
 
-        A shape is searched for again, with all that the search may find; another cause is one of those of the library
-        that have no shapes.
+        A kind with a search is searched for again, over all its shapes. Any other cause is itself tried, together with
+        the causes of the library that are neither smooth nor searched for.
         """
         if accepted.score.gain > self.linearised.squares:
-            return False  # there is not as much
+            return False  # no draw has as many squares
         kind = accepted.candidate.effect.kind
         if kind not in self._draws:
             self._draws[kind] = self._shapes(SEARCHES[kind]) if kind in SEARCHES else self._of_library(accepted)

@@ -1,6 +1,6 @@
-"""The set of variables a smooth function of which explains residuals that are left, also when they act only jointly.
+"""Sets of variables of which a smooth function explains residuals, also where they act only jointly.
 
-Chances are those among residuals permuted in blocks. Rows are in the order of acquisition.
+p-values are by permutation of the residuals in blocks. Rows are in the order of acquisition.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from kinematics.transforms import Array
 
 PERMUTATIONS = 199
 LEVEL = 0.01
-"""Chance that any set of variables is found to explain pure noise."""
+"""Chance that any set of variables is found in pure noise."""
 EVIDENCE = 5.0
-"""Log odds by which a set must gain from each of its variables."""
+"""Log odds that each variable of a set must add."""
 LENGTHS = (0.08, 0.13, 0.2, 0.3, 0.45, 0.7, 1.1)
-"""Of a smooth function, in parts of a variable's range."""
+"""Lengths of a smooth function, as fractions of a variable's range."""
 FIRST_LENGTHS = (0.2, 0.45)
-"""With which all singles, pairs and triples are tried."""
+"""Lengths with which all singles, pairs and triples are tried."""
 MOST = 4
-"""Variables of a set."""
+"""Most variables of a set."""
 TUNED = 4
-"""Changes of a set, the likeliest ones, for which lengths are looked for."""
+"""Likeliest changes of a set for which lengths are searched."""
 CENTRES = 80
-"""Rows that a smooth function stands on."""
+"""Most rows that represent a smooth function as its centres."""
 
 
 class Unexplained(NamedTuple):
@@ -38,11 +38,11 @@ class Unexplained(NamedTuple):
 
     variables: tuple[str, ...]
     lengths: tuple[float, ...]
-    """Of each variable, in parts of its range: how far apart the function still knows of itself."""
+    """Correlation length in each variable, as a fraction of its range."""
     p_value: float
     """Chance that any set of up to three variables explains permuted residuals as well."""
     rms: float
-    """Of the function, per scalar, in units of the residuals."""
+    """RMS of the function, per scalar, in units of the residuals."""
     shape: Array
     """The function at the rows `(n, d)`."""
 
@@ -50,11 +50,11 @@ class Unexplained(NamedTuple):
 def explaining_variables(
     white: Array, variables: Mapping[str, Array], rng: np.random.Generator, blocks: np.ndarray | None = None
 ) -> Unexplained | None:
-    """The smallest set of variables `(n,)` a smooth function of which explains residuals `(n, d)`; None for noise.
+    """The smallest set of variables `(n,)` of which a smooth function explains residuals `(n, d)`; None for noise.
 
-    All singles, pairs and triples are tried, and have to explain more than they explain of the residuals permuted; then
-    variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. blocks: labels `(n,)` of rows to be
-    permuted as one; by `blocks_in_time` when None.
+    All singles, pairs and triples are tried, and must explain more than they explain of the permuted residuals. Then
+    variables are added, exchanged and dropped by their evidence, `EVIDENCE` each. blocks: labels `(n,)` of rows that
+    are permuted together; by `blocks_in_time` when None.
     """
     names = [name for name, values in variables.items() if np.ptp(values) > 0.0]
     residual = white - white.mean(axis=0)
@@ -77,7 +77,7 @@ def explaining_variables(
 def of_variables(
     white: Array, variables: Mapping[str, Array], lengths: Mapping[str, float], p_value: float, rng: np.random.Generator
 ) -> Unexplained:
-    """The smooth function of variables `(n,)` that are known to matter, with their lengths, in residuals `(n, d)`."""
+    """The smooth function of given variables `(n,)` with given lengths in residuals `(n, d)`."""
     names = [name for name in variables if name in lengths]
     kernels = Kernels([variables[name] for name in names], _centres(len(white), rng))
     return _shaped(kernels, white - white.mean(axis=0), names, {i: lengths[n] for i, n in enumerate(names)}, p_value)
@@ -112,7 +112,7 @@ def _best_of_each_size(starts: Sequence[dict[int, float]], evidence: Array) -> l
 
 
 def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Array, count: int) -> dict[int, float]:
-    """Variables and their lengths, from the best of the starts on, until no change is worth it."""
+    """Variables and their lengths: the best start, changed until no change adds enough evidence."""
 
     def rate(lengths: dict[int, float]) -> tuple[float, dict[int, float]]:
         return _tuned(kernels, lengths, residual)
@@ -142,7 +142,7 @@ def _best_set(kernels: Kernels, starts: Sequence[dict[int, float]], residual: Ar
 
 
 def _tuned(kernels: Kernels, lengths: dict[int, float], residual: Array) -> tuple[float, dict[int, float]]:
-    """Evidence of a function of these variables with the most likely lengths, found one after the other; and these."""
+    """Largest evidence of a function of these variables, lengths searched one after the other; and these lengths."""
     best, found = dict(lengths), _evidence(kernels, lengths, residual)
     for _ in range(2):
         before = found
@@ -157,5 +157,5 @@ def _tuned(kernels: Kernels, lengths: dict[int, float], residual: Array) -> tupl
 
 
 def _evidence(kernels: Kernels, lengths: dict[int, float], residual: Array) -> float:
-    """Log odds of a function of these variables against noise; 0 for one of none."""
+    """Log odds of a function of these variables against noise; 0 without variables."""
     return float(log_evidence(kernels.modes(lengths), residual[:, None])[0]) if lengths else 0.0

@@ -1,8 +1,8 @@
-"""How residuals depend on each variable alone, by distance correlation, which vanishes only for independent ones.
+"""Dependence of residuals on each variable alone, by distance correlation, which is zero only for independence.
 
-Szekely, Rizzo and Bakirov 2007; without bias: Szekely and Rizzo 2013. Chances are those among residuals permuted in
-blocks; of several variables they are adjusted by Benjamini and Hochberg. Variables that act only jointly may show
-nothing alone: the sets of `dependence` find these.
+Szekely, Rizzo and Bakirov 2007; without bias: Szekely and Rizzo 2013. p-values are by permutation of the residuals in
+blocks; those of several variables are adjusted by Benjamini and Hochberg. Variables that act only jointly may show no
+dependence alone: `dependence` finds such sets.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from calibration.diagnosis.residual.permuted_blocks import blocks_in_time, permu
 from kinematics.transforms import Array
 
 ROWS = 300
-"""That decide, evenly taken."""
+"""Most rows that are used, evenly spread."""
 PERMUTATIONS = 499
 
 
 class Dependence(NamedTuple):
-    """How the residuals depend on one variable."""
+    """Dependence of the residuals on one variable."""
 
     variable: str
     correlation: float
-    """Squared distance correlation without bias; about 0 where independent, negative too."""
+    """Squared distance correlation without bias; about 0, also negative, where independent."""
     p_value: float
     adjusted: float
-    """p-value by Benjamini and Hochberg: of all variables below a level q, a share q at most is there by chance."""
+    """p-value by Benjamini and Hochberg: of the variables below a level q, a share of at most q is there by chance."""
 
 
 def distance_correlation(x: Array, y: Array) -> float:
-    """Squared distance correlation without bias of `x` and `y`, each `(n,)` or `(n, k)`; of `ROWS` rows if more.
+    """Squared distance correlation without bias of `x` and `y`, each `(n,)` or `(n, k)`; on at most `ROWS` rows.
 
     0 where one of them does not vary.
     """
@@ -43,9 +43,9 @@ def distance_correlation(x: Array, y: Array) -> float:
 def dependences(
     white: Array, variables: Mapping[str, Array], rng: np.random.Generator, blocks: np.ndarray | None = None
 ) -> list[Dependence]:
-    """How residuals `(n, d)` depend on each variable `(n,)`, the clearest first.
+    """Dependence of residuals `(n, d)` on each variable `(n,)`, the clearest first.
 
-    blocks: labels `(n,)` of rows to be permuted as one; by `blocks_in_time` when None.
+    blocks: labels `(n,)` of rows that are permuted together; by `blocks_in_time` when None.
     """
     if not variables:
         return []
@@ -63,7 +63,7 @@ def dependences(
 
 
 def _adjusted(p_values: Array) -> Array:
-    """By Benjamini and Hochberg; scipy.stats, which has it, takes a second to import."""
+    """p-values adjusted by Benjamini and Hochberg; the import of scipy.stats, which has this, takes a second."""
     order = np.argsort(p_values)[::-1]
     shares = p_values[order] * len(order) / np.arange(len(order), 0, -1)
     return np.asarray(np.minimum.accumulate(shares)[np.argsort(order)])

@@ -1,8 +1,8 @@
-"""Which variables what is left depends on, once more: by smooth functions of them as errors of the tool in a direction.
+"""Variables of the unexplained residual, selected again by functions of them that act in a direction of the tool.
 
-Residuals of a tracker are along its beam and across, and the beam turns over the volume: there an error of the tool
-that depends on X looks as if it depended on Y as well. Here the function acts in a direction of the tool, is seen
-through the beam as everything else, and keeps only what model and registration leave of it.
+A tracker observes along its beam and across, and the beam turns over the volume. There an error of the tool that
+depends on X seems to depend on Y as well. Here the function acts in a direction of the tool, enters through the
+observation equations, and keeps only the part that the model and the registration cannot imitate.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from calibration.diagnosis.search.linearised_fit import LinearisedFit
 from kinematics.state import TEMPERATURE, TIME
 
 ROWS = 400
-"""At most so many rows, evenly spread, decide."""
+"""Most rows that are used, evenly spread."""
 KEPT = 1.0
-"""Log odds that a variable needs to stay."""
+"""Log odds that a variable found along the beam needs to stay."""
 FIRST_LENGTH = 0.45
-"""Of a variable that comes in, in parts of its range."""
+"""Length of an added variable, as a fraction of its range."""
 CHANGES = 4
-"""Variables that are exchanged, added or dropped at most."""
+"""Most exchanges, additions and removals of variables."""
 Lengths = dict[str, float]
-"""By variable."""
+"""Length by variable, as a fraction of its range."""
 
 
 def fitted_variables(linearised: LinearisedFit, found: Unexplained, names: Sequence[str]) -> Lengths:
-    """The variables of what is left, and their lengths, from those `found` along the beam; names: all there are.
+    """Variables of the unexplained residual and their lengths, from those `found` along the beam; names: all of them.
 
-    One that comes needs `EVIDENCE`, as there, one found along the beam `KEPT`. Those found stay where one of them can't
-    be fitted.
+    A new variable needs log odds of `EVIDENCE`, one of `found` only `KEPT`. The result is `found` where an unnamed
+    effect cannot depend on one of its variables, or where the observations have fewer than three components.
     """
     best = first = dict(zip(found.variables, found.lengths, strict=True))
     others = [name for name in names if may_depend_on(linearised, name)]
@@ -67,12 +67,12 @@ def _best(tried: Sequence[Lengths], worth: Callable[[Lengths], float]) -> Length
 
 
 def _changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
-    """With one variable more, one less, or another for one; of time and the temperatures at most one."""
+    """Sets with one variable more, one less, or one exchanged, and with at most one of time and the temperatures."""
     return (changed for changed in _all_changed(lengths, names) if not _twice_time(changed))
 
 
 def _twice_time(lengths: Lengths) -> bool:
-    """True where time and a temperature, itself a function of it, are both there."""
+    """True for more than one of time and the temperatures, which are functions of time."""
     return sum(name == TIME or name.startswith(TEMPERATURE) for name in lengths) > 1
 
 
@@ -88,7 +88,7 @@ def _all_changed(lengths: Lengths, names: Sequence[str]) -> Iterator[Lengths]:
 
 
 def _tuned(worth: Callable[[Lengths], float], lengths: Lengths) -> tuple[float, Lengths]:
-    """The most likely lengths, one after the other, and what they are worth."""
+    """Largest worth of these variables over their lengths, searched one after the other; and the lengths."""
     best, found = lengths, worth(lengths)
     for name in lengths:
         tried = [{**best, name: length} for length in LENGTHS if length != best[name]]

@@ -1,4 +1,4 @@
-"""Rows permuted in blocks: noise with a memory stays what it is, and what depends on anything else does not.
+"""Permutation of rows in blocks: it keeps the autocorrelation of noise and destroys all other dependence.
 
 Rows are in the order of acquisition.
 """
@@ -10,13 +10,13 @@ import numpy as np
 from kinematics.transforms import Array
 
 MEMORIES = 4
-"""Length of a block, in rows that residuals remember."""
+"""Length of a block, as a multiple of the lag over which residuals are correlated."""
 
 
 def blocks_in_time(white: Array) -> np.ndarray:
-    """Labels `(n,)` of blocks of rows in succession, `MEMORIES` times as long as residuals `(n, d)` remember.
+    """Labels `(n,)` of blocks of successive rows, `MEMORIES` times the lag over which residuals `(n, d)` correlate.
 
-    Single rows where they don't; at least twelve blocks.
+    Single rows where they do not correlate; at least twelve blocks.
     """
     n = len(white)
     residual = white - white.mean(axis=0)
@@ -29,7 +29,7 @@ def blocks_in_time(white: Array) -> np.ndarray:
 
 
 def permuted(labels: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Orders `(count, n)` of rows in which the blocks change places; each begins at a row of its own, going round."""
+    """Orders `(count, n)` of rows: a cyclic shift of all rows by a random number, then the blocks permuted."""
     names, number = np.unique(labels, return_inverse=True)
     n = len(labels)
     ranks = rng.permuted(np.broadcast_to(np.arange(len(names)), (count, len(names))), axis=1)[:, number]

@@ -1,10 +1,10 @@
-"""Smooth functions of some variables: how much more likely they make residuals than noise alone does.
+"""Evidence of smooth functions of some variables in residuals, against noise alone.
 
-A Gaussian process whose kernel is the product of one squared exponential per variable, each with its own length, so
-that it also holds what acts only jointly. Low rank: the rows stand for it through some of them, its centres (the subset
-of regressors). The d components share the lengths. They are turned so that their smooth parts are uncorrelated, since
-most causes act in one direction; then each has an amplitude of its own, the most likely one of a few, and noise of its
-own.
+A Gaussian process whose kernel is the product of one squared exponential per variable, each with its own length. It
+therefore covers joint effects of the variables too. Low rank: some of the rows, the centres, represent the process
+(the subset of regressors). The d components share the lengths. They are rotated so that their smooth parts are
+uncorrelated, since most causes act in one direction. Each then has its own amplitude, the most likely one of a few,
+and its own noise.
 """
 
 from __future__ import annotations
@@ -19,35 +19,35 @@ from scipy import linalg
 from kinematics.transforms import Array, read_only
 
 AMPLITUDES = read_only(np.concatenate([[0.0], np.geomspace(0.02, 200.0, 9)]))
-"""Variance of the function, in variances of the noise."""
+"""Variances of the function that are tried, in units of the noise variance."""
 TURNING = 0.2
-"""The amplitude with which the smooth parts are estimated for that."""
+"""Variance of the function, in units of the noise variance, for the rotation of the components."""
 RANK = 1e-5
-"""Share of the variance below which what a row adds to the kernel is left out, and of the largest one of a mode."""
+"""Least variance that a row adds to the kernel, and least variance of a mode as a share of the largest."""
 
 
 class Modes(NamedTuple):
     """Uncorrelated modes of a smooth function, orthonormal over the rows and without mean."""
 
     spanning: Array
-    """Kernels `(m, n)` of some centres, as they are; a mode is a sum of these less its mean."""
+    """Kernels `(m, n)` of some centres; a mode is a sum of these less its mean."""
     ways: Array
-    """Their shares `(m, r)` of the modes."""
+    """Shares `(m, r)` of the kernels in the modes."""
     variances: Array
-    """Of the modes `(r,)`."""
+    """Variances `(r,)` of the modes."""
 
     def along(self, values: Array) -> Array:
-        """Parts `(r, k)` along the modes of values `(n, k)` whose means are 0."""
+        """Parts `(r, k)` along the modes of values `(n, k)` with zero mean."""
         return np.asarray(self.ways.T @ (self.spanning @ values))
 
     def sums(self, parts: Array) -> Array:
-        """Sums `(n, k)` of the modes, so much `(r, k)` of each."""
+        """Sums `(n, k)` of the modes with coefficients `(r, k)`."""
         shares = self.ways @ parts
         return np.asarray(self.spanning.T @ shares - self.spanning.mean(axis=1) @ shares)
 
 
 class Kernels:
-    """Kernels of single variables between rows and centres, kept for every length asked for."""
+    """Kernels of single variables between rows and centres, stored by length."""
 
     def __init__(self, variables: Sequence[Array], centres: np.ndarray) -> None:
         self._scaled = [(values - values.min()) / np.ptp(values) for values in variables]
@@ -55,7 +55,7 @@ class Kernels:
         self._known: dict[tuple[int, float], Array] = {}
 
     def of(self, variable: int, length: float) -> Array:
-        """Kernel `(m, n)` of a variable; length: in parts of its range."""
+        """Kernel `(m, n)` of a variable; length: as a fraction of its range."""
         key = variable, length
         if key not in self._known:
             values = self._scaled[variable]
@@ -63,7 +63,7 @@ class Kernels:
         return self._known[key]
 
     def modes(self, lengths: Mapping[int, float]) -> Modes:
-        """The modes of a function of these variables, whose kernel is the product of theirs."""
+        """Modes of a function of these variables; its kernel is the product of theirs."""
         product = reduce(np.multiply, (self.of(variable, length) for variable, length in lengths.items()))
         root, order, rank, _ = linalg.lapack.dpstrf(product[:, self._centres], tol=RANK, lower=1)
         spanning = product[order[:rank] - 1]
@@ -80,14 +80,14 @@ class Kernels:
 def log_evidence(modes: Modes, residual: Array) -> Array:
     """Log odds `(k,)` of the function against noise alone, for residuals `(n, k, d)`: the same rows in k orders.
 
-    Their means are 0.
+    The residuals have zero mean.
     """
     parts, sizes, _ = _apart(modes, residual)
     return np.asarray(_odds(modes.variances, parts, sizes, len(residual)).max(axis=0).sum(axis=-1))
 
 
 def smooth_part(modes: Modes, residual: Array) -> Array:
-    """The function's expectation at the rows `(n, d)`, given residuals `(n, d)` whose means are 0."""
+    """Expected values `(n, d)` of the function at the rows, given residuals `(n, d)` with zero mean."""
     parts, sizes, ways = _apart(modes, residual[:, None])
     amplitudes = AMPLITUDES[_odds(modes.variances, parts, sizes, len(residual)).argmax(axis=0)][0]
     scaled = modes.variances[:, None] * amplitudes
@@ -95,7 +95,10 @@ def smooth_part(modes: Modes, residual: Array) -> Array:
 
 
 def _apart(modes: Modes, residual: Array) -> tuple[Array, Array, Array]:
-    """Residuals turned so that their smooth parts are uncorrelated: along modes `(k, r, d)`, sizes `(k, d)`, turns."""
+    """Residuals rotated so that their smooth parts are uncorrelated.
+
+    Parts along the modes `(k, r, d)`, sums of squares `(k, d)`, and rotations `(k, d, d)`.
+    """
     n, k, d = residual.shape
     parts = np.moveaxis(modes.along(residual.reshape(n, -1)).reshape(-1, k, d), 0, 1)
     weights = TURNING * modes.variances / (1.0 + TURNING * modes.variances)
@@ -105,7 +108,7 @@ def _apart(modes: Modes, residual: Array) -> tuple[Array, Array, Array]:
 
 
 def _odds(variances: Array, parts: Array, sizes: Array, n: int) -> Array:
-    """Log odds `(amplitudes, k, d)` of each component."""
+    """Log odds `(amplitudes, k, d)` of each component for each amplitude."""
     scaled = AMPLITUDES[:, None] * variances
     left = 1.0 - np.tensordot(scaled / (1.0 + scaled), parts**2, axes=(1, 1)) / sizes
     return np.asarray(-0.5 * n * np.log(np.maximum(left, 1e-12)) - 0.5 * np.log1p(scaled).sum(axis=1)[:, None, None])

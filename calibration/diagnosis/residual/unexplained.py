@@ -1,4 +1,4 @@
-"""The unexplained residual: the variables it depends on, and the causes that were accepted in its place."""
+"""The unexplained residual: the variables that it depends on, and accepted causes that only imitate it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 
 IMPOSTOR = 4.0
-"""A smooth cause that explains less than this multiple of the squares left, of a variable of its own, is none."""
+"""Least squares of a smooth cause, as a multiple of the unexplained squares with which it shares a variable."""
 SEED = 1
 
 
@@ -46,7 +46,7 @@ def tests(linearised: LinearisedFit) -> list[Test]:
 
 
 def variables(measurement: Measurement, rows: np.ndarray) -> dict[str, Array]:
-    """Variables `(n,)` of the residuals: axes, time, temperatures, feed, directions."""
+    """Variables `(n,)` that residuals may depend on and that vary: axes, time, temperatures, feed, directions."""
     state, machine = measurement.state, measurement.machine
     moving = list(moving_axes(measurement))
     found = {axis: state.position(machine, axis)[rows] for axis in moving}
@@ -80,10 +80,10 @@ def one_by_one(linearised: LinearisedFit) -> list[Dependence]:
 
 
 def impostors(stage: Stage, left: Unexplained, library: Sequence[Candidate]) -> list[Accepted]:
-    """Accepted causes that were only blamed for what is left.
+    """Accepted causes that only imitate the unexplained residual.
 
-    Smooth ones of its variables, that explain little more than is left: its form is not theirs. Others, and shapes that
-    were searched for, which are found as strongly where there is nothing of the kind.
+    A smooth cause of one of its variables that explains little more than is unexplained: its form does not fit. Also
+    a cause that is not smooth or was searched for, where the same search finds as much in residuals with random signs.
     """
     given, chance = variables(stage.linearised.measurement, stage.linearised.rows), Chance(stage.linearised, library)
     return [
@@ -105,7 +105,7 @@ def _not_its_form(stage: Stage, index: int, left: Unexplained, given: Mapping[st
 
 
 def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
-    """Names of the given variables that a smooth effect is a function of; one of the instrument of all positions."""
+    """Names of the given variables that a smooth effect depends on; all axes where it names none (instrument)."""
     found = [axis for axis in effect.axes if axis in given]
     if "time" in effect.needs:
         found.append("time")
@@ -114,7 +114,7 @@ def depends_on(effect: Effect, given: Mapping[str, Array]) -> list[str]:
 
 
 def _family(variable: str) -> str:
-    """Time for temperatures as well, which follow it."""
+    """The variable; time for a temperature, which follows it."""
     return "time" if variable.startswith("temperature ") else variable
 
 
@@ -128,9 +128,9 @@ def in_lengths(linearised: LinearisedFit, left: Unexplained) -> Array:
 
 
 def shared_rms(linearised: LinearisedFit, left: Unexplained) -> float:
-    """RMS, um per scalar and urad on rotary axes, of what the rows that the fit kept share with the function left.
+    """RMS, um per scalar (rotary axes: urad), of the part that kept rows' residuals share with the function `left`.
 
-    Of a tracker the function is as uncertain across the beam as a reading is: its own RMS would be of that.
+    Before a tracker the function is as uncertain across the beam as a reading: its own RMS would be that uncertainty.
     """
     residual = np.linalg.solve(linearised.white, linearised.residual.reshape(len(linearised.rows), -1, 1))[:, :, 0]
     shared = residual * in_lengths(linearised, left) * linearised.measurement.per_micro[linearised.rows] ** 2
@@ -138,7 +138,7 @@ def shared_rms(linearised: LinearisedFit, left: Unexplained) -> float:
 
 
 def _of_machine(linearised: LinearisedFit) -> Array:
-    """Residuals `(n, d)` in terms of their noise: in the tool's directions where rotary axes turn what is observed."""
+    """Residuals `(n, d)` in units of their noise; in the tool's directions where rotary axes turn the observations."""
     white, turns = linearised.bounded.reshape(len(linearised.rows), -1), _into_tool(linearised)
     if turns is None:
         return white
@@ -147,7 +147,7 @@ def _of_machine(linearised: LinearisedFit) -> Array:
 
 
 def _into_tool(linearised: LinearisedFit) -> Array | None:
-    """Turns `(n, 3, 3)` of what is observed into the tool's directions; None where these stay the same."""
+    """Rotations `(n, 3, 3)` from observations to the tool; None without a tracker or without moving rotary axes."""
     measurement = linearised.measurement
     turning = [axis for axis in moving_axes(measurement) if axis[0] in "ABC"]
     if not turning or not isinstance(measurement.instrument, LaserTracker):
@@ -157,5 +157,5 @@ def _into_tool(linearised: LinearisedFit) -> Array | None:
 
 
 def _noise(linearised: LinearisedFit) -> Array:
-    """Roots `(n, d, d)` of the covariances of the noise, whatever weight a row has."""
+    """Roots `(n, d, d)` of the noise covariances, without the weights of the rows."""
     return np.asarray(np.linalg.inv(linearised.white) * np.sqrt(linearised.weights)[:, None, None])

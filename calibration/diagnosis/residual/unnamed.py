@@ -1,9 +1,9 @@
-"""What no cause explains, as a smooth function without a name: added on request, and only where it predicts.
+"""Unnamed effects: the unexplained residual as a smooth function, added on request and only where it predicts.
 
-A Gaussian process over the variables that what is left depends on, written in products of Legendre polynomials: its
-lengths say which terms are needed and how large each may be, the evidence how large the whole is in each direction of
-the tool. What the model and the registration can hold stays theirs: of any combination of the terms most has to survive
-them, or the term with most of it goes.
+A Gaussian process over the variables of the unexplained residual, in products of Legendre polynomials. Its lengths
+determine the terms and the size that each may have, the evidence its amplitude in each direction of the tool. The
+model and the registration keep the part that they can imitate: of every combination of terms they must leave a share
+of `OWN`; otherwise the term that contributes most to it is dropped.
 """
 
 from __future__ import annotations
@@ -30,33 +30,33 @@ from kinematics.transforms import Array, read_only
 Direction = Literal["X", "Y", "Z"]
 COMPONENTS: tuple[Direction, ...] = ("X", "Y", "Z")
 AGAIN = 2
-"""Times that the bases are chosen anew with what was added."""
+"""Times that the bases are selected again with the added effects."""
 HELD = 0.998
 """Share of the function's variance that its terms hold."""
 MOST_TERMS, MOST_IN_ODDS = 120, 300
 ROWS_PER_TERM = 2
 OWN = 0.45
-"""Share of the squares of any combination of terms that the model and the registration have to leave."""
+"""Least share of the squares of any combination of terms that the model and the registration must leave."""
 AMPLITUDES = read_only(np.geomspace(0.02, 20.0, 16))
-"""Standard deviation of the function, in terms of the typical size of a coefficient."""
+"""Standard deviations of the function that are tried, in typical sizes of a coefficient."""
 PASSES = 2
-"""Times that each length is looked at."""
+"""Times that each length is searched."""
 NODES = 64
-"""Of the integrals over a variable."""
+"""Nodes of the integrals over a variable."""
 RIDGE = 1e-6
 
 
 class Added(NamedTuple):
-    """What came of the wish to add what no cause explains."""
+    """Result of a request to add unnamed effects."""
 
     selector: Selector
-    """With the bases that the error motions need now."""
+    """The selector with the bases that the error motions need now."""
     stage: Stage
     says: str
 
 
 def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
-    """What is left as unnamed effects beside the causes of a stage; the stage as it was where they don't predict."""
+    """The stage with unnamed effects for the unexplained residual; unchanged where these do not predict."""
     over = f"what is left, a function of {', '.join(left.variables)},"
     strange = [name for name in left.variables if not may_depend_on(named.linearised, name)]
     if strange:
@@ -69,7 +69,7 @@ def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
         base = selector.chosen_again(stage)
         if base.choice == selector.base.choice:
             break
-        # error motions had become finer than they are, to do some of it
+        # the error motions had become too fine, to imitate part of the function
         other = replace(selector, base=base)
         trial = other.stage(chosen_of(stage.accepted))
         for index in range(len(named.accepted), len(trial.accepted)):
@@ -82,7 +82,7 @@ def add_unnamed(selector: Selector, named: Stage, left: Unexplained) -> Added:
 
 
 def _with_unnamed(selector: Selector, named: Stage, left: Unexplained) -> tuple[Stage, Unexplained]:
-    """The stage with an unnamed effect in each direction in which that predicts, and the lengths that it shows."""
+    """The stage with an unnamed effect in each direction in which it predicts better, and the last one's lengths."""
     stage, missing = named, COMPONENTS
     while True:
         best = next(iter(propose(stage.linearised, left, missing)), None)
@@ -97,9 +97,9 @@ def _with_unnamed(selector: Selector, named: Stage, left: Unexplained) -> tuple[
 
 
 def _tuned(selector: Selector, stage: Stage, index: int, left: Unexplained) -> tuple[Stage, Unexplained]:
-    """The stage with the most likely lengths of one of its unnamed effects, once the fit knows the noise; and these.
+    """The stage with the most likely lengths of one of its unnamed effects, at that fit's noise; and these lengths.
 
-    The stage as it was where that predicts no better.
+    The stage is unchanged where these lengths predict no better.
     """
     linearised = stage.without(index)
     own = [component for component in COMPONENTS if component == stage.accepted[index].candidate.axis]
@@ -122,7 +122,7 @@ def _tuned(selector: Selector, stage: Stage, index: int, left: Unexplained) -> t
 def propose(
     linearised: LinearisedFit, left: Unexplained, components: Sequence[Direction] = COMPONENTS
 ) -> list[Candidate]:
-    """Unnamed effects in the directions of the tool in which what is left is plain, the plainest first."""
+    """Unnamed effects in the directions of the tool in which their log odds exceed `EVIDENCE`, the likeliest first."""
     found = []
     for component in components:
         effect, spread = _effect(linearised, component, left, min(MOST_TERMS, len(linearised.rows) // ROWS_PER_TERM))
@@ -139,16 +139,17 @@ def propose(
 
 
 def odds_of(linearised: LinearisedFit, component: Direction, left: Unexplained) -> float:
-    """Log odds of an error of the tool in a direction, a function of these variables, against none."""
+    """Log odds of an error of the tool in one direction, a function of these variables, against none."""
     effect, spread = _effect(linearised, component, left, MOST_IN_ODDS)
     columns = linearised.columns(effect) * spread
     return evidence(linearised.projected(columns).left, columns.T @ linearised.residual)[0]
 
 
 def evidence(left: Array, along: Array) -> tuple[float, float]:
-    """Log odds of a function against nothing, and its most likely standard deviation, one of `AMPLITUDES`.
+    """Log odds of a function against none, and its most likely standard deviation, one of `AMPLITUDES`.
 
-    left: what model and registration leave of its columns `(k, k)`; along: the columns on the residual `(k,)`.
+    left: the part `(k, k)` of its columns that the model and the registration cannot imitate; along: the residual
+    along its columns `(k,)`.
     """
     values, ways = np.linalg.eigh(left)
     variances = AMPLITUDES[:, None] ** 2
@@ -159,7 +160,7 @@ def evidence(left: Array, along: Array) -> tuple[float, float]:
 
 
 def _effect(linearised: LinearisedFit, component: Direction, left: Unexplained, most: int) -> tuple[Unnamed, Array]:
-    """An effect of zero size with at most so many terms of these lengths, and their standard deviations `(k,)`."""
+    """An effect of zero size with at most `most` terms of these lengths, and their standard deviations `(k,)`."""
     state, machine = linearised.measurement.state, linearised.measurement.machine
     columns = [state.variable(machine, name, "unnamed") for name in left.variables]
     ranges = tuple((float(column.min()), float(column.max())) for column in columns)
@@ -170,9 +171,9 @@ def _effect(linearised: LinearisedFit, component: Direction, left: Unexplained, 
 
 @lru_cache(maxsize=256)
 def terms_of(lengths: tuple[float, ...], most: int) -> tuple[np.ndarray, Array]:
-    """Degrees `(k, variables)` of the terms that hold most of a function's variance, and their standard deviations.
+    """Degrees `(k, variables)` of the terms with most of a function's variance, and their standard deviations `(k,)`.
 
-    lengths: by variable, in parts of its range; the function has a standard deviation of 1.
+    lengths: by variable, as fractions of its range; the function has a standard deviation of 1.
     """
     each = [_coefficients(length) for length in lengths]
     norms = reduce(np.multiply.outer, [2 * np.arange(len(own)) + 1 for own in each]).reshape(-1)
@@ -197,7 +198,7 @@ def _coefficients(length: float) -> Array:
 
 
 def surviving(whole: Array, left: Array) -> np.ndarray:
-    """Numbers of the columns, of whose any combination at least `OWN` survives; `whole` and `left` `(k, k)`."""
+    """Indices of columns of which any combination keeps a share of at least `OWN`; `whole` and `left` `(k, k)`."""
     sizes = np.sqrt(np.maximum(np.diag(whole), 0.0))
     kept = np.flatnonzero(sizes > 0.0)
     while len(kept):
@@ -210,5 +211,5 @@ def surviving(whole: Array, left: Array) -> np.ndarray:
 
 
 def may_depend_on(linearised: LinearisedFit, name: str) -> bool:
-    """True for a variable that an unnamed effect can be a function of."""
+    """True for a variable that an unnamed effect can depend on."""
     return name == TIME or name.startswith(TEMPERATURE) or name in linearised.measurement.machine.names

@@ -1,15 +1,15 @@
-"""Is what a fit leaves nothing but noise?
+"""Tests whether the residuals of a fit are noise alone.
 
-Under pure noise the whitened residuals r, all in one vector, are N(0, M) with M = I - W W^T: the fit took W out. Two
-kinds of test, both relative to the size of r, so that they hold whatever the variance factor of the noise:
+Under pure noise the whitened residuals r, in one vector, are N(0, M) with M = I - W W^T: the fit removed W. Two kinds
+of test, both relative to the size of r, so that they hold for any variance factor of the noise:
 
 - r^T A r / r^T r, where A joins rows near each other in time or along an axis (von Neumann, Moran): large where
-  neighbours err alike. Its tail by the first three cumulants of r^T (A - q I) r.
+  neighbours deviate alike. Its p-value is by the first three cumulants of r^T (A - q I) r.
 - F, with columns G: r^T G (G^T M G)^-1 G^T r, for means that differ by direction, run or station, and for slopes in
   time and temperatures.
 
-A test of the size of r against the sheet comes last. M matters: a fit leaves neighbours slightly opposed to each other,
-and a test that expects them independent would miss much.
+The last test compares the size of r with the instrument specification. M matters: a fit makes neighbours slightly
+anticorrelated, and a test that assumes independence would miss much.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from calibration.fit.linear import column_space, pseudo_inverse
 from kinematics.transforms import Array
 
 CELL = 3
-"""Rows, at least, that count as one place along time or an axis."""
+"""Rows, about, that form a cell along time or an axis."""
 FEWEST = 10
-"""Rows below which nothing is tested."""
+"""Number of rows below which nothing is tested."""
 ABSORBED = 0.05
-"""Share of a test's variance below which the fit has left it nothing to see; its p-value is then 1."""
+"""Share of a test's variance below which the fit has absorbed its signal; its p-value is then 1."""
 STRAIGHT = 1e-5
-"""Skewness below which a distribution is taken for a normal one."""
+"""Skewness below which a distribution counts as normal."""
 
 
 class Test(NamedTuple):
-    """One look at the residuals."""
+    """Result of one test of the residuals."""
 
     what: str
     p_value: float
@@ -43,25 +43,25 @@ class Test(NamedTuple):
     statistic: float
     """Correlation of neighbours, F, or chi2 per degree of freedom."""
     hint: str
-    """What to look for."""
+    """Candidates to search for, or options of the command."""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """What residuals of n rows may depend on, as far as known; every array `(n,)`."""
+    """Variables that residuals of n rows may depend on, as far as recorded; every array `(n,)`."""
 
     time: Array | None = None
     positions: Mapping[str, Array] = field(default_factory=dict)
-    """By axis."""
+    """Positions by axis."""
     approach: Mapping[str, Array] = field(default_factory=dict)
-    """-1, 0, 1 by axis."""
+    """Approach direction by axis: -1, 0 or 1."""
     runs: np.ndarray | None = None
     stations: np.ndarray | None = None
     temperatures: Mapping[str, Array] = field(default_factory=dict)
 
 
 class _Noise(NamedTuple):
-    """Residuals without their mean, and what is known of them: covariance `scale (I - W W^T)` under pure noise."""
+    """Residuals without their mean, and their covariance `scale (I - W W^T)` under pure noise."""
 
     residual: Array
     """`(n, d)`."""
@@ -80,10 +80,10 @@ def whiteness(
     """All tests that the columns allow, of whitened residuals `(n, d)`; none below `FEWEST` rows.
 
     effective_parameters: degrees of freedom that the fit used. absorbed `(n d, p)`: W, rows as in `white.ravel()`. Of
-    a fit without priors, any orthonormal basis of its whitened derivatives J; with priors of unit weight,
-    U s / sqrt(1 + s^2) of J = U s V^T. Then `effective_parameters` is the sum of its squares. Without it the fit counts
-    as one that took as much from every direction: p-values are then too large for what the fit can imitate, and
-    somewhat too small for what it can't.
+    a fit without priors, W is any orthonormal basis of its whitened derivatives J; with priors of unit weight,
+    U s / sqrt(1 + s^2) of J = U s V^T. Then `effective_parameters` is the sum of its squares. Without W, the fit is
+    assumed to absorb the same share in every direction: p-values are then too large for signals that the fit can
+    imitate, and somewhat too small for all others.
     """
     if len(white) < FEWEST:
         return []
@@ -94,7 +94,7 @@ def whiteness(
 
 
 def combined(tests: Sequence[Test], level: float) -> list[Test]:
-    """The significant ones, the clearest first; the chance of any under pure noise is at most `level` (Holm)."""
+    """The significant tests, the clearest first; the chance of any under pure noise is at most `level` (Holm)."""
     ranked = sorted(tests, key=lambda test: test.p_value)
     for i, test in enumerate(ranked):
         if test.p_value > level / (len(ranked) - i):
@@ -141,9 +141,9 @@ def _regressions(noise: _Noise, columns: Columns) -> Iterator[Test]:
 
 
 def _cells(values: Array) -> np.ndarray:
-    """Numbers `(n,)` of places in order: equal values share one, and no place but the last has fewer rows than `CELL`.
+    """Cell numbers `(n,)` in the order of the values: equal values share a cell; cells have `CELL` rows or about.
 
-    Equal means to a millionth of the range.
+    Values are equal within a millionth of the range.
     """
     ordered = np.round((values - values.min()) / np.ptp(values) * 1e6)
     _, number, count = np.unique(ordered, return_inverse=True, return_counts=True)
@@ -152,9 +152,9 @@ def _cells(values: Array) -> np.ndarray:
 
 
 def _along(noise: _Noise, values: Array, what: str, hint: str) -> Test:
-    """Do rows at the same or the next place along `values` err alike?
+    """Test whether rows in the same cell or in neighbouring cells along `values` deviate alike.
 
-    A_ij is 1 / m for two of the m rows of one place, 1 / sqrt(m m') for rows of neighbouring places.
+    A_ij is 1 / m for two of the m rows of one cell, 1 / sqrt(m m') for rows of neighbouring cells.
     """
     from scipy import sparse
 
@@ -208,7 +208,7 @@ def pearson_beyond(z: float, skew: float) -> float:
 
 
 def _regression(noise: _Noise, columns: Array, what: str, hint: str) -> Test:
-    """Do means depend on the columns `(n, q)`? All components together, each with coefficients of its own."""
+    """F test whether means depend on the columns `(n, q)`: all components together, each with its own coefficients."""
     sides = column_space(columns - columns.mean(axis=0), 1e-9).basis
     moments = (sides.T @ noise.residual).ravel()
     taken = np.einsum("nq,ndp->qdp", sides, noise.absorbed).reshape(len(moments), -1)

@@ -1,8 +1,8 @@
-"""The library: every cause of the table of effects that these data could speak of, ready to be tried.
+"""Library of candidates: every cause in the table of effects that these data could show.
 
-A candidate is an effect with its amplitudes at zero and its shapes (periods, time constants) as proposed. What needs
-columns that the data lack is listed with them; a waving or stepping error's shape is proposed from the residual
-(`scans`).
+A candidate is an effect with its amplitudes at zero and its shapes (periods, time constants) as proposed. A cause that
+needs columns that the data lack is listed with them. `proposed_shapes` proposes the shapes of cyclic errors and of
+compensation tables from the residual.
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ from kinematics.state import State
 from kinematics.transforms import Array
 
 TIME_CONSTANTS = (0.1, 0.2, 0.4, 0.8)
-"""Of exponentials, as shares of the time that the data cover; refined in the fit."""
+"""Time constants of exponentials, as shares of the duration of the data; refined in the fit."""
 WARMER = 0.2
-"""K that a temperature has to vary for anything to be said of it."""
+"""Range of a temperature, K, above which candidates depend on it."""
 HARMONICS = (1, 2)
 OWN_DEGREE, OTHER_DEGREE = 1, 2
-"""Of error motions that depend on another axis."""
+"""Degrees of error motions that depend on another axis."""
 KINDS = {"thermal-drift-sensor": "thermal-drift", "thermal-scale-sensor": "thermal-scale"}
-"""Kinds of the contract where they are not those of the table of effects."""
+"""Kinds in the contract of the diagnosis where the table of effects has other names."""
 HIGHER_FREQUENCY = "higher-frequency"
 
 
@@ -63,39 +63,39 @@ class Candidate:
 
     effect: Effect
     shapes: int = 0
-    """How many of its parameters were searched for."""
+    """Number of its parameters that were searched for."""
     trials: float = 1.0
-    """In how many independent tries."""
+    """Number of independent tries of that search."""
     replaces: str = ""
     """Name of the error motion of the model that it refines."""
     prior: tuple[float, ...] = ()
-    """Standard deviations of its linear parameters, in terms of their typical sizes; empty: the data say its size."""
+    """Prior standard deviations of its linear parameters, in typical sizes; empty: the data determine its size."""
 
     @property
     def kind(self) -> str:
-        """As the contract of the diagnosis has it."""
+        """Kind in the contract of the diagnosis."""
         return HIGHER_FREQUENCY if self.replaces else contract_kind(self.effect)
 
     @property
     def unit(self) -> Array:
-        """What its parameters are judged in, in terms of their typical sizes: the prior is `GENEROUS` of these."""
+        """Scale of its parameters in scores, in typical sizes: the prior is `GENEROUS` times this."""
         return np.array(self.prior) / GENEROUS if self.prior else np.ones(1)
 
     @property
     def axis(self) -> str | None:
-        """The axis, or the direction of the tool, or the circle of the instrument, that it is of."""
+        """Axis, or direction of the tool, or circle, station or target of the instrument."""
         return where(self.effect)
 
     @property
     def cause(self) -> tuple[str, str | None, str | None]:
-        """What variants of one cause have in common: kind, axis, component and other axis."""
+        """Key that all variants of one cause share: kind, axis, component and other axis."""
         other = getattr(self.effect, "other", "")
         return self.kind, self.axis, f"{getattr(self.effect, 'component', '')}{other}" or None
 
 
 @dataclass(frozen=True)
 class Untested:
-    """A cause that these data can't speak of, and what they lack."""
+    """A cause that cannot be tested, and the columns that the data lack for it."""
 
     name: str
     lacks: str
@@ -107,7 +107,7 @@ def contract_kind(effect: Effect) -> str:
 
 
 def where(effect: Effect) -> str | None:
-    """Axis of an effect; of the tool the direction; of the instrument the circle or the station."""
+    """Axis of an effect; else the direction of the tool, or the circle, station or target of the instrument."""
     for field in ("axis", "component", "circle", "station", "target"):
         if getattr(effect, field, None):
             return str(getattr(effect, field))
@@ -122,7 +122,7 @@ def at_zero(effect: Effect) -> Effect:
 
 
 def library(measurement: Measurement, model: ErrorModel) -> tuple[list[Candidate], list[Untested]]:
-    """Candidates for what a model of these data lacks, and the causes that the data can't speak of."""
+    """Candidates for effects that a model of these data lacks, and the causes that cannot be tested."""
     found: list[Candidate] = []
     missing: list[Untested] = []
     known = {(type(effect), effect.name) for effect in model.effects}
@@ -136,7 +136,7 @@ def library(measurement: Measurement, model: ErrorModel) -> tuple[list[Candidate
 
 
 def changes(model: ErrorModel) -> Iterator[Candidate]:
-    """Changes of a machine since its calibration: every error motion and location error once more."""
+    """Changes of a machine since its calibration: its error motions, and location errors of their axes."""
     axes = {effect.axis: effect for effect in model.effects if isinstance(effect, ErrorMotion)}
     for effect in model.effects:
         if isinstance(effect, ErrorMotion):
@@ -150,7 +150,7 @@ def changes(model: ErrorModel) -> Iterator[Candidate]:
 
 
 def _about(axis: str) -> str:
-    """The rotation about a linear axis' own line."""
+    """Component of the rotation about a linear axis' own line."""
     return "ABC"["XYZ".index(own_component(axis))]
 
 
@@ -234,7 +234,7 @@ def _of_tracker(measurement: Measurement) -> Iterator[Candidate]:
 
 
 def _given(state: State, column: str) -> bool:
-    """True where the data give a column, and it says more than nothing."""
+    """True where the data have a column and its numbers vary; temperatures and names need not vary."""
     value = getattr(state, column)
     if column == "temperatures":
         return bool(value)

@@ -35,34 +35,34 @@ from kinematics.transforms import Array
 ROWS = 5000
 """Largest number of rows, evenly spread, on which candidates are evaluated; all rows enter the fits."""
 ASTRAY = 300.0
-"""um: a station most of whose rows disagree by more has failed; by less, it may be the model that does."""
+"""Median residual, um, above which a rejected station has failed; below it, the model may be at fault."""
 LOST = 5000.0
-"""um: an outlier further out is no cause's doing, and where it was seen tells nothing."""
+"""Residual, um, above which an outlier is excluded: no cause of the library is so large."""
 RIDGE = 1e-9
-"""Of columns of the registration, in units of their length."""
+"""Ridge on the diagonal of H; columns of the registration have unit length."""
 GENEROUS = 5.0
-"""Multiple of its typical size that a candidate may have without being charged for it;"""
+"""Least prior standard deviation of a candidate's parameters, in typical sizes."""
 BEYOND = 3.0
-"""or this multiple of what it shows itself to have."""
+"""Least prior standard deviation of a candidate's parameters, as a multiple of the largest estimate of them."""
 LIKELY = 2.0
-"""Multiple of what it shows that a parameter may be in the fit of some rows."""
+"""Prior standard deviation of a parameter in the fit of some rows, as a multiple of the RMS estimate from all rows."""
 TOGETHER = 64
-"""Effects that are worked out at once."""
+"""Effects whose columns are computed at once."""
 
 
 class Score(NamedTuple):
-    """Worth of a candidate, by the linearised fit that it is added to."""
+    """Score of a candidate on the linearised fit that it is added to."""
 
     gain: float
-    """By which the sum of squares falls, in terms of the noise's variance."""
+    """Reduction of the sum of squares, in units of the noise variance."""
     effective_parameters: float
-    """Degrees of freedom that it takes, shapes included."""
+    """Degrees of freedom that it uses, shapes included."""
     delta_bic: float
-    """Below zero where it is worth its parameters."""
+    """Change of the BIC: negative where the gain exceeds the cost of the parameters."""
     p_value: float
-    """Of so large a gain from noise, over all shapes that were tried."""
+    """Chance of so large a gain from noise, over all shapes that were tried."""
     size: Array
-    """Its linear parameters `(k,)`, in terms of their typical sizes."""
+    """Linear parameters `(k,)`, in units of their typical sizes."""
 
 
 class Projected(NamedTuple):
@@ -77,7 +77,7 @@ class Projected(NamedTuple):
 
     @property
     def visible(self) -> float:
-        """Share of the signal that survives."""
+        """Share of the signal that the model and the registration cannot imitate."""
         whole = float(np.sum(self.columns**2))
         return float(np.sqrt(max(np.trace(self.left), 0.0) / whole)) if whole > 0 else 0.0
 
@@ -90,7 +90,7 @@ class LinearisedFit:
     rows: np.ndarray
     """Rows of the measurement `(n,)` on which candidates are evaluated."""
     white: Array
-    """Whiteners `(n, d, d)`, outlying rows weighted down (Huber)."""
+    """Whiteners `(n, d, d)` with Huber weights: outlying rows count less."""
     transform: Array
     """Whitened derivatives `(n, d, width)` by the error motions and the shift of the observed point."""
     design: Array
@@ -104,7 +104,7 @@ class LinearisedFit:
     good: np.ndarray
     """True `(n,)` for rows that the fit kept."""
     weights: Array
-    """Of the rows `(n,)`, by which those that lie far out count less."""
+    """Huber weights `(n,)` of the rows."""
 
     @classmethod
     def of(cls, fit: Fit) -> LinearisedFit:
@@ -198,7 +198,7 @@ class LinearisedFit:
 
     @property
     def scalars(self) -> int:
-        """N"""
+        """Number N of scalar residuals."""
         return len(self.residual)
 
     @cached_property
@@ -208,7 +208,7 @@ class LinearisedFit:
 
     @property
     def bounded(self) -> Array:
-        """The residual, no row of which stands out further than noise might: what single rows can't spoil."""
+        """Residual `(N,)` with outlying rows bounded to sizes that noise may have: single rows cannot dominate it."""
         return np.asarray(self.residual * np.repeat(np.sqrt(self.weights), len(self.residual) // len(self.weights)))
 
     @cached_property
@@ -228,17 +228,17 @@ class LinearisedFit:
 
     @cached_property
     def spanned(self) -> Array:
-        """J L'^-1 `(N, q)`, with L L' = H: what the model and the registration take is along these columns."""
+        """J L'^-1 `(N, q)`, with L L' = H: columns along which the model and the registration absorb signals."""
         return np.asarray(self.design @ self.posterior.root)
 
     @cached_property
     def degrees_of_freedom(self) -> float:
-        """N less the degrees of freedom that the model and the registration spend."""
+        """N less the effective parameters of the model and the registration."""
         return max(self.scalars - self.posterior.effective_parameters, 1.0)
 
     @cached_property
     def state(self) -> State:
-        """Of its rows, which stand for themselves: effects with a memory need those between as well."""
+        """State of its rows alone; effects with a memory need the rows between them as well."""
         return self.measurement.state.rows(self.rows)
 
     def positions(self, axis: str) -> Array:
@@ -250,19 +250,19 @@ class LinearisedFit:
         return signals(self.measurement, self.rows, (effect,), self.transform)
 
     def candidate(self, effect: Effect, unit: float | Array = 1.0) -> Projected:
-        """What the model and the registration leave of an effect, its columns in terms of `unit` typical sizes.
+        """Part of an effect that the model and the registration cannot imitate, its columns in `unit` typical sizes.
 
-        Its signal is what changes: that of the mean time or temperature, counted from wherever, is the model's.
+        Only changes with time and temperature count: the model holds the signal at their means, which is subtracted.
         """
         return self.projected(self._changing((effect,)) * unit)
 
     def candidates(self, effects: Sequence[Effect]) -> list[Projected]:
-        """What the model and the registration leave of each of some effects, as of one `candidate`."""
+        """`candidate` of each effect, its columns in typical sizes."""
         some = each(lambda some: self._apart(some, self._changing(some)), _together(effects))
         return list(chain.from_iterable(some))
 
     def responses(self, effects: Sequence[Effect]) -> list[Projected]:
-        """What the model and the registration leave of the columns of each of some effects, as they are."""
+        """Part of each effect's columns, means included, that the model and the registration cannot imitate."""
         return [
             one
             for some in _together(effects)
@@ -270,12 +270,12 @@ class LinearisedFit:
         ]
 
     def projected(self, columns: Array) -> Projected:
-        """What the model and the registration leave of some columns `(N, k)`."""
+        """Columns `(N, k)` and their part that the model and the registration cannot imitate."""
         through = self.spanned.T @ columns
         return Projected(columns, through, columns.T @ columns - through.T @ through)
 
     def _apart(self, effects: Sequence[Effect], columns: Array) -> list[Projected]:
-        """What is left of each effect, whose columns `(N, k)` stand one after the other."""
+        """`Projected` of each effect, from the columns `(N, k)` of all effects side by side."""
         through, found, end = self.spanned.T @ columns, [], 0
         for width in _widths(effects):
             own = slice(end, end := end + width)
@@ -284,7 +284,7 @@ class LinearisedFit:
         return found
 
     def _changing(self, effects: Sequence[Effect]) -> Array:
-        """Columns `(N, k)` of effects, without what they were at the mean time and temperatures."""
+        """Columns `(N, k)` of effects, less their values at the mean time and temperatures."""
         columns = signals(self.measurement, self.rows, effects, self.transform)
         moving = [bool({"time", "temperatures"} & set(effect.needs)) for effect in effects]
         some = [effect for effect, moves in zip(effects, moving, strict=True) if moves]
@@ -306,7 +306,7 @@ class LinearisedFit:
         return self.rated(candidate.left, candidate.columns.T @ self.residual, shapes, trials)
 
     def rated(self, left: Array, along: Array, shapes: int = 0, trials: float = 1.0) -> Score:
-        """The score of columns by what is left of them `(k, k)`, and by the residual along them `(k,)`."""
+        """Score of columns with Schur complement `left` `(k, k)` and the residual `along` them `(k,)`."""
         values, vectors = np.linalg.eigh((left + left.T) / 2)
         values, along = np.maximum(values, 0.0), vectors.T @ along
         softened = values + GENEROUS**-2
@@ -329,7 +329,7 @@ class LinearisedFit:
 
     @cached_property
     def blocks(self) -> list[HeldBlock]:
-        """Cells of space (of an interferometer sets of positions), each seen from a fit of all the others."""
+        """Cells of space (interferometer: sets of positions), each predicted by a fit of all the others."""
         some = self.measurement.rows(self.rows)
         labels, _ = cells(some)
         found = []
@@ -344,12 +344,12 @@ class LinearisedFit:
         return found
 
     def held_out_gains(self, candidate: Projected) -> Array:
-        """By which the squares of each block's counted residuals fall with the candidate in the fit of the others.
+        """Reduction of the squares of each block's counted residuals by the candidate in the fit of the other blocks.
 
-        Outliers count, as far as their weight goes: a cause that the model lacks makes them.
+        Outliers count with their weights: a cause that the model lacks makes outliers.
         """
         columns, size = candidate.columns, self.score(candidate).size
-        # where the others say nothing of it, it is no larger than elsewhere
+        # the size stays in this range where the other blocks do not determine it
         softened = max(LIKELY * float(np.sqrt(np.mean(size**2))), 1.0 / GENEROUS) ** -2 * np.eye(len(size))
         mixed, squares, right = self.design.T @ columns, columns.T @ columns, columns.T @ self.residual
         gains = []
@@ -389,7 +389,7 @@ class Derivatives(NamedTuple):
 def derivatives(
     fit: Fit, measurement: Measurement, rows: np.ndarray, registration: Registration, white: Array
 ) -> Derivatives:
-    """By the registration and the model of a fit, at some rows of these data or of others; `white` `(n, d, d)`."""
+    """Whitened derivatives by registration and model of a fit, at rows of its data or others; `white` `(n, d, d)`."""
     some = measurement.rows(rows)
     transform = white @ equations.transform(some, registration)
     own = white @ equations.registration_design(some, registration)
@@ -402,7 +402,7 @@ def derivatives(
 
 
 def signals(measurement: Measurement, rows: np.ndarray, effects: Sequence[Effect], transform: Array) -> Array:
-    """Derivatives `(n * d, k)` by the linear parameters of effects, one after the other, in terms of typical sizes."""
+    """Derivatives `(n * d, k)` by the linear parameters of effects, one after the other, in units of typical sizes."""
     table = [quantity for effect in effects for quantity in effect.parameter_table]
     linear = np.array([quantity.linear for quantity in table], bool)
     typical = np.array([quantity.typical for quantity in table])[linear]
@@ -418,12 +418,12 @@ def _together(effects: Sequence[Effect]) -> list[Sequence[Effect]]:
 
 
 def _widths(effects: Sequence[Effect]) -> list[int]:
-    """How many linear parameters each effect has."""
+    """Number of linear parameters of each effect."""
     return [sum(quantity.linear for quantity in effect.parameter_table) for effect in effects]
 
 
 def _astray(fit: Fit) -> list[str]:
-    """Stations that failed by more than what a model might lack."""
+    """Stations that failed by more than a deficient model may cause."""
     groups = fit.measurement.groups
     return [name for name in fit.failed if np.median(fit.residual_um[groups == name]) > ASTRAY]
 
@@ -434,17 +434,17 @@ class HeldBlock(NamedTuple):
     rows: np.ndarray
     """Mask `(N,)`."""
     posterior: Posterior
-    """H without them."""
+    """H without these rows, factorised."""
     moved: Array
-    """By which the fit of all the others is away from that of all `(q,)`."""
+    """Parameters `(q,)` of the fit of all rows less those of the fit of all the others."""
     missed: Array
-    """Their residuals, whitened."""
+    """Whitened residuals of these rows under the fit of all the others."""
     counted: np.ndarray
-    """False where the others say nothing of the set-up or the target."""
+    """False where the other rows do not determine the set-up or the target."""
 
 
 class HeldResiduals(NamedTuple):
-    """What fits leave of rows that they have not seen."""
+    """Residuals of rows under fits without them."""
 
     residual_um: Array
     """`(n, d)`; urad on rotary axes of an interferometer."""
@@ -454,5 +454,5 @@ class HeldResiduals(NamedTuple):
 
     @property
     def rms_um(self) -> float:
-        """Per scalar, of the rows that count."""
+        """RMS per scalar of the rows that count, um (rotary axes: urad); NaN without any."""
         return float(np.sqrt(np.mean(self.residual_um[self.counted] ** 2))) if self.counted.any() else float("nan")

@@ -1,8 +1,8 @@
-"""Shapes proposed from the residual: periods, steps of a table, fixed points of growth, moments when something moved.
+"""Shapes proposed from the residual: periods, pitches of tables, fixed points of growth, moments of station shifts.
 
-A Lomb-Scargle periodogram of the residual over the positions of an axis, generalised: each wave enters through the
-observation equations of its error motion, and of the best ones the model and the registration take their part before
-they are compared. Every proposal says in how many independent tries it was found.
+A generalised Lomb-Scargle periodogram of the residual over the positions of an axis: each wave enters through the
+observation equations of its error motion. The best waves are compared without the part that the model and the
+registration can imitate. Every proposal has the number of independent tries of its search.
 """
 
 from __future__ import annotations
@@ -35,31 +35,31 @@ from kinematics.effects import (
 from kinematics.effects.base import own_component, unit_of
 
 WAVES = 8.0
-"""An error that repeats fewer times over the travel is a matter of the basis, not a cyclic one."""
+"""Least number of waves over the travel: an error with fewer is a matter of the basis, not a cyclic error."""
 OVERSAMPLING = 4
 MOST_WAVES, MOST_TEETH = 10_000, 1000
-"""Frequencies that are looked at."""
+"""Most frequencies of waves and of sawtooth functions that are tried."""
 SCANNED = 2000
-"""Rows that frequencies are looked for in."""
+"""Most rows that a search for shapes uses."""
 BEST = 12
-"""Of the frequencies, per error motion, of which the model's part is taken."""
+"""Best frequencies of each error motion that are compared without the model's part."""
 TEETH = 5.5
 """Least number of steps over the travel."""
 OFFSETS = 12
 """Positions of the steps within a pitch that are tried."""
 MOST_HARMONICS = 8
 SAME = 0.01
-"""Relative difference of two periods that are one."""
+"""Relative difference below which two periods are the same."""
 FINE = (6, 8, 12, 16, 24, 32, 48)
 """Sizes of finer bases."""
 BREAKS = 60
-"""Moments that are tried."""
+"""Most moments of a station shift that are tried first."""
 LEAST_ROWS = 8
-"""Before and after a moment when the instrument moved."""
+"""Least number of moments before and after a station shift."""
 
 
 def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Candidates with shapes proposed from the residual of a linearised fit, besides those of the library."""
+    """Candidates with shapes proposed from the residual of a linearised fit, in addition to those of the library."""
     some = linearised.thinned(SCANNED)
     yield from steps(some, linearised)
     yield from breaks(some)
@@ -69,9 +69,9 @@ def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> Iterat
 
 
 def waves(linearised: LinearisedFit, components: tuple[Component, ...] = get_args(Component)) -> Iterator[Candidate]:
-    """The strongest cyclic error of each axis and component, with its period refined to what the travel resolves.
+    """The strongest cyclic error of each axis and component, its period refined as far as the travel resolves it.
 
-    With as many harmonics as pay, where it pays at all.
+    It has the number of harmonics with the lowest delta-BIC.
     """
     along = partial(_waves_along, linearised, components=components)
     return chain.from_iterable(each(along, moving_axes(linearised.measurement)))
@@ -81,7 +81,7 @@ def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Compone
     measurement = linearised.measurement
     low, high = moving_axes(measurement)[axis]
     x = linearised.positions(axis)
-    # of a rotary axis none shorter than a degree
+    # of a rotary axis no period below 1 degree
     most = min(resolved(x, high - low), MOST_WAVES / OVERSAMPLING, high - low if axis[0] in "ABC" else np.inf)
     frequencies = np.arange(WAVES, max(most, WAVES), 1.0 / OVERSAMPLING) / (high - low)
     if len(frequencies) < OVERSAMPLING:
@@ -100,7 +100,10 @@ def _waves_along(linearised: LinearisedFit, axis: str, components: tuple[Compone
 
 
 def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
-    """A cyclic error, where it pays with as many harmonics as pay; none that is one of the model already."""
+    """A cyclic error with the number of harmonics of the lowest delta-BIC; unchanged where its delta-BIC is positive.
+
+    No harmonic is a cyclic error that the model has already.
+    """
     if sensitivity.score(sensitivity.sizes(effect), 1).delta_bic >= 0.0:
         return effect
     model = sensitivity.linearised.fit.model
@@ -112,7 +115,7 @@ def _with_harmonics(sensitivity: Sensitivity, effect: Cyclic) -> Cyclic:
 
 
 def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
-    """One cyclic error, at zero, for two, the shorter of which is a harmonic of the longer; None where it is not."""
+    """One cyclic error, at zero, for two of which the shorter is a harmonic of the longer; None where it is not."""
     longer, shorter = sorted((one, other), key=lambda effect: -effect.period)
     number = round(longer.period / shorter.period)
     harmonics = max(len(longer.sine), number * len(shorter.sine))
@@ -128,9 +131,10 @@ def joined(one: Cyclic, other: Cyclic) -> Cyclic | None:
 
 
 def steps(linearised: LinearisedFit, whole: LinearisedFit | None = None) -> Iterator[Candidate]:
-    """The strongest sawtooth along each linear axis; where it pays, `whole`, the fit of all rows, refines its position.
+    """The strongest sawtooth along each linear axis.
 
-    Pitches by the power of their wave, places within them by the tooth itself.
+    Pitches are selected by the power of their wave, offsets by the sawtooth itself. Where the delta-BIC is negative,
+    the sawtooth is refined on `whole`, the fit of all rows.
     """
     linear = [axis for axis in moving_axes(linearised.measurement) if axis[0] not in "ABC"]
     return chain.from_iterable(each(partial(_steps_along, linearised, whole or linearised), linear))
@@ -158,7 +162,7 @@ def _steps_along(linearised: LinearisedFit, whole: LinearisedFit, axis: str) -> 
 
 
 def finer(linearised: LinearisedFit) -> Iterator[Candidate]:
-    """Each error motion of the model in a finer basis, in its place: the one that pays most and predicts better."""
+    """A finer basis for each error motion: the lowest delta-BIC that also predicts better, if any does."""
     motions = [effect for effect in linearised.fit.model.effects if isinstance(effect, ErrorMotion)]
     return chain.from_iterable(each(partial(_finer_than, linearised), motions))
 
@@ -180,7 +184,7 @@ def _finer_than(linearised: LinearisedFit, motion: ErrorMotion) -> list[Candidat
 
 
 def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> Iterator[Candidate]:
-    """Growths of an axis from the point that the data say is the fixed one, instead of the axis' zero."""
+    """Growths of an axis from the fixed point that the data show, instead of the axis' zero."""
     for candidate in candidates:
         effect = candidate.effect
         if (
@@ -199,7 +203,7 @@ def fixed_points(linearised: LinearisedFit, candidates: Sequence[Candidate]) -> 
 
 
 def breaks(linearised: LinearisedFit) -> Iterator[Candidate]:
-    """The moment when an instrument was knocked, of each station: the change point that explains most."""
+    """The moment of a shift of each station: the change point that explains most."""
     measurement = linearised.measurement
     state = measurement.state
     if not isinstance(measurement.instrument, LaserTracker) or state.time is None or state.station is None:

@@ -1,6 +1,7 @@
-"""Saw teeth that a table's steps leave: their pitch and place, found by trying, and how well data know these.
+"""Sawtooth errors by the steps of a compensation table: search for pitch and offset, and their uncertainties.
 
-A jump has no slope that a fit could follow, and lies anywhere between two positions: the odds have many tops.
+A jump has no derivative that a fit could follow, and may lie anywhere between two positions: the odds have many
+maxima.
 """
 
 from __future__ import annotations
@@ -15,15 +16,15 @@ from kinematics.effects.base import own_component
 from kinematics.transforms import Array
 
 PITCHES, PLACES = 61, 41
-"""That are tried about a saw tooth."""
+"""Pitches and offsets that are tried about a sawtooth."""
 CLOSER = 8
-"""Times that they lie closer in the next round."""
+"""Factor by which the next round is finer."""
 ROUNDS = 3
 ALL = 0.999
-"""Of the odds, that have to lie where the next round looks."""
+"""Least share of the odds in the range of the next round."""
 _NEXT = tuple(slice(n // 2 - n // 2 // CLOSER, n // 2 + n // 2 // CLOSER + 1) for n in (PLACES, PITCHES))
 OVER = 3_000_000
-"""Rows times saw teeth that are worked out together."""
+"""Most rows times sawtooth functions that are computed together."""
 
 
 def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
@@ -34,9 +35,9 @@ def teeth(x: Array, pitches: Array | float, offsets: Array | float) -> Array:
 
 
 def likeliest(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Array) -> QuantisedCompensation:
-    """The saw tooth along an axis, of these pitches and offsets `(k,)`, that explains most; its step at zero.
+    """The sawtooth along an axis, of these pitches and offsets `(k,)`, that explains most; its step at zero.
 
-    lever: of the axis in its own direction.
+    sensitivity: of the axis in its own direction.
     """
     best = int(np.argmax(_gains(sensitivity, axis, pitches, offsets)))
     pitch = float(pitches[best])
@@ -44,7 +45,7 @@ def likeliest(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Arra
 
 
 def refined(linearised: LinearisedFit, effect: QuantisedCompensation) -> QuantisedCompensation:
-    """The likeliest saw tooth about this one."""
+    """The likeliest sawtooth near this one."""
     sensitivity = Sensitivity.of(linearised, effect.axis, own_component(effect.axis))
     for k in range(ROUNDS):
         effect = likeliest(sensitivity, effect.axis, *_about(linearised, effect, CLOSER**-k))
@@ -54,7 +55,7 @@ def refined(linearised: LinearisedFit, effect: QuantisedCompensation) -> Quantis
 def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) -> tuple[float, float]:
     """Standard uncertainties of pitch and offset: RMS distances from those of the effect, by the odds of all others.
 
-    By the linearised fit without the effect.
+    linearised: the fit without the effect.
     """
     sensitivity = Sensitivity.of(linearised, effect.axis, own_component(effect.axis))
     for k in range(ROUNDS):
@@ -68,12 +69,12 @@ def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) ->
         u_pitch, u_offset = (float(np.sqrt(odds @ distance**2)) for distance in away)
         if odds.reshape(PLACES, PITCHES)[_NEXT].sum() < ALL:
             break
-    # what lies between two that were tried is not known any better
+    # the spacing of the trials adds the variance of a uniform distribution
     return float(np.hypot(u_pitch, apart[0] / 12**0.5)), float(np.hypot(u_offset, apart[1] / 12**0.5))
 
 
 def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: float) -> tuple[Array, Array]:
-    """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect, turned about the jump in mid-travel.
+    """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect; pitches change about the jump in mid-travel.
 
     reach: 1 for one step more or less over the travel, and half a pitch to either side.
     """
@@ -87,7 +88,7 @@ def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: floa
 
 
 def _gains(sensitivity: Sensitivity, axis: str, pitches: Array, offsets: Array) -> Array:
-    """By which saw teeth `(k,)` lower the sum of squares."""
+    """Reduction of the sum of squares by each sawtooth `(k,)`."""
     x = sensitivity.linearised.positions(axis)
     size = max(1, OVER // len(x))
     parts = [slice(start, start + size) for start in range(0, len(pitches), size)]

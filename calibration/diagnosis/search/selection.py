@@ -1,9 +1,9 @@
-"""Selection: which causes the data ask for, found one by one, each fitted jointly with everything else.
+"""Selection of the causes that the data support, one by one, each fitted jointly with everything else.
 
-Forward: the candidate with the lowest delta-BIC that also predicts held-out blocks better, survives false-discovery
-control over all that was tried, is visible in these data and of a physical size. After each one that is taken in, the
-whole is fitted anew (periods and time constants too), those that no longer pay are dropped, and each is held against
-its siblings, one of which takes its place where it explains more.
+Forward: the candidate with the lowest delta-BIC that also predicts held-out blocks better, passes false-discovery
+control over all that was tried, is visible in these data and has a physical size. After each accepted candidate the
+whole model is fitted again (periods and time constants too), and causes whose delta-BIC has become too high are
+dropped. At the end each cause is compared with its siblings, and replaced by one that explains more.
 """
 
 from __future__ import annotations
@@ -27,29 +27,29 @@ from kinematics.effects import Cyclic
 from kinematics.transforms import Array
 
 WORTH = -10.0
-"""delta-BIC that a cause has to bring: odds of 150 to 1 (Kass and Raftery)."""
+"""Largest delta-BIC of an accepted cause: odds of 150 to 1 (Kass and Raftery)."""
 DROPPED = -6.0
-"""A cause whose removal costs less goes again."""
+"""delta-BIC from which an accepted cause is dropped again."""
 SURE = 1.0
-"""Standard errors that the gain on held-out blocks has to be above zero."""
+"""Standard errors by which the gain on held-out blocks must exceed zero."""
 MOSTLY = 0.75
-"""Or the share of blocks that gain, where what else is missing makes one of them lose."""
+"""Or the share of blocks with a gain, since another missing cause may make one of them lose."""
 FALSE = 0.01
 """Share of false causes among those named (Benjamini and Hochberg)."""
 SEEN = 0.05
-"""Share of a cause's signal that has to survive model and registration for it to be named."""
+"""Least share of its signal that model and registration cannot imitate, for a cause to be named."""
 LARGEST = 100.0
-"""Physical limit of its size, as a multiple of the typical one."""
+"""Physical limit of a cause's size, as a multiple of the typical one."""
 MOST = 12
-"""Causes that are named."""
+"""Most causes that are named."""
 LOOKED_AT = 8
-"""Best candidates of a round whose held-out gain is worked out."""
+"""Best candidates of a round for which the held-out gain is computed."""
 RELATED = 0.7
-"""Cosine of what two causes do, from which they are siblings."""
+"""Cosine of the signals of two causes from which they are siblings."""
 BETTER = -4.0
-"""By so much lower a sibling's delta-BIC makes it take the place."""
+"""Difference of delta-BIC from which a sibling replaces a cause."""
 PASSES = 2
-"""Times that all causes are held against their siblings."""
+"""Most rounds in which a sibling replaces a cause."""
 Progress = Callable[[str], None]
 
 
@@ -62,13 +62,13 @@ class Evaluated(NamedTuple):
 
 
 class Sibling(NamedTuple):
-    """Another cause that does much the same to these data."""
+    """Another cause with nearly the same signal in these data."""
 
     evaluated: Evaluated
     cosine: float
-    """Between what the two do, once the model and the registration have taken their part."""
+    """Cosine between the parts of both signals that the model and the registration cannot imitate."""
     log_odds: float
-    """Of the accepted cause against this one, by what they explain and by how much of each is free to be chosen."""
+    """Log odds of the accepted cause against this one, by their gains and their numbers of free choices."""
 
 
 @dataclass(frozen=True)
@@ -76,18 +76,18 @@ class Accepted:
     """An accepted cause, evaluated on the linearised fit without it."""
 
     candidate: Candidate
-    """With the shapes that the fit found."""
+    """The candidate with the shapes that the fit found."""
     size: Array
-    """Linear parameters in terms of their typical sizes."""
+    """Linear parameters in units of their typical sizes."""
     score: Score
     visible: float
     held_out_gains: Array
-    """Fall of the squares of each held-out block."""
+    """Reduction of the squares of each held-out block."""
     siblings: tuple[Sibling, ...] = ()
 
     @property
     def sureness(self) -> float:
-        """Gain on held-out blocks in terms of its standard error."""
+        """Mean gain on held-out blocks, in units of its standard error."""
         return float(self.held_out_gains.mean()) / max(_error(self.held_out_gains), 1e-300)
 
 
@@ -101,7 +101,7 @@ class Stage(NamedTuple):
 
     @property
     def numbers(self) -> list[int]:
-        """Where the accepted causes stand among the effects of the fit."""
+        """Indices of the accepted causes among the effects of the fit."""
         return self.base.numbers(chosen_of(self.accepted))
 
     def without(self, index: int) -> LinearisedFit:
@@ -110,29 +110,29 @@ class Stage(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Sum of squares, and what the causes' parameters are charged (BIC)."""
+        """Sum of squares, plus the BIC's cost of the causes' parameters."""
         parameters = sum(each.score.effective_parameters for each in self.accepted)
         return self.linearised.squares + parameters * float(np.log(self.linearised.scalars))
 
     @property
     def heldout_um(self) -> float:
-        """RMS of held-out residuals."""
+        """RMS of the cross-validation residuals, um per scalar (rotary axes: urad)."""
         return self.linearised.cross_validation.rms_um
 
 
 @dataclass(frozen=True)
 class Selection:
-    """How the causes were found."""
+    """Stages of a selection, and the candidates of its last round."""
 
     stages: tuple[Stage, ...]
-    """The base alone, then with one cause more each; the last one is the result."""
+    """The base alone, then stages with more causes; the last one is the result."""
     last_round: tuple[Evaluated, ...]
     """All candidates on the linearised fit of the result, the best first."""
 
 
 @dataclass(frozen=True)
 class Selector:
-    """What stays the same while causes are looked for."""
+    """Data, base and library of a selection."""
 
     measurement: Measurement
     base: Base
@@ -146,11 +146,11 @@ class Selector:
         return self.stage(())
 
     def on(self, base: Base) -> Selector:
-        """The same with another base."""
+        """The selector with another base."""
         return self if base is self.base else replace(self, base=base)
 
     def select(self, known: Sequence[Accepted] = ()) -> Selection:
-        """The causes that the data ask for, from those known already."""
+        """Selection of the causes that the data support, beginning with those known already."""
         stages = [self.bare]
         if known:
             stages.append(self.pruned(self.stage(chosen_of(known))))
@@ -170,7 +170,7 @@ class Selector:
                 stages.append(self.joined(self.pruned(trial)))
 
     def stage(self, chosen: Sequence[tuple[Candidate, Array]]) -> Stage:
-        """The full fit with these causes, and each seen from the fit without it."""
+        """The full fit with these causes, each evaluated on the linearised fit without it."""
         fit = self.base.fit(self.measurement, chosen, self.variance)
         linearised = LinearisedFit.of(fit)
         accepted = []
@@ -210,12 +210,12 @@ class Selector:
         return stage._replace(accepted=tuple(accepted)) if kept is stage else self.against_siblings(kept)
 
     def chosen_again(self, stage: Stage) -> Base:
-        """The base whose bases are chosen by the evidence once more, with what a stage has found besides."""
+        """The base with bases selected again by the evidence, together with the causes that the stage adds to it."""
         besides = [stage.fit.model.effects[i] for i in stage.numbers if i >= len(self.base.model.effects)]
         return self.base.chosen_again(self.measurement, besides, self.progress)
 
     def joined(self, stage: Stage) -> Stage:
-        """With one cyclic error for two where one of them is a harmonic of the other, and no less is explained."""
+        """The stage with one cyclic error for two, where one is a harmonic of the other and the squares hardly grow."""
         for one, other in combinations(stage.accepted, 2):
             first, second = one.candidate.effect, other.candidate.effect
             whole = scans.joined(first, second) if isinstance(first, Cyclic) and isinstance(second, Cyclic) else None
@@ -226,7 +226,7 @@ class Selector:
             trial = self.stage([*others, together])
             if trial.linearised.squares < stage.linearised.squares + float(
                 np.log(stage.linearised.scalars)
-            ):  # a period less
+            ):  # one period fewer
                 return self.joined(trial)
         return stage
 
@@ -235,7 +235,7 @@ class Selector:
         return [candidate for candidate in self.library if candidate.cause not in causes]
 
     def pruned(self, stage: Stage) -> Stage:
-        """Without the causes that no longer pay now that others are known."""
+        """The stage without the causes whose delta-BIC is `DROPPED` or higher, now that others are known."""
         while stage.accepted:
             worst = max(stage.accepted, key=lambda each: each.score.delta_bic)
             if worst.score.delta_bic < DROPPED:
@@ -260,11 +260,11 @@ def proposals(linearised: LinearisedFit, library: Sequence[Candidate]) -> list[C
 
 
 def passing(linearised: LinearisedFit, evaluated: Sequence[Evaluated]) -> Iterator[Evaluated]:
-    """Those that may be named, the best first."""
+    """Candidates that may be named, the best first."""
     limit = _discovered([each.score.p_value for each in evaluated])
     hidden = min((each.score.delta_bic for each in evaluated if each.projected.visible < SEEN), default=np.inf)
     for each in evaluated[:LOOKED_AT]:
-        # what a cause that the data hardly show explains as well is not blamed on another
+        # no cause is named for a gain that a hardly visible cause also has
         if each.score.delta_bic > min(WORTH, hidden + WORTH):
             return
         if each.projected.visible < SEEN or each.score.p_value > limit or np.abs(each.score.size).max() > LARGEST:
@@ -279,7 +279,7 @@ def predicts(gains: Array) -> bool:
 
 
 def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[Evaluated]) -> list[Sibling]:
-    """Other causes of nearly the same signal, on a linearised fit without any of them; the likeliest first."""
+    """Other causes with nearly the same signal, on a linearised fit without any of them; the likeliest first."""
     own = linearised.projected(linearised.columns(accepted.candidate.effect))
     score = linearised.score(own, accepted.candidate.shapes)
     energy = float(score.size @ own.left @ score.size)
@@ -302,14 +302,14 @@ def siblings(linearised: LinearisedFit, accepted: Accepted, evaluated: Sequence[
 
 
 def complexity(candidate: Candidate) -> int:
-    """Number of things that are free to be chosen: a vector of the instrument is one, its direction being anybody's."""
+    """Number of free choices of a candidate; a vector of the instrument is one, since its direction is arbitrary."""
     if candidate.effect.ACTS_ON == "instrument":
         return len(candidate.effect.quantities()) + candidate.shapes
     return len(candidate.effect.parameters)
 
 
 def chosen_of(accepted: Sequence[Accepted]) -> list[tuple[Candidate, Array]]:
-    """Causes with their sizes, as a fit takes them."""
+    """Candidates of accepted causes with their sizes, the input of a fit."""
     return [(each.candidate, each.size) for each in accepted]
 
 
@@ -322,7 +322,7 @@ def _key(candidate: Candidate) -> tuple[str, ...]:
 
 
 def _discovered(p_values: Sequence[float]) -> float:
-    """Largest p-value that counts, by Benjamini and Hochberg."""
+    """Largest significant p-value by Benjamini and Hochberg; 0 without any."""
     ordered = np.sort(p_values)
     below = np.flatnonzero(ordered <= FALSE * np.arange(1, len(ordered) + 1) / max(len(ordered), 1))
     return float(ordered[below[-1]]) if len(below) else 0.0

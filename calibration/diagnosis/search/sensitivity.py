@@ -1,7 +1,7 @@
 """Sensitivity of the observations to an error of one axis in one direction, row by row.
 
-Error motions, waves and sawtooth functions of an axis in a direction differ only in their sizes at the rows. Their part
-that model and registration cannot imitate follows from that of an error of 1 at each row, worked out once.
+Error motions, waves and sawtooth functions of an axis in one direction differ only in their sizes at the rows. Their
+part that model and registration cannot imitate follows from that of a unit error at each row, computed once.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from kinematics.effects import COMPONENTS, Component, Effect
 from kinematics.transforms import Array
 
 UNSEEN = 1e-12
-"""Squares of a signal, in terms of the noise's variance, that are none."""
+"""Ridge on the squares of a signal, in units of the noise variance."""
 
 
 @dataclass(frozen=True)
@@ -29,23 +29,23 @@ class Sensitivity:
 
     @classmethod
     def of(cls, linearised: LinearisedFit, axis: str, component: Component) -> Sensitivity:
-        """Of an axis, in a direction of its error frame."""
+        """Sensitivity to an error of an axis in a direction of its error frame."""
         column = 6 * linearised.measurement.machine.index(axis) + COMPONENTS.index(component)
         return cls(linearised, linearised.transform[:, :, column])
 
     @cached_property
     def along(self) -> Array:
-        """The residual `(n,)` along it."""
+        """Residual `(n,)` along the sensitivity."""
         return np.asarray(np.sum(self.arm * self.linearised.residual.reshape(self.arm.shape), axis=1))
 
     @cached_property
     def squares(self) -> Array:
-        """Its squares `(n,)`."""
+        """Squares `(n,)` of the sensitivity."""
         return np.asarray(np.sum(self.arm**2, axis=1))
 
     @cached_property
     def _through(self) -> Array:
-        """Of each row, `Projected.through` `(q, n)`."""
+        """`Projected.through` `(q, n)` of a unit error at each row."""
         n, d = self.arm.shape
         spanned = self.linearised.spanned.reshape(n, d, -1)
         along = np.zeros((n, spanned.shape[2]))
@@ -54,19 +54,19 @@ class Sensitivity:
         return along.T
 
     def left(self, sizes: Array) -> Array:
-        """What the model and the registration leave `(k, k)` of errors of some sizes `(n, k)`; `Projected.left`."""
+        """Schur complement `(k, k)` of errors of given sizes `(n, k)`; see `Projected.left`."""
         through = self._through @ sizes
         return np.asarray((sizes * self.squares[:, None]).T @ sizes - through.T @ through)
 
     def gains(self, sizes: Array) -> Array:
-        """By how much each of some errors `(n, k)`, alone and as large as it likes, lowers the sum of squares."""
+        """Reduction of the sum of squares by each of some errors `(n, k)`, alone and with its best amplitude."""
         through = self._through @ sizes
         whole = self.squares @ sizes**2
         left = whole - np.sum(through**2, axis=0)
         return np.where(left > RIDGE * whole, (self.along @ sizes) ** 2 / np.maximum(left, 1e-300), 0.0)
 
     def wave_gains(self, sines: Array, cosines: Array) -> Array:
-        """`gains` of waves, each as much of a sine and a cosine `(n, k)` as it likes."""
+        """`gains` of waves, each with the best amplitudes of its sine and cosine `(n, k)`."""
         through_sine, through_cosine = self._through @ sines, self._through @ cosines
         sine = self.squares @ sines**2 - np.sum(through_sine**2, axis=0)
         cosine = self.squares @ cosines**2 - np.sum(through_cosine**2, axis=0)
@@ -85,5 +85,5 @@ class Sensitivity:
         return np.asarray(only.values[:, linear] * np.where(np.isfinite(typical), typical, 1.0))
 
     def score(self, sizes: Array, shapes: int = 0) -> Score:
-        """What an error of some sizes would bring; see `LinearisedFit.score`."""
+        """Score of an error of given sizes; see `LinearisedFit.score`."""
         return self.linearised.rated(self.left(sizes), sizes.T @ self.along, shapes)

@@ -1,4 +1,4 @@
-"""Spectra of a residual over the positions of an axis, and what periods these positions can tell apart."""
+"""Spectra of a residual over the positions of an axis, and the periods that these positions resolve."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from calibration.diagnosis.search.sensitivity import Sensitivity
 from kinematics.transforms import Array
 
 BEYOND = 16.0
-"""Waves over the travel that are looked for, per position: irregular ones resolve more than their mean distance."""
+"""Most waves over the travel per position: irregular positions resolve more than their mean distance."""
 LATTICE = 0.02
-"""Share of their distance by which positions may miss a lattice."""
+"""Largest distance of positions from a lattice, as a share of its pitch."""
 
 
 def strengths(sensitivities: Sequence[Sensitivity], x: Array, frequencies: Array) -> Array:
-    """Power `(c, frequencies)` of waves, as if positions were everywhere and the model took no part of it."""
+    """Power `(c, frequencies)` of waves, as for dense positions and without the part that the model imitates."""
     squares = np.array([sensitivity.squares.sum() for sensitivity in sensitivities])[:, None]
     sums = spectrum(np.stack([sensitivity.along for sensitivity in sensitivities]), x, frequencies)
     return np.asarray(np.abs(sums) ** 2 / np.maximum(squares, 1e-300))
 
 
 def spectrum(values: Array, x: Array, frequencies: Array) -> np.ndarray:
-    """Sums `(c, m)` of values `(c, n)` times exp(2 pi i x f), at positions `(n,)` and evenly spaced frequencies `(m,)`.
+    """Sums `(c, m)` of values `(c, n)` times exp(2 pi i x f): positions `(n,)`, evenly spaced frequencies `(m,)`.
 
-    Every frequency is one of a coarse row and a multiple of the step, every wave the product of the two: few have to
-    be worked out.
+    Every frequency is a coarse one plus a multiple of the step, every wave the product of the two: few exponentials
+    are computed.
     """
     turns, fine = 2j * np.pi * x[:, None], int(np.ceil(np.sqrt(len(frequencies))))
     step = (frequencies[-1] - frequencies[0]) / max(len(frequencies) - 1, 1)
@@ -36,20 +36,20 @@ def spectrum(values: Array, x: Array, frequencies: Array) -> np.ndarray:
 
 
 def peaks(power: Array, count: int) -> np.ndarray:
-    """The highest local maxima."""
+    """Indices of at most `count` local maxima, the highest first."""
     beside = np.concatenate([[-np.inf], power, [-np.inf]])
     top = np.flatnonzero((power >= beside[:-2]) & (power >= beside[2:]))
     return np.asarray(top[np.argsort(power[top])[::-1][:count]])
 
 
 def finest(sensitivity: Sensitivity, x: Array, tried: Array, step: float, unit: float) -> float:
-    """The frequency that explains most once the model has taken its part, between the neighbours of the best tried.
+    """The frequency that explains most beside the model, between the neighbours of the best one tried.
 
     unit: amplitude of a wave, mm or rad.
     """
 
     def best_of(tried: Array) -> float:
-        """The one that explains most."""
+        """The frequency that explains most."""
         phase = 2 * np.pi * x[:, None] * tried
         return float(tried[int(np.argmax(sensitivity.wave_gains(unit * np.sin(phase), unit * np.cos(phase))))])
 
@@ -61,13 +61,13 @@ def finest(sensitivity: Sensitivity, x: Array, tried: Array, step: float, unit: 
 
 
 def resolved(x: Array, travel: float) -> float:
-    """Waves over the travel that positions can tell apart."""
+    """Most waves over the travel that positions resolve."""
     pitch = lattice(x)
     return BEYOND * len(np.unique(np.round(x, 3))) if pitch is None else 0.5 * travel / pitch
 
 
 def aliases(x: Array, period: float) -> list[float]:
-    """Other periods that positions `(n,)` on a lattice can't tell from this one."""
+    """Other periods that positions `(n,)` on a lattice cannot distinguish from this one."""
     pitch = lattice(x)
     if pitch is None:
         return []
@@ -75,7 +75,7 @@ def aliases(x: Array, period: float) -> list[float]:
 
 
 def lattice(x: Array) -> float | None:
-    """Distance of the points of a lattice that all positions lie on, where there are few enough; else None."""
+    """Pitch of a lattice that all positions lie on; None where they do not, or where most of its points are empty."""
     apart = np.diff(np.unique(np.round(x, 3)))
     pitch = float(apart.min(initial=np.inf))
     off = np.abs(apart / pitch - np.round(apart / pitch)).max(initial=0.0)

@@ -1,9 +1,9 @@
 """The model that a diagnosis starts from: error motions of all axes, or the present calibration.
 
-- Without a calibration: six error motions of each axis, their basis by the evidence, but no finer than an undeclared
-  cause could hide in.
-- A calibration of these very data (its provenance says so): its structure, fitted anew, so that nothing counts twice.
-- A calibration of other data: its parameters with their covariance as prior knowledge, which the data may move.
+- Without a calibration: six error motions of each axis. Their bases are selected by the evidence, but are too coarse
+  to imitate a missing cause.
+- A calibration of these very data (by its provenance): its structure, fitted again, so that nothing counts twice.
+- A calibration of other data: its parameters with their covariance as prior knowledge, which the data may change.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.user_error import UserError
 
 FINEST = 16
-"""Parameters of a linear axis' error motion: what is finer is named, as higher frequency or as a cyclic error."""
+"""Most parameters of a linear axis' error motion; finer errors are named as higher frequency or as cyclic errors."""
 COARSE = 8
-"""The same while causes are looked for: a finer basis bends itself round what is missing."""
+"""The same during the search for causes: a finer basis would imitate missing causes."""
 WIDE = 10.0
-"""Prior of an accepted effect, as a multiple of what was found: its size is the data's to say."""
+"""Prior of an accepted effect, as a multiple of the size found: the data determine its size."""
 EXACT = 1e-3
-"""um and urad: a calibrated parameter without uncertainty is held so tightly."""
+"""Least standard uncertainty of a calibrated parameter, um or urad."""
 Origin = Literal["automatic", "refitted", "updated"]
 
 
 @dataclass(frozen=True)
 class Base:
-    """A model, zero or as calibrated, and the prior that it is fitted with."""
+    """A model, at zero or as calibrated, and the prior of its fit."""
 
     model: ErrorModel
     prior: np.ndarray
@@ -50,23 +50,23 @@ class Base:
     choice: Choice | None = None
 
     def chosen_again(self, measurement: Measurement, effects: Sequence[Effect], progress: Progress) -> Base:
-        """The base whose bases are chosen by the evidence once more, with what was found besides."""
+        """The base with bases selected again by the evidence, together with the effects found."""
         return self if self.choice is None else _automatic(measurement, effects, FINEST, progress)
 
     @property
     def fine(self) -> bool:
-        """True where it may have bent itself round a cause, so that its residuals say nothing of one."""
+        """True where it may imitate a cause, so that its residuals may not show the cause."""
         return self.choice is not None and any(basis.size > COARSE for basis in self.choice.bases.values())
 
     def coarser(self, measurement: Measurement, progress: Progress) -> Base:
-        """The base to look for causes from: too coarse for it to take the course of one for an error motion."""
+        """The base for the search for causes, too coarse to imitate one with an error motion."""
         return self if not self.fine else _automatic(measurement, (), COARSE, progress)
 
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
     ) -> Fit:
         """The fit of the base and of accepted candidates, each with its linear sizes in terms of the typical ones."""
-        # a calibrated motion stays what it is, and the finer one is what it lacks
+        # with a prior covariance the calibrated motion stays, and the finer one is added to it
         finer = {c.replaces: c.effect for c, _ in accepted if c.replaces and self.prior.ndim == 1}
         effects, prior = list(self.model.effects), self.prior
         if finer:
@@ -89,7 +89,7 @@ class Base:
     def lacking(self, linearised: LinearisedFit, candidate: Candidate, number: int) -> LinearisedFit:
         """The linearised fit without one accepted candidate, the effect of that number.
 
-        In the place of a finer error motion stands the base's own.
+        Where the candidate refined an error motion, the base's own motion replaces it.
         """
         without = linearised.without(number)
         if not (candidate.replaces and self.prior.ndim == 1):
@@ -97,7 +97,7 @@ class Base:
         return without.along(self.model.effects[number], self.prior[self.model.slices[number]])
 
     def numbers(self, accepted: Sequence[tuple[Candidate, np.ndarray]]) -> list[int]:
-        """Where accepted candidates stand among the effects of the fitted model."""
+        """Indices of accepted candidates among the effects of the fitted model."""
         names = [effect.name for effect in self.model.effects]
         found, last = [], len(names)
         for candidate, _ in accepted:
@@ -110,7 +110,7 @@ class Base:
 
 
 def base_of(measurement: Measurement, calibration: ErrorModel | None, progress: Progress) -> Base:
-    """The base for these data; UserError when a calibration says nothing of an axis that moves in them."""
+    """The base for these data; UserError where the calibration has no error motions of an axis that moves in them."""
     if calibration is None:
         return _automatic(measurement, (), FINEST, progress)
     machine_effects = calibration.part(lambda effect: effect.ACTS_ON != "instrument")
@@ -131,14 +131,14 @@ def _automatic(measurement: Measurement, effects: Sequence[Effect], finest: int,
         measurement, AUTOMATIC_KINDS, rotary_kind=ROTARY_KIND, effects=effects, finest=finest, progress=progress
     )
     model, prior = with_effects(measurement, choice.bases, (), choice.prior_scale)
-    # what an interferometer's fit takes for granted, a diagnosis names
+    # backlash, which the fit of an interferometer includes, is a cause to be found here
     kept = np.array([not isinstance(effect, Backlash) for effect in model.effects])
     each = np.repeat(kept, [part.stop - part.start for part in model.slices])
     return Base(model.part(lambda effect: not isinstance(effect, Backlash)), prior[each], "automatic", choice)
 
 
 def _refitted(calibration: ErrorModel) -> Base:
-    """Its structure, all parameters at zero; location errors are in the error motions again."""
+    """The structure of the calibration at zero, without location errors: the error motions hold these again."""
     kept = [effect for effect in calibration.effects if not isinstance(effect, LocationError)]
     zero = tuple(at_zero(effect) for effect in kept)
     model = msgspec.structs.replace(calibration, effects=zero, covariance=None)
@@ -155,13 +155,13 @@ def _updated(calibration: ErrorModel) -> Base:
 
 
 def _prior(candidate: Candidate, size: np.ndarray) -> np.ndarray:
-    """Prior standard deviations `(k,)` of an accepted candidate of this size, in terms of the typical."""
+    """Prior standard deviations `(k,)` of an accepted candidate; `size` is in typical sizes of its parameters."""
     effect, table = candidate.effect, candidate.effect.parameter_table
     typical = np.array([quantity.typical for quantity in table])
     if candidate.prior:
         return np.asarray(candidate.prior * typical)
     linear = np.array([quantity.linear for quantity in table])
     largest = max(float(np.abs(size).max(initial=0.0)), 1.0)
-    # a jump has no slope that a fit could follow: its place is searched for
+    # a jump has no derivative that a fit could follow: its offset and pitch are held
     held = HELD if isinstance(effect, QuantisedCompensation) else 1.0
     return np.where(linear, WIDE * largest * typical, held * typical)
