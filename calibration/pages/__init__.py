@@ -1,4 +1,4 @@
-"""Reports as HTML: one file, figures inside, nothing loaded from elsewhere."""
+"""Reports as HTML: one file that contains its figures and loads nothing else."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LONG = 1800.0
-"""s, from which times are shown in hours."""
+"""Duration, s, from which times are shown in hours."""
 STYLE: Any = {
     "font.size": 8,
     "axes.grid": True,
     "grid.alpha": 0.3,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "svg.hashsalt": "ncomp",  # the same report of the same data
+    "svg.hashsalt": "ncomp",  # the same data give the same report
     "svg.fonttype": "none",
 }
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of text under a head."""
+    """Rows of text below a heading row."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -38,7 +38,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with what stands under it: words, a table, a figure as SVG."""
+    """A heading with its content: text, a table, a figure as SVG."""
 
     title: str
     text: str = ""
@@ -47,7 +47,7 @@ class Section:
 
 
 def page(title: str, lead: str, sections: Sequence[Section], verdict: str = "") -> bytes:
-    """The whole page; the verdict stands at its head."""
+    """The whole page, with the verdict at its top."""
     from jinja2 import Environment, PackageLoader
 
     environment = Environment(
@@ -58,13 +58,13 @@ def page(title: str, lead: str, sections: Sequence[Section], verdict: str = "") 
 
 
 def clock(seconds: Array) -> tuple[float, str]:
-    """Seconds of the unit that these times are shown in, and the label of their axis."""
+    """Length, s, of the unit in which these times are shown, and the label of their axis."""
     return (3600.0, "time, h") if np.ptp(seconds) >= LONG else (1.0, "time, s")
 
 
 @contextmanager
 def figure(width: float, height: float) -> Iterator[tuple[Figure, list[str]]]:
-    """A figure, inches, to draw on, and a list that holds its SVG once it is drawn."""
+    """A figure to draw on, its size in inches, and a list that holds its SVG once it is drawn."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

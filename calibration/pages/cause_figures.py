@@ -19,16 +19,16 @@ POINTS = ("#7a9cc6", "#d99a6c")
 MEANS = ("#204a87", "#a33c00")
 FITTED = "#111111"
 MANY = 4000
-"""At most so many points are drawn of one kind."""
+"""Most points that are drawn of one kind."""
 MEANS_ALONG = 24
 WIDTHS = {1: 6.5, 2: 8.6, 3: 9.6}
-"""Of a figure with so many panels in a row, inches."""
+"""Width of a figure, inches, by the number of panels in a row."""
 PER_CELL, FEWEST_CELLS, MOST_CELLS = 12, 4, 10
-"""Rows of a cell of a map, on average; cells along each of its axes."""
+"""Mean number of rows in a cell of a map; least and most cells along each of its axes."""
 PER_MEAN = 4
-"""Rows of a mean, at least."""
+"""Least number of rows of a mean."""
 OUTER = 1.0
-"""Per cent of the points that may lie outside of a panel, each side."""
+"""Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
 def cause_figure(views: Sequence[View]) -> str:
@@ -78,7 +78,7 @@ def _panel(place: Axes, view: View) -> None:
 
 
 def _limits(view: View, told: np.ndarray) -> tuple[float, float]:
-    """Of the y axis: nearly all points, and all of the fitted cause."""
+    """Limits of the y axis: nearly all points, and all of the fitted cause."""
     inner = np.percentile(view.y[told], (OUTER, 100.0 - OUTER)) if told.any() else np.zeros(1)
     drawn = np.concatenate([inner, view.fitted[told], *(curve.y for curve in view.curves)])
     low, high = float(drawn.min()), float(drawn.max())
@@ -87,7 +87,7 @@ def _limits(view: View, told: np.ndarray) -> tuple[float, float]:
 
 
 def _means(view: View, rows: np.ndarray) -> Iterator[tuple[float, float, float]]:
-    """Weighted means of rows next to each other: x, y, standard uncertainty."""
+    """Weighted means of adjacent rows: x, y, standard uncertainty."""
     if not rows.any():
         return
     numbers = np.flatnonzero(rows)

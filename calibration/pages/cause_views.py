@@ -1,8 +1,8 @@
-"""What lets a person see a cause: what each row says of it, over the variable that it depends on.
+"""Views of a cause: the reading of each row over the variable that the cause depends on.
 
-A row's reading of one error component is what the fitted cause does there and what the fit leaves, both along the
-component's own direction: value + a.e / a.a, with a the whitened derivative of the observation by the component and e
-the whitened residual. Its standard uncertainty is 1 / |a|.
+A row's reading of one error component is the value of the fitted cause plus the residual, both along the component's
+own direction: value + a.e / a.a, with a the whitened derivative of the observation by the component and e the whitened
+residual. Its standard uncertainty is 1 / |a|.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from kinematics.transforms import Array
 DENSE = 400
 """Points of a curve."""
 BLUNT = 10.0
-"""Rows less certain than this multiple of the median have nothing to show."""
+"""Multiple of the median standard uncertainty above which rows are not shown."""
 IN_ORDER = "row, in the order of acquisition"
 
 
@@ -77,39 +77,39 @@ class View:
     x: Array
     y: Array
     u: Array
-    """Standard uncertainties; infinite of rows that say nothing."""
+    """Standard uncertainties; infinite for rows without information."""
     fitted: Array
     x_label: str
     y_label: str
     groups: tuple[tuple[str, np.ndarray], ...] = ()
-    """Names and masks `(n,)` of rows in colours of their own; none: all alike."""
+    """Names and masks `(n,)` of rows in separate colours; empty: one colour for all."""
     curves: tuple[Curve, ...] = ()
-    """None: the fitted cause is drawn row by row."""
+    """Curves of the fitted cause; empty: it is drawn row by row."""
     over: Array | None = None
-    """Second variable `(n,)`, of a map."""
+    """Second variable `(n,)` of a map."""
     over_label: str = ""
     moment: float | None = None
-    """On the x axis: when something moved."""
+    """Moment of a station shift, on the x axis."""
     ticks: tuple[str, ...] = ()
-    """Names of x = 0, 1, ..."""
+    """Names of x = 0, 1, ...; empty: x is a number."""
     means: bool = True
-    """False where rows stand for themselves."""
+    """False where rows are drawn without their means."""
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """One cause in one frame."""
+    """One cause in one linearised fit."""
 
     linearised: LinearisedFit
     effect: Any
 
     @property
     def state(self) -> State:
-        """Of the rows of the frame."""
+        """State of the rows of the linearised fit."""
         return self.linearised.measurement.state.rows(self.linearised.rows)
 
     def position(self, axis: str) -> Array:
-        """`(n,)`, mm or degrees."""
+        """Positions `(n,)` of an axis, mm or degrees."""
         return self.state.position(self.linearised.measurement.machine, axis)
 
     def label(self, axis: str) -> str:
@@ -118,12 +118,12 @@ class _Seen:
         return f"{axis}, {machine.axes[machine.index(axis)].unit}"
 
     def of_axis(self, column: str) -> Array:
-        """A column `(n,)` of the state, of the cause's axis."""
+        """Column `(n,)` of the state for the axis of the cause."""
         table = self.state.need(column, self.effect.name)
         return np.asarray(table[:, self.linearised.measurement.machine.index(self.effect.axis)])
 
     def time(self) -> tuple[Array, str]:
-        """Time `(n,)` in the unit of its label."""
+        """Time `(n,)` in the unit of its label, and the label."""
         seconds = self.state.need("time", self.effect.name)
         unit, label = clock(seconds)
         return np.asarray(seconds / unit), label
@@ -139,9 +139,9 @@ class _Seen:
             yield self.along(arm, values[self.linearised.rows], size, (title, f"{title}, {unit}"), (x, label))
 
     def along(self, arm: Array, values: Array, size: float, title: tuple[str, str], over: tuple[Array, str]) -> View:
-        """Readings along whitened directions `(n, d)` per mm or rad, of which `values` `(n,)` are the cause's.
+        """Readings along whitened directions `(n, d)` per mm or rad; `values` `(n,)` are those of the cause.
 
-        size: mm or rad of the unit shown; title: of the panel, of its y axis; over: x and its name.
+        size: mm or rad of the unit shown; title: of the panel, of its y axis; over: x and its label.
         """
         squares = np.sum(arm**2, axis=1)
         told = self.linearised.good & (squares > 0)
@@ -160,12 +160,12 @@ class _Seen:
 
 
 def views(linearised: LinearisedFit, effect: Effect) -> list[View]:
-    """The panels of a cause with its fitted parameters, in a frame whose model has it."""
+    """The panels of a cause with its fitted parameters, on a linearised fit whose model has it."""
     return list(VIEWS.get(type(effect), _by_row)(_Seen(linearised, effect)))
 
 
 def _motions(effect: Effect, state: State, linearised: LinearisedFit) -> dict[tuple[int, int], Array]:
-    """By place and component, what the effect does `(n,)` in these states, mm or rad."""
+    """Values `(n,)` of the effect in these states, mm or rad, by error frame and component."""
     machine = linearised.measurement.machine
     sums: dict[tuple[int, int], Array] = {}
     for place, component, values in effect.contributions(machine, state):
@@ -175,7 +175,7 @@ def _motions(effect: Effect, state: State, linearised: LinearisedFit) -> dict[tu
 
 
 def _lined(view: View) -> View:
-    """With the fitted cause as one line from left to right."""
+    """The view with the fitted cause as one line from left to right."""
     order = np.argsort(view.x, kind="stable")
     return replace(view, curves=(Curve(view.x[order], view.fitted[order]),))
 
@@ -203,7 +203,7 @@ def _by_position(seen: _Seen) -> Iterator[View]:
 
 
 def _course(seen: _Seen, view: View, x: Array) -> Curve:
-    """What a cause of positions alone does along its axis, as the component of the view."""
+    """Curve along its axis of a cause that depends on positions alone, in the component of the view."""
     machine = seen.linearised.measurement.machine
     positions = np.zeros((len(x), len(machine.axes)))
     i = machine.index(seen.effect.axis)
@@ -260,7 +260,7 @@ def _by_heat(seen: _Seen) -> Iterator[View]:
 
 
 def _growth(seen: _Seen) -> Iterator[View]:
-    """Growth per metre from the fixed point; rows near it say nothing."""
+    """Growth per metre of distance from the fixed point; rows near it are not shown."""
     axis = seen.effect.axis
     forward = own_motion(seen.linearised.measurement.machine, axis)[2]
     metres = forward * (seen.position(axis) - seen.effect.fixed_point) * 1e-3
@@ -390,4 +390,4 @@ VIEWS: Mapping[type, Callable[[_Seen], Iterator[View]]] = {
     AirScale: _by_range,
     Outliers: _strays,
 }
-"""By class of effect; one that is not listed is drawn over the rows."""
+"""Views by class of effect; any other effect is drawn over the rows."""

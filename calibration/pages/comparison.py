@@ -20,7 +20,7 @@ SIGN = "Actual minus nominal, tool relative to workpiece. Differences are B minu
 
 
 def comparison_page(found: Comparison, names: tuple[str, str], command: str) -> bytes:
-    """The report as one HTML file; `command` is how it was made."""
+    """The report as one HTML file; `command` is the command that made it."""
     aligned = found.volume.aligned
     verdict = (
         f"Over the volume that both know, the tool point differs by {aligned.rms:.2f} um RMS, at most "

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MANY = 4000
-"""At most so many points are drawn of one kind."""
+"""Most points that are drawn of one kind."""
 SIGN = "Measured minus target: positive where the axis goes too far in its positive direction."
 
 
 def continuous_page(found: Estimate, data: Data, command: str) -> bytes:
-    """The report as one HTML file; `command` is how it was made."""
+    """The report as one HTML file; `command` is the command that made it."""
     rows = found.table()
     lead = f"{', '.join(data.fingerprints)} · {command}"
     verdict = (
@@ -106,7 +106,7 @@ def _drift(found: Estimate) -> Table:
 
 
 def _errors(found: Estimate) -> str:
-    """Errors by direction with their uncertainties, the raw samples behind, and the readings."""
+    """Errors by direction with their uncertainties, and the readings."""
     with figure(9.0, 3.6) as (canvas, drawn):
         place = canvas.subplots()
         directions = [WAYS[way] for way in found.fused.ways]

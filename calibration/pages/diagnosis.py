@@ -1,4 +1,4 @@
-"""The report of a diagnosis: what is missing, how sure that is, what adding it brought, and what stays in the dark."""
+"""The report of a diagnosis: missing causes, their verdicts and improvement, and causes that the data cannot show."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ OBSERVED = "Residuals are observed minus expected, of points in x, y, z of what 
 
 
 def diagnosis_page(found: Diagnosis, command: str) -> bytes:
-    """The report as one HTML file; `command` is how it was made."""
+    """The report as one HTML file; `command` is the command that made it."""
     title = f"Diagnosis of {found.measurement.machine.name}"
     lead = f"{found.measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
     return page(title, lead, list(_sections(found)), _verdict(found))
 
 
 def _verdict(found: Diagnosis) -> str:
-    """The whole in a few sentences."""
+    """The result in a few sentences."""
     before, after = found.before, found.after
     brought = (
         f"residual {before.fit.rms_um:.2f} -> {after.fit.rms_um:.2f} um RMS, "
@@ -62,7 +62,7 @@ def _verdict(found: Diagnosis) -> str:
 
 
 def _named(cause: Named) -> str:
-    """A cause, its size where that is one number, and how sure it is."""
+    """A cause, its size where that is one number, and its verdict."""
     one = len(cause.effect.parameters) == 1 or cause.kind == "outliers"
     size = f" ({', '.join(words.sizes(cause))})" if one else ""
     tie = f" with {words.in_full(cause.alternatives[0].name)}" if cause.verdict == "tied" and cause.alternatives else ""
@@ -234,7 +234,7 @@ def _unexplained(found: Diagnosis) -> Section:
 
 
 def _in_the_dark(found: Diagnosis) -> Iterator[Section]:
-    """What these data could not show, could not be asked for, and from which size on they would show it."""
+    """Causes that these data cannot show or test, and the sizes from which they show the others."""
     hidden = [("\n".join(names), remedy) for remedy, names in words.hidden(found).items()]
     hidden += [
         (" + ".join(b.effects), b.remedy)
@@ -278,7 +278,7 @@ def _move(move: ProposedMeasurement) -> Sequence[str]:
 
 
 def _commands(machine: str) -> list[Sequence[str]]:
-    """What to do, and how it is called."""
+    """Tasks and their commands."""
     new, old = (f"--machine {machine} --calibration {name}.json" for name in ("NEW", "OLD"))
     left = f"ncomp PART.nc {old} -o PART_OLD.nc\nncomp verify PART.nc PART_OLD.nc {new}"
     return [

@@ -1,4 +1,4 @@
-"""The report of a calibration: what was found, how sure it is, what is left, and what cannot be seen."""
+"""The report of a calibration: parameters with uncertainties, residuals, and unidentifiable effects."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 COLOURS = ("#3465a4", "#cc5500", "#4e9a06")
 MANY = 4000
-"""At most so many points are drawn of one kind."""
+"""Most points that are drawn of one kind."""
 
 
 def fit_page(found: Calibration, command: str) -> bytes:
-    """The report as one HTML file; `command` is how it was made."""
+    """The report as one HTML file; `command` is the command that made it."""
     measurement = found.fit.measurement
     title = f"Calibration of {measurement.machine.name}"
     lead = f"{measurement.source} · {found.model.provenance.made_at:%Y-%m-%d %H:%M} UTC · {command}"
@@ -112,7 +112,7 @@ def _effect_table(effects: Sequence[Effect]) -> Table:
 
 
 def _motions(found: Calibration) -> str:
-    """The error motions with their uncertainties, one row an axis."""
+    """The error motions with their uncertainties, one row per axis."""
     model = found.model
     whole = np.array(model.covariance)
     by_axis: dict[str, list[tuple[ErrorMotion, Array]]] = {}
@@ -144,7 +144,7 @@ def _course(basis: Basis) -> tuple[Array, Array]:
 
 
 def _left(fitted: Fit) -> str:
-    """Distribution of the whitened residuals, and their course in the order of acquisition."""
+    """Distribution of the whitened residuals, and the residuals in the order of acquisition."""
     measurement = fitted.measurement
     white = whitened(whiteners(measurement), fitted.residual)[fitted.kept] / fitted.variance_factor**0.5
     with figure(8.0, 2.4) as (canvas, drawn):

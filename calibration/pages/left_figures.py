@@ -1,4 +1,4 @@
-"""Figures of what models leave: shares of causes, residuals before and after, what is unexplained."""
+"""Figures of residuals: shares of causes, residuals before and after, the unexplained residual."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 COLOURS = ("#3465a4", "#cc5500", "#4e9a06")
 MACHINE, INSTRUMENT, LEFT = "#3465a4", "#cc5500", "#888888"
 MANY = 4000
-"""At most so many points are drawn of one kind."""
+"""Most points that are drawn of one kind."""
 MEANS_ALONG, PER_MEAN = 16, 8
 OUTER = 0.5
-"""Per cent of the points that may lie outside of a panel, each side."""
+"""Share of the points, per cent, that may lie outside of a panel on each side."""
 
 
 def share_chart(found: Diagnosis) -> str:
-    """Share of what the present model leaves, by named cause, and what is left at the end."""
+    """Share of the squares without any cause, by named cause, and the share that is left at the end."""
     bars = [(title(c), c.share, INSTRUMENT if c.where == "instrument" else MACHINE) for c in found.causes]
     bars.append(("left: noise, and what is unexplained", found.left_share, LEFT))
     with figure(8.0, 0.5 + 0.3 * len(bars)) as (canvas, drawn):
@@ -88,7 +88,7 @@ def against_noise(found: Diagnosis) -> str:
 
 
 def unexplained_shape(found: Diagnosis) -> str:
-    """What no cause explains: its smooth shape over each variable that it depends on, and over two of them."""
+    """Smooth shape of the unexplained residual over each variable that it depends on, and over two of them."""
     assert found.unexplained is not None
     linearised = found.named.linearised
     measurement = found.measurement
@@ -128,7 +128,7 @@ def _axes_of_figures(found: Diagnosis) -> Iterator[tuple[str, Array]]:
 
 
 def _means(x: Array, y: Array) -> tuple[Array, Array]:
-    """Means of rows next to each other along x."""
+    """Means of adjacent rows along x."""
     parts = np.array_split(np.argsort(x, kind="stable"), max(min(MEANS_ALONG, len(x) // PER_MEAN), 1))
     return np.array([x[part].mean() for part in parts]), np.array([y[part].mean() for part in parts])
 
@@ -139,7 +139,7 @@ def _standard(fit: Fit) -> Array:
 
 
 def _shown(found: Diagnosis, name: str, values: Array) -> tuple[str, Array]:
-    """Label and values of a variable in the unit that people read."""
+    """Label and values of a variable in the unit shown."""
     machine = found.measurement.machine
     if name == "time":
         unit, label = clock(values)

@@ -1,4 +1,4 @@
-"""The report of a study: where is measured, what error is left, and what more points or hours would gain."""
+"""The report of a study: measured positions, remaining error, and the improvement by more points or hours."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 BEFORE, AFTER = "#3465a4", "#888a85"
 TRACKER = "#cc0000"
 MANY = 2000
-"""At most so many points are drawn of one case."""
+"""Most points that are drawn of one case."""
 ACROSS = 4
-"""Pictures in a row."""
+"""Plots in a row."""
 CURVE = 4
-"""Cases that differ in the number of points, from which a curve is drawn."""
+"""Least number of cases with different numbers of points for which a curve is drawn."""
 
 
 def study_page(results: Sequence[Result], study: StudyEntry, command: str) -> bytes:
-    """The report as one HTML file; `command` is how it was made."""
+    """The report as one HTML file; `command` is the command that made it."""
     return page(f"Virtual calibration of {study.machine}", command, list(_sections(results, study)))
 
 
