@@ -297,7 +297,10 @@ def _among(accepted: Accepted, others: Sequence[Accepted]) -> bool:
 
 
 def _from_its_start(measurement: Measurement) -> tuple[Measurement, float]:
-    """The measurement with times from its first row where its clock counts from an epoch; that epoch, s, else 0."""
+    """The measurement, with times from its first row where its clock counts from an epoch.
+
+    Also the time that was subtracted, s; 0 where the clock is kept.
+    """
     time = measurement.state.time
     if time is None or time.min() <= LATE * np.ptp(time):
         return measurement, 0.0

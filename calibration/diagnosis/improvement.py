@@ -49,7 +49,10 @@ def by_direction(stage: Stage) -> dict[str, float]:
 
 
 def in_micro(fit: Fit, values: Array) -> Array:
-    """Observed values `(n, d)` of all rows, um (rotary axes: urad), of a tracker in the frame of the part it stands on."""
+    """Observed values `(n, d)` of all rows, um (rotary axes: urad).
+
+    A tracker's are in x, y, z of the part that it stands on.
+    """
     measurement = fit.measurement
     if isinstance(measurement.instrument, LaserTracker):
         values = np.einsum("nji,nj->ni", fit.registration.rotations(measurement), values)

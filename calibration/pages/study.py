@@ -131,7 +131,7 @@ def _places(results: Sequence[Result]) -> str:
 
 
 def _targets(result: Result) -> Array:
-    """Where the target is `(n, 3)`, mm, workpiece frame."""
+    """Positions `(n, 3)` of the target, mm, workpiece frame."""
     plan = result.case.plan
     assert plan.state.target is not None
     rows = np.linspace(0, len(plan) - 1, min(len(plan), MANY)).astype(int)

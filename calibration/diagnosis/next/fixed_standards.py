@@ -27,7 +27,7 @@ class Length(NamedTuple):
 
 
 def references(measurement: Measurement, registration: Registration) -> dict[str, Target]:
-    """Three targets at the foot of the volume, on the part that carries the tracker, at positions that may be unknown."""
+    """Three targets at the foot of the volume, on the part that carries the tracker, at positions yet unknown."""
     points = _tool_points(measurement, registration)
     low, high = points.min(axis=0), points.max(axis=0)
     corners = [(low[0], low[1]), (high[0], low[1]), ((low[0] + high[0]) / 2, high[1])]

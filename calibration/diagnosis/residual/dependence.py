@@ -28,9 +28,9 @@ FIRST_LENGTHS = (0.2, 0.45)
 MOST = 4
 """Most variables of a set."""
 TUNED = 4
-"""Likeliest changes of a set for which lengths are searched."""
+"""Number of changes of a set, the likeliest ones, for which lengths are searched."""
 CENTRES = 80
-"""Most rows that represent a smooth function as its centres."""
+"""Most centres of a smooth function: the rows that represent it."""
 
 
 class Unexplained(NamedTuple):

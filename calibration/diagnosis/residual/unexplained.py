@@ -23,7 +23,7 @@ from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 
 IMPOSTOR = 4.0
-"""Least squares of a smooth cause, as a multiple of the unexplained squares with which it shares a variable."""
+"""Multiple of the unexplained squares that a smooth cause must explain where it shares a variable with them."""
 SEED = 1
 
 
@@ -130,7 +130,7 @@ def in_lengths(linearised: LinearisedFit, left: Unexplained) -> Array:
 def shared_rms(linearised: LinearisedFit, left: Unexplained) -> float:
     """RMS, um per scalar (rotary axes: urad), of the part that kept rows' residuals share with the function `left`.
 
-    Before a tracker the function is as uncertain across the beam as a reading: its own RMS would be that uncertainty.
+    A tracker makes the function as uncertain across the beam as a reading: its own RMS would be that uncertainty.
     """
     residual = np.linalg.solve(linearised.white, linearised.residual.reshape(len(linearised.rows), -1, 1))[:, :, 0]
     shared = residual * in_lengths(linearised, left) * linearised.measurement.per_micro[linearised.rows] ** 2

@@ -25,7 +25,7 @@ from calibration.fit.linear import column_space, pseudo_inverse
 from kinematics.transforms import Array
 
 CELL = 3
-"""Rows, about, that form a cell along time or an axis."""
+"""Approximate number of rows in the smallest cells along time or an axis."""
 FEWEST = 10
 """Number of rows below which nothing is tested."""
 ABSORBED = 0.05
@@ -141,7 +141,7 @@ def _regressions(noise: _Noise, columns: Columns) -> Iterator[Test]:
 
 
 def _cells(values: Array) -> np.ndarray:
-    """Cell numbers `(n,)` in the order of the values: equal values share a cell; cells have `CELL` rows or about.
+    """Cell numbers `(n,)` in the order of the values: equal values share a cell of about `CELL` rows or more.
 
     Values are equal within a millionth of the range.
     """

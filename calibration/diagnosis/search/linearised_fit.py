@@ -246,7 +246,7 @@ class LinearisedFit:
         return self.state.position(self.measurement.machine, axis)
 
     def columns(self, effect: Effect) -> Array:
-        """Whitened derivatives `(N, k)` by the linear parameters of an effect, in terms of their typical sizes."""
+        """Whitened derivatives `(N, k)` by the linear parameters of an effect, in units of their typical sizes."""
         return signals(self.measurement, self.rows, (effect,), self.transform)
 
     def candidate(self, effect: Effect, unit: float | Array = 1.0) -> Projected:

@@ -1,4 +1,4 @@
-"""Sawtooth errors by the steps of a compensation table: search for pitch and offset, and their uncertainties.
+"""Sawtooth errors from the steps of a compensation table: search for pitch and offset, and their uncertainties.
 
 A jump has no derivative that a fit could follow, and may lie anywhere between two positions: the odds have many
 maxima.
@@ -74,7 +74,7 @@ def saw_uncertainty(linearised: LinearisedFit, effect: QuantisedCompensation) ->
 
 
 def _about(linearised: LinearisedFit, effect: QuantisedCompensation, reach: float) -> tuple[Array, Array]:
-    """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect; pitches change about the jump in mid-travel.
+    """Pitches and offsets `(PLACES * PITCHES,)` about those of an effect; a new pitch keeps the jump in mid-travel.
 
     reach: 1 for one step more or less over the travel, and half a pitch to either side.
     """

@@ -215,7 +215,10 @@ class Selector:
         return self.base.chosen_again(self.measurement, besides, self.progress)
 
     def joined(self, stage: Stage) -> Stage:
-        """The stage with one cyclic error for two, where one is a harmonic of the other and the squares hardly grow."""
+        """The stage with one cyclic error for two, where one is a harmonic of the other.
+
+        The squares must grow by less than the BIC's cost of one parameter.
+        """
         for one, other in combinations(stage.accepted, 2):
             first, second = one.candidate.effect, other.candidate.effect
             whole = scans.joined(first, second) if isinstance(first, Cyclic) and isinstance(second, Cyclic) else None

@@ -1,7 +1,7 @@
 """The model that a diagnosis starts from: error motions of all axes, or the present calibration.
 
-- Without a calibration: six error motions of each axis. Their bases are selected by the evidence, but are too coarse
-  to imitate a missing cause.
+- Without a calibration: six error motions of each axis. Their bases are selected by the evidence, up to a limit above
+  which they could imitate a missing cause.
 - A calibration of these very data (by its provenance): its structure, fitted again, so that nothing counts twice.
 - A calibration of other data: its parameters with their covariance as prior knowledge, which the data may change.
 """
@@ -65,7 +65,7 @@ class Base:
     def fit(
         self, measurement: Measurement, accepted: Sequence[tuple[Candidate, np.ndarray]], variance: Variance
     ) -> Fit:
-        """The fit of the base and of accepted candidates, each with its linear sizes in terms of the typical ones."""
+        """The fit of the base and of accepted candidates, each with its linear sizes in units of the typical ones."""
         # with a prior covariance the calibrated motion stays, and the finer one is added to it
         finer = {c.replaces: c.effect for c, _ in accepted if c.replaces and self.prior.ndim == 1}
         effects, prior = list(self.model.effects), self.prior
