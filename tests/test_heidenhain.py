@@ -536,7 +536,7 @@ REFUSED = [
     ("FUNCTION TCPM F TCP AXIS SPAT PATHCTRL AXIS", "is not known"),
     ("FUNCTION TCPM F TCP AXIS POS REFPNT CENTER-CENTER", "is not known"),
     ("FUNCTION MODE TURN", "is not known"),
-    ("TRANS MIRROR AXIS X", "changes what coordinates mean"),
+    ("TRANS MIRROR AXIS X", "changes the meaning of coordinates"),
     ("FN 9: IF +Q1 EQU +1 GOTO LBL 5", "Q1 is not set by the program"),
     ("FN 9: IF +1 EQU +1 GOTO LBL 5", "no block with the label LBL 5"),
     ("FN 17: SYSWRITE ID1", "sets data of the control while it runs"),
@@ -593,7 +593,7 @@ def outcome(text):
 
 
 NOT_FOLLOWED = (
-    "other programs are not followed; should they leave tool, frames and modes as they find them, say "
+    "other programs are not followed; if they leave tool, frames and modes unchanged, write "
     "calls_leave_state = true in the machine file"
 )
 

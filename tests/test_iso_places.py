@@ -246,7 +246,7 @@ REFUSED = {
     "G10 L20 P1 X1.": "reads differently on FANUC and LinuxCNC",
     "G10 L10 P1 R1.": "reads differently on FANUC and LinuxCNC",
     "G10 L50": "G10 without L and P",
-    "G10 L52 P1": "what it sets is not known",
+    "G10 L52 P1": "this kind of data is not known",
     "G91\nG10 L2 P1 X1.": "G10 needs G90",
     "T1 M6\nG43 H1 Z5.\nG10 L1 P1 Z5.": "changes the length offset in force",
     "G43.1 X1. Z1.": "G43.1: a length on LinuxCNC",

@@ -154,7 +154,7 @@ REFUSED = [
     ("trunnion_bc", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "the program has not given"),
     ("dmu50", "L C+30\nPLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN\n", "the tool is along a rotary axis"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+0 SPC+30 TURN TABLE ROT\n", "the tool is along a rotary axis"),
-    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN SEQ-\n", "SEQ-: the tool can't stand on this plane so"),
+    ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN SEQ-\n", "SEQ-: no solution has this sign: write the other sign, or no SEQ"),
     ("head_head", "PLANE SPATIAL SPA+180 SPB+0 SPC+0 TURN\n", "no position of the rotary axes"),
     ("dmu50", "PLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\nL C+5\nL X+0\n", "not perpendicular"),
     ("dmu50", "M128\nPLANE SPATIAL SPA+0 SPB+20 SPC+0 TURN\n", "a plane is tilted while M128 is on"),

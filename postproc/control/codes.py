@@ -23,4 +23,4 @@ HARMLESS_M = frozenset(
     map(float, [*range(12), 13, 14, 16, 17, 18, 19, 29, 30, 48, 49, 50, 51, 52, 53, PALLET_CHANGE, 88, 89])
 )
 SKIPPABLE_M = HARMLESS_M - PROGRAM_ENDS - {TOOL_CHANGE, PALLET_CHANGE}
-"""Whether they run does not change what other blocks mean."""
+"""Whether they run does not change the meaning of other blocks."""

@@ -111,7 +111,7 @@ class Setup:
 
 
 def parse_work_offset(text: str, machine: Machine) -> tuple[str, dict[str, float]]:
-    """`G54=10,20,-5` or `G54=10,20,-5,C=30` as name and offsets; UserError says what is wrong with it."""
+    """`G54=10,20,-5` or `G54=10,20,-5,C=30` as name and offsets; UserError with the reason for any other form."""
     name, _, values = text.partition("=")
     if not name.strip() or not values.strip():
         raise UserError(f"--work-offset {text}: expected G54=x,y,z")

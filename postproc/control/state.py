@@ -81,7 +81,7 @@ class ControlState:
         length_offset: float | None = None,
         tcp: bool,
     ) -> Frame:
-        """The frame of a work offset, with what places X Y Z within it and shifts other axes.
+        """The frame of a work offset, with the placement of X Y Z within it and shifts of other axes.
 
         shifts: by column, mm or degrees. tool, length: of the tool in the spindle, mm. length_offset: the length that
         Z is shifted by without TCP, mm; that of the tool where it is None.

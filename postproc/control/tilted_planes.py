@@ -15,7 +15,7 @@ from postproc.motion.frames import Placement
 WITHIN_TRAVEL = 1e-6
 """Degrees: a position that is no farther outside travel is taken."""
 DIGITS = 9
-"""Of a position in degrees; what is beyond them is rounding."""
+"""Decimals of a position in degrees; later ones are rounding."""
 
 
 def normal_of(plane: Placement) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""What a table of a control says of the set-up: tools, work offsets, datums."""
+"""The contents of a table of a control: tools, work offsets, datums."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 @dataclass(frozen=True)
 class ToolTable:
-    """What a table says of the set-up; lengths in mm, angles in degrees."""
+    """The set-up data of a table; lengths in mm, angles in degrees."""
 
     tools: Mapping[str, float] = field(default_factory=dict)
     """Lengths by tool: its number as text (`5`, `5.1` where tools have indices), or its name in capitals."""
@@ -30,7 +30,7 @@ class ToolTable:
 
 
 def checked(table: ToolTable, path: Path) -> ToolTable:
-    """The table with its names as programs are read to write them; UserError for what could never be looked up."""
+    """The table with its names in the form of programs; UserError for a value that is not finite."""
     numbers = {"tools": table.tools, "radii": table.radii, **table.work_offsets, **table.datums}
     for name, values in numbers.items():
         for key, value in values.items():
@@ -61,7 +61,7 @@ def shown_tool(key: str) -> str:
 
 
 def joined(tables: Mapping[Path, ToolTable]) -> ToolTable:
-    """Several tables as one; UserError for what two of them say."""
+    """Several tables as one; UserError for an entry that two of them have."""
     found: dict[str, dict[str, object]] = {}
     for path, table in tables.items():
         for name in ("tools", "work_offsets", "radii", "datums", "turned"):

@@ -1,4 +1,4 @@
-"""Tool axes that a program says as vectors: where the rotary axes then stand."""
+"""Tool axes programmed as vectors: the positions of the rotary axes."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def turn_along(block: Block, recorder: Recorder, target: list[float], vector: Se
 def turned_to(block: Block, recorder: Recorder, target: Sequence[float], vector: Sequence[float]) -> dict[int, float]:
     """Programmed positions, degrees by column, of the rotary axes with the tool along a vector at a programmed target.
 
-    vector: from the tip towards the spindle, in the workpiece frame. Of the solutions the one nearest to where the
-    axes stand. Refusal where there is none.
+    vector: from the tip towards the spindle, in the workpiece frame. The solution nearest to the present
+    positions. Refusal where there is none.
     """
     machine, frame = recorder.machine, recorder.frame
     if not np.linalg.norm(vector):

@@ -1,8 +1,8 @@
 """Approaches and departures of Klartext: APPR and DEP.
 
-On which way the tool comes to the contour, or leaves it, is the control's to work out: from the elements that follow
-or went before, and the tool's radius. It goes to the point that the block says, and that point is corrected; so are
-the first and last elements of the contour, so the way is as tangential as it was.
+The control calculates the path to the contour, or from it, from the elements after or before it and the radius of the
+tool. The path leads to the point of the block, and that point is corrected; so are the first and last elements of
+the contour, so the path stays as tangential as it was.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from postproc.heidenhain.modal_state import Content, Control
 from postproc.motion.moves import Kind
 from postproc.text.block import Block
 
-END_SAID = frozenset(("LCT",))
-"""Departures whose end the block says; the others end at a length, or on an arc, beyond the contour."""
+WITH_END = frozenset(("LCT",))
+"""Departures whose end is in the block; the others end at a length, or on an arc, beyond the contour."""
 
 
 def approach(control: Control, index: int, block: Block, content: Content) -> None:
@@ -28,7 +28,7 @@ def approach(control: Control, index: int, block: Block, content: Content) -> No
     if words:
         target = control.target(block, words)
         control.recorder.move(index, Kind.RAPID, target, control.unit, tuple(word for word, _ in words))
-    if block.kind == "departure" and form not in END_SAID:
+    if block.kind == "departure" and form not in WITH_END:
         control.forget("XY")
     text = "approaches and departures end at corrected points; the control calculates the path between them"
     control.notes.add(text, block.line)

@@ -1,7 +1,7 @@
 """Klartext moves round a pole and from it: CC, C, CR, CT, CP, CTP, and LP, which goes straight to polar coordinates.
 
-A pole lies in the plane of X Y, Y Z or Z X. PolarEnd angles count from the first of the two, towards the second. What a
-polar block leaves out, and what its increments count from, is where the tool stands as seen from the pole.
+A pole lies in the plane of X Y, Y Z or Z X. Polar angles count from the first of the two, towards the second. For
+words that a polar block omits, and as the base of its increments, the present position about the pole counts.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ class _Pole(NamedTuple):
     number: int
     """Of all poles of the program."""
     sure: bool
-    """Both coordinates are said, and not as increments: the control holds them as they are here."""
+    """Both coordinates are programmed, and not as increments: the control has them as they are here."""
     frame: int
     """Of all changes of the frame: a pole counts in its own."""
 
 
-class _Place(NamedTuple):
-    """Where a polar block ends: its coordinates, and the words that say them."""
+class _PolarPosition(NamedTuple):
+    """The end of a polar block: its coordinates and their words."""
 
     radius: float
     angle: float
@@ -44,8 +44,8 @@ class _Place(NamedTuple):
     """rad, where the angle is an increment."""
     words: tuple[int | None, int | None]
     at: Point
-    said: bool
-    """By what the block says alone, wherever the tool stands before it."""
+    programmed: bool
+    """The block alone gives the end, independent of the position before it."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ class Arcs:
     block: int = -1
     """Of the chunk: where the pole was put, -1 for an earlier chunk."""
     words: tuple[int | None, int | None] = (None, None)
-    """Of that block: where the coordinates of the pole stand."""
+    """Indices of the coordinates of the pole in that block."""
     count: int = 0
     """Poles so far."""
 
@@ -195,7 +195,9 @@ class Arcs:
         recorder = self.control.recorder
         start = recorder.position[first], recorder.position[second]
         place = self._place(block, pole, start)
-        if not (recorder.known[first] and recorder.known[second]) and (block.kind != "polar_line" or not place.said):
+        if not (recorder.known[first] and recorder.known[second]) and (
+            block.kind != "polar_line" or not place.programmed
+        ):
             raise block.refuse("polar coordinates that count from a position that the program has not given")
         target[first], target[second] = place.at
         kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
@@ -212,18 +214,18 @@ class Arcs:
         kind: Kind,
         target: list[float],
         words: list[tuple[AxisWord, float]],
-        polar: tuple[_Pole, _Place, Arc | None],
+        polar: tuple[_Pole, _PolarPosition, Arc | None],
         settled: bool,
     ) -> None:
         pole, place, arc = polar
         recorder = self.control.recorder
         recorder.say_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *place.words))
-        if not place.said and recorder.known[pole.plane[0]] != recorder.known[pole.plane[1]]:
+        if not place.programmed and recorder.known[pole.plane[0]] != recorder.known[pole.plane[1]]:
             recorder.doubt(pole.plane[:2])
-        named = [word for word, _ in words] + [AxisWord(axis, -1, not place.said) for axis in pole.plane[:2]]
+        named = [word for word, _ in words] + [AxisWord(axis, -1, not place.programmed) for axis in pole.plane[:2]]
         recorder.move(index, kind, target, self.control.unit, tuple(named), arc, settled=settled)
 
-    def _place(self, block: Block, pole: _Pole, start: Point) -> _Place:
+    def _place(self, block: Block, pole: _Pole, start: Point) -> _PolarPosition:
         x, y = start[0] - pole.at[0], start[1] - pole.at[1]
         radius, angle, turned = math.hypot(x, y), math.atan2(y, x), None
         found: dict[str, int] = {}
@@ -247,9 +249,11 @@ class Arcs:
         if radius < SAME:
             raise block.refuse("a polar radius that is not above 0")
         at = (pole.at[0] + radius * math.cos(angle), pole.at[1] + radius * math.sin(angle))
-        return _Place(radius, angle, turned, (found.get("PR"), found.get("PA")), at, len(found) == 2 and not counted)
+        return _PolarPosition(
+            radius, angle, turned, (found.get("PR"), found.get("PA")), at, len(found) == 2 and not counted
+        )
 
-    def _polar_arc(self, block: Block, content: Content, pole: _Pole, ends: tuple[Point, _Place]) -> Arc:
+    def _polar_arc(self, block: Block, content: Content, pole: _Pole, ends: tuple[Point, _PolarPosition]) -> Arc:
         """CP: round the pole at the radius of the start, by an increment also more than once."""
         sense = self._sense(block, content)
         start, place = ends
@@ -265,8 +269,8 @@ class Arcs:
             return Arc(pole.plane, sense, pole.at, False, "polar", self.words, self.block, pole=pole.number)
         if place.turned == 0.0 or (place.turned > 0.0) != (sense > 0):
             raise block.refuse("IPA and DR have different signs: write the same sense of rotation in both")
-        way = abs(place.turned)
-        full = same(start, place.at) and way > math.pi
+        turned = abs(place.turned)
+        full = same(start, place.at) and turned > math.pi
         once = abs(sweep(start, place.at, pole.at, sense, full))
-        turns = round((way - once) / math.tau)
+        turns = round((turned - once) / math.tau)
         return Arc(pole.plane, sense, pole.at, full, "polar", self.words, self.block, turns, pole.number)

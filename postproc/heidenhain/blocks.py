@@ -1,4 +1,4 @@
-"""Blocks of HEIDENHAIN Klartext programs: the grammar `heidenhain.lark`, and a quick way for plain blocks.
+"""Blocks of HEIDENHAIN Klartext programs: the grammar `heidenhain.lark`, and a quick reader of plain blocks.
 
 Nearly all blocks of a CAM program are straight lines; a regular expression reads those and comments, equal to what
 the grammar gives (a property test holds them together). Every other block goes to Lark.
@@ -118,7 +118,7 @@ def _word(item: Tree[Token]) -> Word:
 
 
 def _flag(text: str, at: int) -> Word:
-    """An address that stands alone, `F MAX` as FMAX."""
+    """An address without a number, `F MAX` as FMAX."""
     end = at + len(text)
     return Word("".join(text.upper().split()), None, at, end, end)
 

@@ -1,4 +1,4 @@
-"""What stands in HEIDENHAIN Klartext blocks, by what it does to the path: followed, harmless or refused."""
+"""The words of HEIDENHAIN Klartext blocks by their effect on the path: followed, harmless or refused."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ PATTERN_CYCLES = {
     220: frozenset(("Q216", "Q217", "Q244", "Q245", "Q246", "Q247", "Q241", "Q200", "Q203", "Q204")),
     221: frozenset(("Q225", "Q226", "Q237", "Q238", "Q242", "Q243", "Q224", "Q200", "Q203", "Q204")),
 }
-"""Run where they are defined; with what they have to say."""
+"""Cycles that run where they are defined, with the reason of their refusal."""
 FRAME_CYCLES = {
     7: ("I?[XYZABCUVW]", 0.0, "shifts the datum"),
     8: ("", 0.0, "mirrors the coordinates"),
@@ -55,18 +55,18 @@ FRAME_CYCLES = {
 """The words that a cycle may have, the value of each that changes nothing, and what any other does."""
 PRESET_CYCLE = 247
 CALL_M = 99.0
-PLACING = frozenset((7, 8, 10, 11, 26))
+TRANSFORMATION_CYCLES = frozenset((7, 8, 10, 11, 26))
 DATA_CYCLES = frozenset((9, 13, 14, 20, 32, 392))
-"""Run where they stand or hold data: a call does not mean them."""
+"""Cycles that run at their definition or hold data: a call does not run them."""
 
 CYCLES_AT_START = frozenset((1, 2, 3, 4, 5, 17, 18))
-"""Begin where the tool stands, which they come back to."""
-CYCLES_AT_PLACE = frozenset((*range(200, 210), 240, 241))
+"""Cycles that begin at the present position and return to it."""
+CYCLES_AT_POSITION = frozenset((*range(200, 210), 240, 241))
 """Begin at X Y of the tool, above a surface Q203; they end at Q204 or Q200 above it."""
-CYCLES_ROUND_PLACE = frozenset((*range(251, 259), *range(262, 266), 267))
+CYCLES_AROUND_POSITION = frozenset((*range(251, 259), *range(262, 266), 267))
 """Begin there too, but may end elsewhere."""
 CONTOUR_CYCLES = frozenset((21, 22, 23, 24, 25))
-"""Run along the contour of labels that cycle 14 names, wherever the tool stands."""
+"""Run along the contour of labels that cycle 14 names, independent of the position of the tool."""
 
 HARMLESS_FN = frozenset((*range(14, 17), 18, 20, 23, 24, 26, 27, 28, 37, 38))
 PLC_FN = frozenset((19, 29))

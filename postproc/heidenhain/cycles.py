@@ -1,4 +1,4 @@
-"""Cycles of Klartext: those that change what coordinates mean, and those that machine."""
+"""Cycles of Klartext: those that change the meaning of coordinates, and those that machine."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 from postproc.heidenhain.codes import (
     CONTOUR_CYCLES,
-    CYCLES_AT_PLACE,
+    CYCLES_AROUND_POSITION,
+    CYCLES_AT_POSITION,
     CYCLES_AT_START,
-    CYCLES_ROUND_PLACE,
     DATA_CYCLES,
     FRAME_CYCLES,
     HARMLESS_CYCLES,
     HARMLESS_M,
     PATTERN_CYCLES,
-    PLACING,
     PRESET_CYCLE,
     REFUSED_CYCLES,
+    TRANSFORMATION_CYCLES,
 )
 from postproc.heidenhain.datum_transformations import SCALING, SHIFT
 from postproc.heidenhain.modal_state import Content, Control, value_of
@@ -86,16 +86,16 @@ class Cycles:
         self.run(block, target[x_y_z[2]] / control.unit)
 
     def run(self, block: Block, shifted: float = 0.0) -> None:
-        """A canned cycle goes with the corrected place it starts from; depths and outlines are the control's.
+        """A canned cycle starts from its corrected position; the control makes depths and contours.
 
-        `shifted`: by how much the surface is higher than its parameter says, in units of the program.
+        `shifted`: height of the surface above its parameter, in units of the program.
         """
         z = cartesian(self.control.machine)[2]
         if self.control.tcp:
             raise block.refuse("a canned cycle while M128 is on")
-        if self.cycle in CYCLES_AT_PLACE:
+        if self.cycle in CYCLES_AT_POSITION:
             self._end_above(z, shifted)
-        elif self.cycle in CYCLES_ROUND_PLACE:
+        elif self.cycle in CYCLES_AROUND_POSITION:
             self._end_above(z, shifted)
             self.control.forget("XY")
         elif self.cycle in CONTOUR_CYCLES:
@@ -113,7 +113,7 @@ class Cycles:
         self.control.notes.add(text, block.line)
 
     def _end_above(self, z: int, shifted: float) -> None:
-        """Where a cycle leaves Z, as far as its parameters say so; no word of ours relies on it."""
+        """Z after a cycle, as far as its parameters give it; no added word relies on it."""
         control = self.control
         try:
             surface, second, first = (control.q(number) for number in (203, 204, 200))
@@ -125,9 +125,9 @@ class Cycles:
     # ---- patterns
 
     def _pattern(self, index: int, block: Block, number: int) -> None:
-        """Cycles 220 and 221 run the cycle before at once, hole by hole; only their first place can be put right."""
+        """Cycles 220 and 221 run the cycle before at once, hole by hole; only their first position can be corrected."""
         control = self.control
-        if self.cycle not in CYCLES_AT_PLACE | CYCLES_ROUND_PLACE:
+        if self.cycle not in CYCLES_AT_POSITION | CYCLES_AROUND_POSITION:
             raise block.refuse(
                 f"cycle {number}: a pattern of cycle {self.cycle}" if self.cycle else "a pattern of none"
             )
@@ -146,7 +146,7 @@ class Cycles:
             target[x], target[y] = at_x * control.unit, at_y * control.unit
             kind = Kind.RAPID if i == 0 else Kind.PATTERN
             control.recorder.move(index, kind, target, control.unit, named)
-        if self.cycle in CYCLES_ROUND_PLACE:
+        if self.cycle in CYCLES_AROUND_POSITION:
             control.forget("XY")
         self._note(block)
 
@@ -159,7 +159,7 @@ class Cycles:
         self.control.set_preset(block, f"{values[0]:.0f}")
 
     def _frame_cycle(self, block: Block, number: int, part: str | None, name: str) -> None:
-        if number in PLACING and part is not None and not re.search(r"[\d#]", name):
+        if number in TRANSFORMATION_CYCLES and part is not None and not re.search(r"[\d#]", name):
             if part != ".0":
                 self._place(block, number)
             return
@@ -184,7 +184,7 @@ class Cycles:
     def shift(self, block: Block, number: int, words: dict[str, float]) -> None:
         """A part of cycle 7, 8, 10, 11 or 26, or an equivalent TRANS block."""
         control = self.control
-        places = control.places if control.tilt is None else control.tilted_places
+        places = control.transformations if control.tilt is None else control.tilted_transformations
         before, x_y_z = places.placement, cartesian(control.machine)
         scaled_axes = control.machine.control.scaled_axes
         if number == SCALING and scaled_axes:
@@ -202,4 +202,4 @@ class Cycles:
 
 
 HOLE_WORDS = {220: ("Q216", "Q217"), 221: ("Q225", "Q226")}
-"""Parameters that say where the centre, or the first hole, of a pattern is."""
+"""Parameters of the centre, or of the first hole, of a pattern."""

@@ -14,8 +14,8 @@ _ORDER = "cycle {} together with another that changes the coordinates: this orde
 
 
 @dataclass
-class Places:
-    """What changes the coordinates now: a shift, and one of the others inside it."""
+class DatumTransformations:
+    """The transformations of the coordinates in force: a shift, and one of the others inside it."""
 
     active: dict[int, Placement] = field(default_factory=dict)
     """By the number of its cycle."""
@@ -38,7 +38,7 @@ class Places:
         """Take over a block of a cycle with its words; False when that changes nothing.
 
         `scaled_axes`: those that cycle 11 scales on this control; empty where that is not known.
-        Refusal for what it does to other axes, and for an order of cycles that is not followed.
+        Refusal for effects on other axes, and for an order of cycles that is not followed.
         """
         before = self.active.get(number, Placement())
         made = _shift(block, before, words, unit) if number == SHIFT else self._made(block, number, words, scaled_axes)

@@ -1,4 +1,4 @@
-"""Meaning of HEIDENHAIN Klartext blocks: modal state in, moves out; what could move the tool unseen is refused."""
+"""Meaning of HEIDENHAIN Klartext blocks: modal state in, moves out; words that are not understood are refused."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class HeidenhainInterpreter:
 
     @property
     def moved(self) -> bool:
-        """False: what runs behind moves (M89) is refused."""
+        """False: cycles that run after moves (M89) are refused."""
         return False
 
     @property
@@ -262,9 +262,9 @@ class HeidenhainInterpreter:
     # ---- statements
 
     def _call_program(self, block: Block) -> None:
-        """CALL PGM: what it does to parameters is a step of the block."""
+        """CALL PGM: its effect on parameters is a step of the block."""
         if not self.machine.control.calls_leave_state:
-            reason = "other programs are not followed; should they leave tool, frames and modes as they find them, say"
+            reason = "other programs are not followed; if they leave tool, frames and modes unchanged, write"
             raise block.refuse(f"{block.detail}: {reason} calls_leave_state = true in the machine file")
         self.control.forget(self.machine.names)
         self.arcs.pole = None
@@ -278,8 +278,8 @@ class HeidenhainInterpreter:
         elif block.detail.upper() == "TRANS DATUM RESET":
             self.cycles.shift(block, SHIFT, dict.fromkeys("XYZ", 0.0))
         elif block.words or (cycle := _RESETS.get(block.detail.upper())) is None:
-            raise block.refuse(f"{block.detail}: changes what coordinates mean")
-        elif cycle in self.control.places.active or cycle in self.control.tilted_places.active:
+            raise block.refuse(f"{block.detail}: changes the meaning of coordinates, which is not followed")
+        elif cycle in self.control.transformations.active or cycle in self.control.tilted_transformations.active:
             raise block.refuse(f"{block.detail}: whether it ends cycle {cycle} depends on the control")
 
     def _fn(self, block: Block) -> None:

@@ -1,4 +1,4 @@
-"""The modal state of a HEIDENHAIN control, and what the parts of its dialect do with it alike."""
+"""The modal state of a HEIDENHAIN control, and the operations on it that the parts of the dialect share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from postproc.control.codes import AXES
 from postproc.control.functions import forget_named
 from postproc.control.state import ControlState
 from postproc.control.tilted_planes import lean
-from postproc.heidenhain.datum_transformations import Places
+from postproc.heidenhain.datum_transformations import DatumTransformations
 from postproc.heidenhain.variables import QParameters
 from postproc.motion.frames import Frame, Placement, cartesian, spatial
 from postproc.motion.moves import AxisWord
@@ -22,7 +22,7 @@ from postproc.text.block import Block, Word
 from postproc.text.notes import Notes
 
 UPRIGHT = 1e-4
-"""rad: a tool that leans no more stands upright, for angles are written with three decimals."""
+"""rad: a tool that leans no more is perpendicular, as angles are written with three decimals."""
 
 
 @dataclass
@@ -56,7 +56,7 @@ def sort(block: Block) -> Content:
 
 
 def value_of(block: Block, word: Word) -> float:
-    """The number that a word says; Refusal where the program does not give it."""
+    """The number of a word; Refusal where the program does not give it."""
     if word.value is None:
         raise block.refuse(
             f"{block.text[word.at : word.end]}: its value is known only while the program runs: assign "
@@ -67,7 +67,7 @@ def value_of(block: Block, word: Word) -> float:
 
 @dataclass
 class Control:
-    """What holds until a block changes it; positions in programmed coordinates, mm and degrees."""
+    """The state that holds until a block changes it; positions in programmed coordinates, mm and degrees."""
 
     machine: Machine
     state: ControlState
@@ -84,13 +84,13 @@ class Control:
         self.tool_name = ""
         """Number or name of the tool in the spindle; empty for none."""
         self.tcp = self.machine.control.tcp_at_start
-        self.places = Places()
+        self.transformations = DatumTransformations()
         self.tilt: Placement | None = None
         """Of a tilted working plane: how its axes lie in the workpiece frame."""
         self.normal = (0.0, 0.0, 1.0)
         """Z of the tilted plane in the workpiece frame."""
-        self.tilted_places = Places()
-        """What changes the coordinates within it."""
+        self.tilted_transformations = DatumTransformations()
+        """Datum transformations within it."""
         self.levelled = False
         """Cycle 19 tilts the working plane by zero angles."""
         self.compensated = self.cornered = False
@@ -118,8 +118,8 @@ class Control:
         if not self.begun:
             self.notes.add("no BEGIN PGM: coordinates taken in mm", block.line)
         target = self.recorder.target(block, words)
-        self.places.check(block)
-        self.tilted_places.check(block)
+        self.transformations.check(block)
+        self.tilted_transformations.check(block)
         if self.levelled and any(target[i] for i, axis in enumerate(self.machine.axes) if axis.rotary):
             raise block.refuse("rotary axes away from 0 while cycle 19 is on: the control may turn the coordinates")
         if self.tilt is not None and any(word.axis in self.machine.translators for word, _ in words):
@@ -127,7 +127,7 @@ class Control:
         return target
 
     def _check_upright(self, block: Block, target: list[float]) -> None:
-        """Refusal where the tool does not stand upright on the tilted plane."""
+        """Refusal where the tool is not perpendicular to the tilted plane."""
         rotary = self.machine.rotary
         angles = np.where(rotary, np.array(target) + self.recorder.frame.offset, 0.0)
         if self._upright is None or not np.array_equal(self._upright, angles):
@@ -141,8 +141,8 @@ class Control:
     # ---- frames
 
     def frame(self) -> Frame:
-        """What programmed coordinates mean now."""
-        placed = self.placed(self.tilt).then(self.tilted_places.placement)
+        """The frame of programmed coordinates now."""
+        placed = self.placed(self.tilt).then(self.tilted_transformations.placement)
         length, tcp = self.tool_length + self.oversize, self.tcp or self.tilt is not None
         return self.state.frame(self.preset, placed, tool=self.tool_name, length=length, tcp=tcp)
 
@@ -170,14 +170,14 @@ class Control:
             raise block.refuse(f"preset {preset} after an M143: its rotation then depends on the control")
         if preset not in self.state.setup.turned:
             self.notes.add("presets taken without rotation", block.line)
-        if self.places.active:
+        if self.transformations.active:
             self.notes.add("cycle 247 ends datum shift, mirror, rotation and scaling", block.line)
-        self.preset, self.places = preset, Places()
+        self.preset, self.transformations = preset, DatumTransformations()
         self.change_frame(range(len(self.machine.axes)))
 
     def placed(self, tilt: Placement | None) -> Placement:
         """Preset rotation, datum shift and the like, and a tilted plane within them."""
-        return spatial(*self.basic_rotation).then(self.places.placement).then(tilt or Placement())
+        return spatial(*self.basic_rotation).then(self.transformations.placement).then(tilt or Placement())
 
     def change_frame(self, axes: Iterable[int]) -> None:
         """Program in the present frame from here, in which coordinates of these axes mean something else."""
@@ -192,7 +192,7 @@ class Control:
             self.change_frame(cartesian(self.machine))
 
     def forget(self, names: Sequence[str]) -> None:
-        """These axes now stand where the program does not say."""
+        """The positions of these axes are not known from the program from here on."""
         forget_named(self.recorder, names)
 
     def q(self, number: int) -> float:

@@ -9,7 +9,7 @@ from postproc.motion.circles import Point
 
 
 def places(number: int, values: Mapping[str, float]) -> Iterator[Point]:
-    """The place that the cycle says, and then the others, in units of the program: holes, but for a circle's centre."""
+    """The position in the cycle, then the others, in units of the program: holes, or first the centre of a circle."""
     return _on_circle(values) if number == 220 else _in_lines(values)
 
 

@@ -15,7 +15,7 @@ from postproc.text.expressions import Ambiguous, Constant, Expression, Formula, 
 from postproc.text.statements import Assign, Call, Jump, Label, Rerun, Return, Step, When
 
 FLOW = re.compile(r"LBL", re.IGNORECASE)
-"""What stands in every block after which not always the next one runs."""
+"""Text of every block after which the next one does not always run."""
 LEVELS = {"^": 3, "*": 2, "/": 2, "%": 2, "DIV": 2, "LEN": 2, "ANG": 2, "+": 1, "-": 1}
 HARMLESS_FN = frozenset((14, 15, 16, 19, 20, 26, 27, 29, 37, 38))
 """That set no parameter."""
@@ -120,7 +120,7 @@ def statement(kind: str, parts: list[Any]) -> Step | None:
 
 
 def setting(kind: str, detail: str, words: tuple[Word, ...]) -> list[Step]:
-    """What a block does to parameters besides: FN that read something, and the parameters of a cycle."""
+    """Assignments of a block to parameters: by FN that read something, and by the parameters of a cycle."""
     if kind == "cycle_def":
         return [_cycle_parameter(word) for word in words if re.fullmatch(r"Q\d+", word.address)]
     if kind not in ("fn", "probe", "program_call"):
@@ -135,7 +135,7 @@ def setting(kind: str, detail: str, words: tuple[Word, ...]) -> list[Step]:
 
 
 def _read(detail: str) -> Expression:
-    """What SYSREAD or TABREAD gives: of the tool table it can be known."""
+    """The value of SYSREAD or TABREAD: known for the tool table."""
     match = _SYSREAD.fullmatch(detail)
     if match is None:
         return Operation("what the control reads", ())

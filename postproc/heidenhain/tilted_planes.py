@@ -1,10 +1,10 @@
 """Tilted working planes of Klartext: PLANE and cycle 19.
 
 In a tilted plane X Y Z count along its axes, from the present datum, and the plane turns with the workpiece: a frame
-as under TCP, with a turn. The tool has to stand upright on it before X Y Z mean anything; which positions of the
-rotary axes bring it there is worked out from the machine's own kinematics, and refused where the control could choose
-others. Angles as HEIDENHAIN documents them (TNC manuals, "The PLANE function"): spatial angles turn about the fixed
-X, then Y, then Z; Euler angles about Z, the turned X, the tilted Z.
+as under TCP, with a turn. The tool must be perpendicular to it before X Y Z have a meaning; the positions of the
+rotary axes follow from the kinematics of the machine, and the block is refused where the control could choose others.
+Angles as HEIDENHAIN documents them (TNC manuals, "The PLANE function"): spatial angles turn about the fixed X, then
+Y, then Z; Euler angles about Z, the turned X, the tilted Z.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _ASIDE = frozenset(("F", "DIST", "MB"))
 
 @dataclass
 class _Choice:
-    """What a block says of how the rotary axes go."""
+    """The words of a block on the positioning of the rotary axes."""
 
-    way: str
+    positioning: str
     """STAY, TURN or MOVE."""
     sequence: str = ""
     """+ or -, of SEQ."""
@@ -63,12 +63,12 @@ class Planes:
         rest = _FLAGS.sub("", flags)
         if rest:
             raise block.refuse(f"PLANE {form}: {rest.strip()} is not known")
-        ways = re.findall(r"STAY|TURN|MOVE", flags)
-        if len(ways) > 1 or (not ways and form != "RESET"):
+        found = re.findall(r"STAY|TURN|MOVE", flags)
+        if len(found) > 1 or (not found and form != "RESET"):
             raise block.refuse("a plane needs one of STAY, TURN and MOVE")
-        way = ways[0] if ways else "STAY"
+        positioning = found[0] if found else "STAY"
         if form == "RESET":
-            self._reset(index, block, way)
+            self._reset(index, block, positioning)
             return
         words = {word.address: value_of(block, word) for word in block.words if word.address not in _ASIDE}
         turn = self._turn(block, form, words)
@@ -76,7 +76,7 @@ class Planes:
         sequence = re.search(r"SEQ ?([+-])", flags)
         table = "TABLE ROT" in flags
         flat = table and form == "SPATIAL" and not any(words.values()) and not self._turned_before
-        choice = _Choice(way, sequence[1] if sequence else "", table, flat)
+        choice = _Choice(positioning, sequence[1] if sequence else "", table, flat)
         self._tilt(index, block, turn, choice, angles)
 
     @property
@@ -170,7 +170,7 @@ class Planes:
         control = self.control
         if control.tcp:
             raise block.refuse("a plane is tilted while M128 is on")
-        if control.tilted_places.active or control.places.active.keys() - {7}:
+        if control.tilted_transformations.active or control.transformations.active.keys() - {7}:
             raise block.refuse(
                 "PLANE while a rotation, mirror or scale is active, or a shift within another plane: "
                 "reset them before PLANE"
@@ -180,9 +180,9 @@ class Planes:
         if angles is None:
             angles = self._solve(block, normal, choice)
         self._tell(angles)
-        if choice.way != "STAY":
+        if choice.positioning != "STAY":
             assert angles is not None
-            self._turn_axes(index, angles, choice.way)
+            self._turn_axes(index, angles, choice.positioning)
         control.tilt, control.normal = turn, normal
         control.change_frame(cartesian(control.machine))
         text = "tilted plane: X Y Z taken along its axes, from the datum, which turns with the workpiece"
@@ -192,20 +192,20 @@ class Planes:
         """Z of the plane in the workpiece frame."""
         return normal_of(self.control.placed(turn))
 
-    def _reset(self, index: int, block: Block, way: str) -> None:
+    def _reset(self, index: int, block: Block, positioning: str) -> None:
         self.control.levelled = False
         self._untilt(block)
-        if way != "STAY":
+        if positioning != "STAY":
             rotary = [i for i, axis in enumerate(self.control.machine.axes) if axis.rotary]
             if any(self.control.frame().offset[i] for i in rotary):
                 raise block.refuse("rotary axes go to their zero: of the machine, or of a preset that shifts them")
-            self._turn_axes(index, dict.fromkeys(rotary, 0.0), way)
+            self._turn_axes(index, dict.fromkeys(rotary, 0.0), positioning)
 
     def _untilt(self, block: Block) -> None:
         control = self.control
         if control.tilt is None:
             return
-        if control.tilted_places.active:
+        if control.tilted_transformations.active:
             raise block.refuse(
                 "a shift, rotation, mirror or scale is active within the tilted plane: reset it before the plane ends"
             )
@@ -214,11 +214,11 @@ class Planes:
 
     # ---- rotary axes
 
-    def _turn_axes(self, index: int, angles: dict[int, float], way: str) -> None:
+    def _turn_axes(self, index: int, angles: dict[int, float], positioning: str) -> None:
         """The control turns rotary axes to machine positions, degrees; with MOVE the others go along."""
         control = self.control
         control.recorder.move_to_machine_position(index, angles, tuple(AxisWord(axis, -1, False) for axis in angles))
-        if way == "MOVE":
+        if positioning == "MOVE":
             control.forget("XYZ")
 
     def _tell(self, angles: dict[int, float] | None) -> None:
@@ -231,14 +231,14 @@ class Planes:
             self.control.scope.set("Q", (number,), value if axis is not None else 0.0)
 
     def _solve(self, block: Block, normal: tuple[float, float, float], choice: _Choice) -> dict[int, float] | None:
-        """Machine positions of the rotary axes, degrees, that stand the tool on the plane.
+        """Machine positions of the rotary axes, degrees, with the tool perpendicular to the plane.
 
         Where the control could choose others: Refusal if the block turns them, otherwise None.
         """
         try:
             return self._chosen(normal, choice)
         except UserError as fault:
-            if choice.way != "STAY":
+            if choice.positioning != "STAY":
                 raise block.refuse(str(fault)) from None
             return None
 
@@ -257,13 +257,13 @@ class Planes:
                 raise UserError("SEQ: which of the rotary axes it means depends on the control")
             found = [q for q in found if q[main[0]] == 0.0 or (q[main[0]] > 0.0) == (sequence == "+")]
             if not found:
-                raise UserError(f"SEQ{sequence}: the tool can't stand on this plane so")
+                raise UserError(f"SEQ{sequence}: no solution has this sign: write the other sign, or no SEQ")
         if len(found) == 1:
             return found[0]
         return self._nearest(found, rotary)
 
     def _nearest(self, found: list[dict[int, float]], rotary: list[int]) -> dict[int, float]:
-        """The one that every rotary axis reaches on a way that is no longer than to the others."""
+        """The solution to which no rotary axis turns farther than to another."""
         recorder = self.control.recorder
         if not all(recorder.known[i] for i in rotary):
             raise UserError(
@@ -271,9 +271,9 @@ class Planes:
                 "before the plane, or write SEQ+ or SEQ-"
             )
         offset = recorder.frame.offset
-        ways = [[abs(q[i] - recorder.position[i] - offset[i]) for i in rotary] for q in found]
-        best = min(range(len(found)), key=lambda k: sum(ways[k]))
-        if any(a > b + 1e-9 for other in ways for a, b in zip(ways[best], other, strict=True)):
+        distances = [[abs(q[i] - recorder.position[i] - offset[i]) for i in rotary] for q in found]
+        best = min(range(len(found)), key=lambda k: sum(distances[k]))
+        if any(a > b + 1e-9 for other in distances for a, b in zip(distances[best], other, strict=True)):
             raise UserError("the plane has several positions of the rotary axes: write SEQ+ or SEQ-")
         return found[best]
 

@@ -1,4 +1,4 @@
-"""Tools of Klartext: TOOL CALL, TOOL DEF, and what Q parameters tell of the tool in the spindle."""
+"""Tools of Klartext: TOOL CALL, TOOL DEF, and the Q parameters of the tool in the spindle."""
 
 from __future__ import annotations
 
@@ -91,12 +91,12 @@ class Tools:
         missing = NotKnown(f"the length of tool {self.key} is not given (--tool-length, --tool-table)")
         scope.set("Q", (LENGTH,), (self.length + self.control.oversize) / unit if known else missing)
 
-    # ---- what a program reads of the tool table
+    # ---- reading of the tool table by the program
 
     def read_system(self, group: float, number: float, index: float | None = None) -> float:
         """SYSREAD ID50 NR1 and NR2: length and radius of a tool, in units of the program; NotKnown for all else."""
         if group != 50.0 or number not in (1.0, 2.0):
-            raise NotKnown("what the control reads")
+            raise NotKnown("data of the control that ncomp does not have")
         state, key = self.control.state, self.key if index is None else f"{index:.10g}"
         found = state.tool_radius(key) if number == 2.0 else state.tool_length(key) if state.knows(key) else None
         if found is None:

@@ -84,7 +84,7 @@ def _zero() -> float:
 
 @dataclass
 class QParameters:
-    """What Q, QL and QR parameters hold; nothing is known of one that the program has not set."""
+    """The values of Q, QL and QR parameters; those that the program has not set are not known."""
 
     operations: Operations = field(default_factory=lambda: operations_of(Control()))
     values: dict[tuple[str, Value], Value | NotKnown] = field(default_factory=dict)
@@ -110,7 +110,7 @@ class QParameters:
 
 
 class Forget(NamedTuple):
-    """What the control does here may set any parameter."""
+    """A function of the control that may set any parameter."""
 
     reason: str
 

@@ -25,7 +25,7 @@ from postproc.text.block import Block
 def read_arc(
     content: Content, sense: int, target: list[float], recorder: Recorder, values: Values, modes: Modes
 ) -> Arc:
-    """The arc of a block to `target`, programmed coordinates; Refusal for what is none."""
+    """The arc of a block to `target`, programmed coordinates; Refusal for words that give no arc."""
     block, other = content.block, content.other
     ends = begin_arc(block, recorder, modes.plane, sense, target)
     turns = _turns(content, values)
@@ -53,9 +53,9 @@ def _turns(content: Content, values: Values) -> int:
     return turns - 1
 
 
-def _hint(ends: Ends, said: tuple[float, float], absolute: bool) -> str:
-    """What helps where the centre fits as a place only."""
-    if absolute or radius_fault(ends.start, ends.end, said) is not None:
+def _hint(ends: Ends, programmed: tuple[float, float], absolute: bool) -> str:
+    """Advice where the centre fits only as an absolute position."""
+    if absolute or radius_fault(ends.start, ends.end, programmed) is not None:
         return ""
     return '; its centre would fit as absolute: for such a control set arc_centres = "absolute" in the machine file'
 
@@ -64,7 +64,7 @@ def _hint(ends: Ends, said: tuple[float, float], absolute: bool) -> str:
 
 
 @dataclass
-class PolarPlaces:
+class PolarCoordinates:
     """Radius and angle that still hold, from G16 to G15."""
 
     radius: float | None = None
@@ -75,25 +75,25 @@ class PolarPlaces:
     def take(
         self, block: Block, axes: tuple[int, int], words: list[tuple[AxisWord, float]]
     ) -> tuple[list[tuple[AxisWord, float]], Polar | None]:
-        """The words of other axes, and the place that those of the plane say; None while there is none yet.
+        """The words of other axes, and the polar position of the words in the plane; None while there is none yet.
 
         words: with their values, the angle in degrees.
         """
-        said = {word.axis: (word.word, value) for word, value in words if word.axis in axes}
-        self.radius = said.get(axes[0], (None, self.radius))[1]
-        self.angle = said.get(axes[1], (None, self.angle))[1]
+        programmed = {word.axis: (word.word, value) for word, value in words if word.axis in axes}
+        self.radius = programmed.get(axes[0], (None, self.radius))[1]
+        self.angle = programmed.get(axes[1], (None, self.angle))[1]
         others = [(word, value) for word, value in words if word.axis not in axes]
         if self.radius is None or self.angle is None:
-            if said:
+            if programmed:
                 raise block.refuse(
                     "polar coordinates (G16) need a radius and an angle before the first move: write both"
                 )
             return others, None
-        indices = [said[axis][0] if axis in said else None for axis in axes]
+        indices = [programmed[axis][0] if axis in programmed else None for axis in axes]
         return others, Polar(axes, self.radius, self.angle, (indices[0], indices[1]))
 
 
-def place_of(polar: Polar) -> tuple[float, float]:
-    """The place in the plane, mm."""
+def position_of(polar: Polar) -> tuple[float, float]:
+    """The position in the plane, mm."""
     angle = math.radians(polar.angle)
     return polar.radius * math.cos(angle), polar.radius * math.sin(angle)

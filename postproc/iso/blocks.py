@@ -1,4 +1,4 @@
-"""Blocks of ISO / Fanuc / LinuxCNC programs: the grammar `iso.lark`, and a quick way for plain blocks.
+"""Blocks of ISO / Fanuc / LinuxCNC programs: the grammar `iso.lark`, and a quick reader of plain blocks.
 
 Nearly all blocks of a CAM program are words and perhaps one comment; a regular expression reads those, equal to what
 the grammar gives (a property test holds them together). Every other block goes to Lark.
@@ -24,7 +24,7 @@ from postproc.text.statements import Code, Step
 NO_NUMBER = -1.0
 """Number of a program that has a name: no call finds it."""
 
-# Written so that there is one way only to match a text: trying all would take for ever on a long block.
+# Written so that a text matches in one manner only: trying several takes exponential time on a long block.
 _WORD = r"[A-Za-z$][ \t]*(?:[+-][ \t]*)?(?:\d+(?:\.\d*)?|\.\d+)"
 WORDS = re.compile(rf"(?:[ \t]*{_WORD})+[ \t]*")
 """A text that holds words and nothing else."""

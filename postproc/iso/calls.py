@@ -10,11 +10,11 @@ from postproc.text.expressions import Constant, Expression, Operation
 from postproc.text.statements import Call, Code, EndModal, Modal, Return, Step
 
 CALLS = re.compile(r"(?:M[ \t]*\+?[ \t]*0*9[89]|G[ \t]*\+?[ \t]*0*6[5-7])(?:\.0*)?(?![\d.])", re.IGNORECASE)
-"""What a block may hold that calls a subprogram or ends one."""
+"""Words that call a subprogram or end one."""
 SUBPROGRAM, RETURN, MACRO, MODAL, MODAL_END = ("M", 98.0), ("M", 99.0), ("G", 65.0), ("G", 66.0), ("G", 67.0)
 CALLING = frozenset((SUBPROGRAM, RETURN, MACRO, MODAL, MODAL_END))
 ARGUMENTS = dict(zip("ABCDEFHIJKMQRSTUVWXYZ", (1, 2, 3, 7, 8, 9, 11, 4, 5, 6, 13, *range(17, 27)), strict=True))
-"""Local variables that take the words behind G65 and G66."""
+"""Local variables that take the words after G65 and G66."""
 
 
 def with_calls(block: Block) -> Block:

@@ -16,14 +16,14 @@ from postproc.control.codes import (
 from postproc.motion.arcs import CENTRES
 
 MEANINGFUL = frozenset(AXES + CENTRES + "RGMTHO")
-"""Addresses that move the tool or change what others mean."""
+"""Addresses that move the tool or change the meaning of others."""
 
 CYCLES = frozenset(map(float, (73, 74, 81, 82, 83, 84, 85, 86, 89)))
-"""One hole at each position: the place and the depth are the program's, all between the control's."""
+"""One hole at each position: the program gives position and depth, the control makes the moves between them."""
 FINE_BORING = 76.0
 """A cycle on FANUC, a thread on LinuxCNC."""
 CYCLE_WORDS = frozenset("NFSTHDPQRKL$")
-"""What may stand in a block of a cycle beside G, M and axes."""
+"""Words that may be in a block of a cycle besides G, M and axes."""
 CYCLE_END, RETURN_TO_LEVEL, RETURN_TO_R = 80.0, 98.0, 99.0
 
 # Neither move the tool nor change where coordinates point: dwell, exact stop and path modes, cancels, speed modes,
@@ -50,13 +50,24 @@ SCALE, SCALE_END, MIRROR, MIRROR_END = 51.0, 50.0, 51.1, 50.1
 ROTATION, TILT, ROTATION_END = 68.0, 68.2, 69.0
 PRESET, PRESET_END, PRESET_OFF, PRESET_ON = 92.0, 92.1, 92.2, 92.3
 TURNS = frozenset((ROTATION, SCALE, MIRROR, TILT))
-PLACING = TURNS | {DATA, GIVEN_LENGTH, LOCAL, UPRIGHT, SCALE_END, MIRROR_END, PRESET, PRESET_END, PRESET_OFF, PRESET_ON}
-"""Change what coordinates mean, by the words of their block."""
+COORDINATE_CHANGES = TURNS | {
+    DATA,
+    GIVEN_LENGTH,
+    LOCAL,
+    UPRIGHT,
+    SCALE_END,
+    MIRROR_END,
+    PRESET,
+    PRESET_END,
+    PRESET_OFF,
+    PRESET_ON,
+}
+"""Codes that change the meaning of coordinates by the words of their block."""
 ENDS = (SCALE_END, MIRROR_END, ROTATION_END, PRESET_END)
 """Without axis words these end something, independent of the other codes of the block; in the order of execution."""
-BESIDE_PLACING = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
-"""What may stand in a block with one of those."""
-NAMING = STANDING | PLACING
+BESIDE_COORDINATE_CHANGES = frozenset((*PLANES, *UNITS, 40.0, 69.0, 90.0, 94.0))
+"""Codes that may be in a block with one of those."""
+NAMING = STANDING | COORDINATE_CHANGES
 ONE_SHOT = NAMING | {28.0, 30.0, 53.0}
 GROUPS = (
     frozenset(MOTION) | CYCLES,
@@ -107,11 +118,11 @@ REFUSED_M = {
     **dict.fromkeys((128.0, 129.0, 428.0, 429.0, 430.0), "switches the kinematics on some controls"),
 }
 AFTER_MOTION = frozenset((TOOL_CHANGE, PALLET_CHANGE))
-"""Run before the move of their block on some controls, behind it on others."""
+"""Run before the move of their block on some controls, after it on others."""
 BESIDE_LEAVING = frozenset("NFSTHD$")
 """Words that are allowed beside G28, G30 and G53, besides G, M and axes."""
 MOVE_WORDS = frozenset("NFSTHDPQIJKR$")
-"""What may stand in a move beside G, M and axes."""
+"""Words that may be in a move besides G, M and axes."""
 
 CONSTRUCTS = {
     "bracket": "an expression that stands alone is not understood",

@@ -1,4 +1,4 @@
-"""Blocks that change what ISO coordinates mean, by their own words: G10, G43.1, G50 to G53.1, G68, G92."""
+"""Blocks that change the meaning of ISO coordinates by their own words: G10, G43.1, G50 to G53.1, G68, G92."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from kinematics.machine import Control
 from postproc.iso.codes import (
-    BESIDE_PLACING,
+    BESIDE_COORDINATE_CHANGES,
     DATA,
     EXTENDED,
     GIVEN_LENGTH,
@@ -23,7 +23,7 @@ from postproc.iso.codes import (
     TURNS,
     UPRIGHT,
 )
-from postproc.iso.datum_transformations import Said
+from postproc.iso.datum_transformations import Programmed
 from postproc.iso.frames import Frames
 from postproc.iso.modes import Modes
 from postproc.iso.offsets import NUMBERED, Shifts
@@ -31,12 +31,12 @@ from postproc.iso.words import DIFFERS, Content, Values
 from postproc.motion.moves import AxisWord
 
 WORDS = {PRESET: "S", SCALE_END: "S", DATA: "LPRIJQ"}
-"""What may stand in a block beside N, G and axes; of turns see `MAKERS`."""
+"""Words that may be in such a block besides N, G and axes; for rotations see `MAKERS`."""
 TURN_WORDS = "IJKRP"
 
 
-class Placing(NamedTuple):
-    """A block that changes what coordinates mean, and what it works on."""
+class CoordinateChange(NamedTuple):
+    """A block that changes the meaning of coordinates, with the state that it changes."""
 
     content: Content
     words: list[tuple[AxisWord, float]]
@@ -52,7 +52,7 @@ class Placing(NamedTuple):
 
     @property
     def shifts(self) -> dict[int, float]:
-        """What its axis words say, by axis."""
+        """The values of its axis words, by axis."""
         return {word.axis: value for word, value in self.words}
 
 
@@ -64,19 +64,19 @@ def place(
     values: Values,
     modes: Modes,
 ) -> bool:
-    """Take over the block; True where its axis words say what the places are called at which the axes stand."""
-    beside = set(content.g) - BESIDE_PLACING - {code}
+    """Take over the block; True where its axis words are the new coordinates of the present positions."""
+    beside = set(content.g) - BESIDE_COORDINATE_CHANGES - {code}
     if beside or content.m or content.other.keys() - {"N", *WORDS.get(code, TURN_WORDS if code in TURNS else "")}:
         raise content.refuse(
             f"G{code:g} does not go with the other words of its block: write them in a block before it"
         )
     if not modes.absolute and (words or code in TURNS):
         raise content.refuse(f"G{code:g} needs G90")
-    placing = Placing(content, words, frames, values, modes)
+    change = CoordinateChange(content, words, frames, values, modes)
     if code in TURNS:
-        frames.turn(code, _said(placing))
+        frames.turn(code, _programmed(change))
         return False
-    return bool(_MAKERS[code](placing))
+    return bool(_MAKERS[code](change))
 
 
 def extended_offset(values: Values, content: Content, code: float) -> int | None:
@@ -89,84 +89,84 @@ def extended_offset(values: Values, content: Content, code: float) -> int | None
     return values.whole(content.block, content.other["P"]) if extended else None
 
 
-def _said(placing: Placing) -> Said:
-    """What a turn is said by; lengths in mm."""
-    block, machine = placing.content.block, placing.frames.machine
+def _programmed(change: CoordinateChange) -> Programmed:
+    """The words of a rotation, mirror or scale; lengths in mm."""
+    block, machine = change.content.block, change.frames.machine
     axes = {}
-    for word, value in placing.words:
+    for word, value in change.words:
         if machine.names[word.axis] not in "XYZ":
             raise block.refuse(f"{machine.names[word.axis]} in a turn of the coordinates")
         axes[machine.names[word.axis]] = value
-    others = {name: block.words[i].value or 0.0 for name, i in placing.content.other.items() if name != "N"}
-    return Said(block, placing.modes.plane, axes, others)
+    others = {name: block.words[i].value or 0.0 for name, i in change.content.other.items() if name != "N"}
+    return Programmed(block, change.modes.plane, axes, others)
 
 
-def _shift(placing: Placing) -> None:
-    if placing.frames.placed_by:
-        raise placing.content.refuse("G52 while the coordinates are turned")
-    placing.frames.shift_origin(placing.content.block, placing.shifts)
+def _shift(change: CoordinateChange) -> None:
+    if change.frames.placement_code:
+        raise change.content.refuse("G52 while the coordinates are turned")
+    change.frames.shift_origin(change.content.block, change.shifts)
 
 
-def _call(placing: Placing) -> bool:
-    """G92 X: the place where the tool stands; G92 S: the fastest spindle."""
-    if not placing.words and "S" not in placing.content.other:
-        raise placing.content.refuse("G92 without an axis")
-    if placing.words:
-        placing.frames.call_here(placing.content.block, placing.shifts)
-    return bool(placing.words)
+def _preset(change: CoordinateChange) -> bool:
+    """G92 X: the coordinate of the present position; G92 S: the fastest spindle."""
+    if not change.words and "S" not in change.content.other:
+        raise change.content.refuse("G92 without an axis")
+    if change.words:
+        change.frames.preset_here(change.content.block, change.shifts)
+    return bool(change.words)
 
 
-def _uncall(placing: Placing) -> None:
-    if placing.words and placing.family != "fanuc":
-        raise placing.content.refuse(f"axis words beside G92.1: a move on LinuxCNC, not so on FANUC; {DIFFERS}")
-    placing.frames.uncall(placing.content.block, placing.shifts or range(len(placing.frames.machine.axes)))
+def _cancel_preset(change: CoordinateChange) -> None:
+    if change.words and change.family != "fanuc":
+        raise change.content.refuse(f"axis words beside G92.1: a move on LinuxCNC, not so on FANUC; {DIFFERS}")
+    change.frames.cancel_preset(change.content.block, change.shifts or range(len(change.frames.machine.axes)))
 
 
-def _suspend(suspended: bool) -> Callable[[Placing], None]:
-    def maker(placing: Placing) -> None:
-        if placing.words:
-            raise placing.content.refuse("axis words beside G92.2 or G92.3: a move on LinuxCNC")
-        placing.frames.suspend(placing.content.block, suspended)
+def _suspend(suspended: bool) -> Callable[[CoordinateChange], None]:
+    def maker(change: CoordinateChange) -> None:
+        if change.words:
+            raise change.content.refuse("axis words beside G92.2 or G92.3: a move on LinuxCNC")
+        change.frames.suspend(change.content.block, suspended)
 
     return maker
 
 
-def _unscale(placing: Placing) -> None:
-    if placing.words:
-        raise placing.content.refuse("G50 with axes: shifts the coordinates, on lathes")
-    placing.frames.end_turn(SCALE)
+def _unscale(change: CoordinateChange) -> None:
+    if change.words:
+        raise change.content.refuse("G50 with axes: shifts the coordinates, on lathes")
+    change.frames.end_turn(SCALE)
 
 
-def _unmirror(placing: Placing) -> None:
-    names = placing.frames.machine.names
-    placing.frames.end_mirror(placing.content.block, [names[axis] for axis in placing.shifts])
+def _unmirror(change: CoordinateChange) -> None:
+    names = change.frames.machine.names
+    change.frames.end_mirror(change.content.block, [names[axis] for axis in change.shifts])
 
 
-def _give_length(placing: Placing) -> None:
+def _give_length(change: CoordinateChange) -> None:
     """G43.1 of LinuxCNC: the length in the block."""
-    if placing.family != "linuxcnc":
-        raise placing.content.refuse(f"G43.1: a length on LinuxCNC, a move with another length on FANUC; {DIFFERS}")
-    if [placing.frames.machine.names[word.axis] for word, _ in placing.words] != ["Z"]:
-        raise placing.content.refuse("G43.1 without Z alone: a length along a tool that is turned, or sideways")
-    before = placing.frames.state()
-    placing.frames.lengths.give(placing.words[0][1])
-    placing.frames.changed_since(before)
+    if change.family != "linuxcnc":
+        raise change.content.refuse(f"G43.1: a length on LinuxCNC, a move with another length on FANUC; {DIFFERS}")
+    if [change.frames.machine.names[word.axis] for word, _ in change.words] != ["Z"]:
+        raise change.content.refuse("G43.1 without Z alone: a length along a tool that is turned, or sideways")
+    before = change.frames.state()
+    change.frames.lengths.give(change.words[0][1])
+    change.frames.changed_since(before)
 
 
-def _data(placing: Placing) -> bool:
-    content, shifts, frames = placing.content, placing.shifts, placing.frames
-    return bool(set_data(content, shifts, frames, placing.values, placing.modes.unit))
+def _data(change: CoordinateChange) -> bool:
+    content, shifts, frames = change.content, change.shifts, change.frames
+    return bool(set_data(content, shifts, frames, change.values, change.modes.unit))
 
 
-_MAKERS: dict[float, Callable[[Placing], bool | None]] = {
+_MAKERS: dict[float, Callable[[CoordinateChange], bool | None]] = {
     DATA: _data,
     GIVEN_LENGTH: _give_length,
     LOCAL: _shift,
-    UPRIGHT: lambda placing: placing.frames.stand_upright(placing.content.block),
+    UPRIGHT: lambda change: change.frames.stand_upright(change.content.block),
     SCALE_END: _unscale,
     MIRROR_END: _unmirror,
-    PRESET: _call,
-    PRESET_END: _uncall,
+    PRESET: _preset,
+    PRESET_END: _cancel_preset,
     PRESET_OFF: _suspend(True),
     PRESET_ON: _suspend(False),
 }
@@ -180,9 +180,9 @@ RADII = (12, 13)
 
 
 def set_data(content: Content, shifts: Shifts, frames: Frames, values: Values, unit: float) -> tuple[int, ...]:
-    """Take over what G10 sets; the axes whose place it says rather than their offset (LinuxCNC's L20).
+    """Set the data of G10; the axes of which it gives the position and not the offset (LinuxCNC's L20).
 
-    shifts: the axis words of the block. Refusal for what is not followed.
+    shifts: the axis words of the block. Refusal for other data.
     """
     other, family = content.other, frames.machine.control.family
     if not {"L", "P"} <= other.keys():
@@ -203,7 +203,7 @@ def set_data(content: Content, shifts: Shifts, frames: Frames, values: Values, u
     elif kind in (1, WORK_OFFSET_HERE, GEOMETRY, WEAR):
         _set_length(content, kind, number, frames, values, unit)
     elif kind not in RADII:
-        raise content.refuse(f"G10 L{kind}: what it sets is not known")
+        raise content.refuse(f"G10 L{kind}: this kind of data is not known")
     return ()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from postproc.iso.codes import CYCLE_WORDS, LENGTH_CODES, PLACING, STANDING
+from postproc.iso.codes import COORDINATE_CHANGES, CYCLE_WORDS, LENGTH_CODES, STANDING
 from postproc.iso.words import Content
 from postproc.motion.frames import Frame
 from postproc.motion.moves import AxisWord, Cycle, Known
@@ -21,7 +21,7 @@ class Hole(NamedTuple):
     level: float
     """Where the axis that drills comes back to."""
     places: tuple[AxisWord, ...]
-    """The words of its place."""
+    """The words of its position."""
     cycle: Cycle
 
 
@@ -66,7 +66,7 @@ class CannedCycle:
         switched: the block is in G91 and the start of the cycle in G90, or the reverse.
         """
         axis = self.axis
-        said = {word.axis: (word.word, value) for word, value in words}
+        programmed = {word.axis: (word.word, value) for word, value in words}
         self.store(words, retract)
         if self.retract is None or self.depth is None:
             raise block.refuse(f"a canned cycle without {recorder.machine.names[axis]} or R")
@@ -82,14 +82,17 @@ class CannedCycle:
         places = [(word, value) for word, value in words if word.axis != axis]
         target = recorder.target(block, places)
         target[axis] = level + self.depth if self.incremental else self.depth
-        index, retract_word = said[axis][0] if axis in said else None, None if retract is None else retract[0]
+        index, retract_word = (
+            programmed[axis][0] if axis in programmed else None,
+            None if retract is None else retract[0],
+        )
         cycle = Cycle(axis, index, retract_word, level, self.incremental, to_retract, not self.begun, switched)
         self.begun = True
         return Hole(target, level if to_retract else self.level, tuple(word for word, _ in places), cycle)
 
 
 def check_cycle_words(content: Content, rotary: bool) -> None:
-    """Refuse what some controls do not take in a cycle, or take in ways of their own."""
+    """Refuse words that some controls do not take in a cycle, or use differently."""
     strange = sorted(content.other.keys() - CYCLE_WORDS)
     if strange:
         raise content.refuse(f"{strange[0]} in a canned cycle: its effect depends on the control")
@@ -101,12 +104,12 @@ def check_cycle_words(content: Content, rotary: bool) -> None:
 
 
 def calls_macro(content: Content, claimed: float | None, inside: str, stayed: bool) -> bool:
-    """Whether the macro runs behind a block; Refusal where that depends on the control.
+    """Whether the macro runs after a block; Refusal where that depends on the control.
 
-    `claimed`: the code that takes the coordinates of the block; `inside`: what else is on; `stayed`: its move has no
-    length.
+    `claimed`: the code that takes the coordinates of the block; `inside`: another mode that is active; `stayed`: its
+    move has no length.
     """
-    if claimed in STANDING or claimed in PLACING:
+    if claimed in STANDING or claimed in COORDINATE_CHANGES:
         return False
     if claimed is not None:
         raise content.refuse(f"G{claimed:g} while G66 is on: whether its macro runs behind it depends on the control")

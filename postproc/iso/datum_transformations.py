@@ -1,4 +1,4 @@
-"""What turns, mirrors or scales ISO coordinates: G68, G51.1, G51, and tilted planes by G68.2."""
+"""Rotation, mirror and scale of ISO coordinates (G68, G51.1, G51), and tilted planes by G68.2."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from postproc.iso.codes import MIRROR, ROTATION, SCALE, TILT
 from postproc.motion.frames import Placement, euler, mirrored, rotated, scaled, shifted
 from postproc.text.block import Block
 
-MIDDLE = "XYZ"
+ALL_AXES = "XYZ"
 
 
 @dataclass(frozen=True)
-class Said:
-    """What a block says of a place."""
+class Programmed:
+    """The words of a block that transforms the coordinates."""
 
     block: Block
     plane: str
     axes: Mapping[str, float]
     """X Y Z, mm."""
     others: Mapping[str, float]
-    """I J K R P, as they stand."""
+    """I J K R P, as programmed."""
 
     def centre(self, names: str) -> Placement:
-        """The shift to the place that the block names, of these axes; Refusal where one is missing."""
+        """The shift to the position of the block, along these axes; Refusal where one is missing."""
         if self.axes.keys() != set(names):
             raise self.block.refuse(f"needs {' and '.join(names)}: without, the centre depends on where the tool is")
         return shifted(**{name.lower(): value for name, value in self.axes.items()})
@@ -41,46 +41,53 @@ def _about(centre: Placement, inner: Placement) -> Placement:
     return centre.then(inner).then(shifted(-x, -y, -z))
 
 
-def _rotation(said: Said) -> Placement:
+def _rotation(programmed: Programmed) -> Placement:
     """G68: round a point of the plane, counter-clockwise seen from its normal."""
-    said.refuse_but("R")
-    if "R" not in said.others:
-        raise said.block.refuse("G68 without R")
-    return _about(said.centre(said.plane[:2]), rotated(said.others["R"], said.plane))
+    programmed.refuse_but("R")
+    if "R" not in programmed.others:
+        raise programmed.block.refuse("G68 without R")
+    return _about(programmed.centre(programmed.plane[:2]), rotated(programmed.others["R"], programmed.plane))
 
 
-def _scale(said: Said) -> Placement:
+def _scale(programmed: Programmed) -> Placement:
     """G51: larger by P round a point, along all axes."""
-    said.refuse_but("P")
-    if "P" not in said.others:
-        raise said.block.refuse("G51 without P: scales that differ by axis are not corrected")
-    word = next(word for word in said.block.words if word.address == "P")
-    if word.formula is None and "." not in said.block.text[word.start : word.end]:
-        raise said.block.refuse("a scale without decimal point: its unit depends on the control")
-    if said.others["P"] <= 0.0:
-        raise said.block.refuse("a scale that is not positive")
-    return _about(said.centre(MIDDLE), scaled(*[said.others["P"]] * 3))
+    programmed.refuse_but("P")
+    if "P" not in programmed.others:
+        raise programmed.block.refuse("G51 without P: scales that differ by axis are not corrected")
+    word = next(word for word in programmed.block.words if word.address == "P")
+    if word.formula is None and "." not in programmed.block.text[word.start : word.end]:
+        raise programmed.block.refuse("a scale without decimal point: its unit depends on the control")
+    if programmed.others["P"] <= 0.0:
+        raise programmed.block.refuse("a scale that is not positive")
+    return _about(programmed.centre(ALL_AXES), scaled(*[programmed.others["P"]] * 3))
 
 
-def _mirror(said: Said) -> Placement:
-    """G51.1: mirrored at the places that are said, each across its axis."""
-    said.refuse_but("")
-    if not said.axes:
-        raise said.block.refuse("G51.1 without an axis")
-    return _about(shifted(**{name.lower(): v for name, v in said.axes.items()}), mirrored("".join(said.axes)))
+def _mirror(programmed: Programmed) -> Placement:
+    """G51.1: mirrored at the programmed positions, each across its axis."""
+    programmed.refuse_but("")
+    if not programmed.axes:
+        raise programmed.block.refuse("G51.1 without an axis")
+    return _about(
+        shifted(**{name.lower(): v for name, v in programmed.axes.items()}), mirrored("".join(programmed.axes))
+    )
 
 
-def _tilt(said: Said) -> Placement:
+def _tilt(programmed: Programmed) -> Placement:
     """G68.2: origin X Y Z, turned by I about Z, by J about X as turned, by K about Z as turned."""
-    said.refuse_but("IJKP")
-    if said.others.get("P", 0.0) or not {"I", "J", "K"} <= said.others.keys():
-        raise said.block.refuse(
+    programmed.refuse_but("IJKP")
+    if programmed.others.get("P", 0.0) or not {"I", "J", "K"} <= programmed.others.keys():
+        raise programmed.block.refuse(
             "G68.2 is corrected only with the Euler angles I J K and without P: write all three angles"
         )
-    i, j, k = (said.others[name] for name in "IJK")
-    origin = said.centre(MIDDLE) if said.axes else Placement()
+    i, j, k = (programmed.others[name] for name in "IJK")
+    origin = programmed.centre(ALL_AXES) if programmed.axes else Placement()
     return origin.then(euler(i, j, k))
 
 
-MAKERS: dict[float, Callable[[Said], Placement]] = {ROTATION: _rotation, SCALE: _scale, MIRROR: _mirror, TILT: _tilt}
+MAKERS: dict[float, Callable[[Programmed], Placement]] = {
+    ROTATION: _rotation,
+    SCALE: _scale,
+    MIRROR: _mirror,
+    TILT: _tilt,
+}
 """By the code that brings it."""

@@ -1,4 +1,4 @@
-"""What ISO coordinates mean in machine axes, block by block: offsets, lengths and turns, told to the recorder."""
+"""The meaning of ISO coordinates in machine axes, block by block: offsets, lengths and rotations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from postproc.control.functions import move_for_tool_change
 from postproc.control.state import ControlState
 from postproc.control.tilted_planes import lean, normal_of
 from postproc.iso.codes import MIRROR, SCALE, TILT
-from postproc.iso.datum_transformations import MAKERS, Said
+from postproc.iso.datum_transformations import MAKERS, Programmed
 from postproc.iso.offsets import TCP_CODES, Lengths, Offsets, Shifts
 from postproc.motion.frames import Frame, Placement, cartesian, renamed, rotated, shifted
 from postproc.motion.moves import Known
@@ -20,7 +20,7 @@ from postproc.text.block import Block
 from postproc.text.notes import Notes
 
 UPRIGHT = 1e-6
-"""rad: a tool as far from the normal of a tilted plane stands along it."""
+"""rad: a tool that leans no more is perpendicular to the tilted plane."""
 
 
 class Frames:
@@ -30,23 +30,23 @@ class Frames:
         self.machine, self.notes = machine, notes
         self.offsets = Offsets(state)
         self.lengths = Lengths(state, notes, machine.control)
-        self.place, self.placed_by = Placement(), 0.0
-        """What turns the coordinates, and the code that has brought it; 0 for none."""
+        self.place, self.placement_code = Placement(), 0.0
+        """The rotation, mirror or scale of the coordinates, and its G code; 0 for none."""
         self.mirrors: dict[str, float] = {}
         """Of G51.1."""
         self.upright = False
-        """The tool stands along the normal of the tilted plane."""
+        """The tool is perpendicular to the tilted plane."""
         self.recorder = Recorder(machine, self.frame())
 
     @property
     def tilted(self) -> bool:
         """True while a tilted plane is on."""
-        return self.placed_by == TILT
+        return self.placement_code == TILT
 
     @property
     def shifted(self) -> bool:
         """True while a turn, a scale, G52 or G92 is on."""
-        return bool(self.placed_by) or self.offsets.moved
+        return bool(self.placement_code) or self.offsets.moved
 
     def frame(self) -> Frame:
         """The frame that coordinates are programmed in now."""
@@ -77,7 +77,7 @@ class Frames:
 
     def select_offset(self, block: Block, code: float, extended: int | None) -> None:
         """G54 and its kin, G54.1 P. LinuxCNC keeps G52 and G92, which are one store there, in every offset."""
-        if self.placed_by or (self.offsets.moved and self.machine.control.family != "linuxcnc"):
+        if self.placement_code or (self.offsets.moved and self.machine.control.family != "linuxcnc"):
             raise block.refuse(
                 "a work offset while G52, G92 or a turn of the coordinates is on: what becomes of these depends on the "
                 "control"
@@ -86,16 +86,16 @@ class Frames:
 
     def select_length(self, block: Block, code: float, number: int | None) -> None:
         """G43, G43.4, G43.5, G49."""
-        if code in TCP_CODES and (self.placed_by or self.offsets.turn):
+        if code in TCP_CODES and (self.placement_code or self.offsets.turn):
             raise block.refuse(f"G{code:g} while the coordinates are turned: not corrected")
         self.lengths.select(block, code, number)
 
     def state(self) -> tuple[str | None, tuple[int, float | None] | None, bool]:
-        """Work offset and length in force, None where the program has said nothing of it yet, and TCP."""
-        return self.offsets.name if self.offsets.said else None, self.lengths.key, self.lengths.tcp
+        """Work offset and length in force, None where the program has not set it yet, and TCP."""
+        return self.offsets.name if self.offsets.selected else None, self.lengths.key, self.lengths.tcp
 
     def changed_since(self, before: tuple[str | None, tuple[int, float | None] | None, bool]) -> None:
-        """Tell the recorder of the frame, and which axes are another place in it than in that of the state before."""
+        """Set the frame of the recorder, with the axes whose coordinates differ from those of the state before."""
         x_y_z, (offset, length, tcp) = cartesian(self.machine), self.state()
         changed: set[int] = set()
         if offset != before[0]:
@@ -115,15 +115,15 @@ class Frames:
         self.offsets.local.update(values)
         self.recorder.set_frame(self.frame(), values)
 
-    def call_here(self, block: Block, values: Shifts) -> None:
-        """G92 with axes: where the axes stand is called so from now on."""
+    def preset_here(self, block: Block, values: Shifts) -> None:
+        """G92 with axes: new coordinates for the present positions."""
         self._refuse_turned(block)
-        self.offsets.call(block, self._standing(block, values), values)
+        self.offsets.call(block, self._present_positions(block, values), values)
         self.recorder.set_frame(self.frame(), ())
 
     def enter_offset(self, block: Block, name: str, values: Shifts, turn: float | None) -> None:
         """G10 L2: a work offset of the table, and by how many degrees it turns X and Y."""
-        if self.placed_by and name == self.offsets.name:
+        if self.placement_code and name == self.offsets.name:
             raise block.refuse(
                 "G10 changes the active work offset while the coordinates are rotated: write it before the rotation"
             )
@@ -137,20 +137,20 @@ class Frames:
             self.recorder.set_frame(self.frame(), changed)
 
     def enter_here(self, block: Block, values: Shifts) -> None:
-        """G10 L20 of LinuxCNC: the work offset in force becomes what calls the place where the axes stand so."""
+        """G10 L20 of LinuxCNC: the active work offset that gives the present positions these coordinates."""
         self._refuse_turned(block)
-        here = self._standing(block, values)
+        here = self._present_positions(block, values)
         work = self.offsets.work()
         entered = {axis: work[axis] + here[axis] - value for axis, value in values.items()}
         self.offsets.enter(self.offsets.name, entered)
         self.recorder.set_frame(self.frame(), ())
 
-    def uncall(self, block: Block, axes: Iterable[int]) -> None:
+    def cancel_preset(self, block: Block, axes: Iterable[int]) -> None:
         """G92.1."""
-        if self.placed_by and self.offsets.moved:
+        if self.placement_code and self.offsets.moved:
             raise block.refuse("G92.1 while the coordinates are turned")
         axes = list(axes)
-        self.offsets.uncall(axes)
+        self.offsets.cancel_preset(axes)
         self._tell_shifted(axes)
 
     def suspend(self, block: Block, suspended: bool) -> None:
@@ -164,14 +164,14 @@ class Frames:
             self.recorder.set_frame(frame, axes)
 
     def _refuse_turned(self, block: Block) -> None:
-        if self.placed_by or self.lengths.tcp or self.offsets.turn:
+        if self.placement_code or self.lengths.tcp or self.offsets.turn:
             raise block.refuse(
                 "a preset of the present position (G92, G10 L20) is not corrected while the coordinates "
                 "or the table are rotated: write it before the rotation"
             )
 
-    def _standing(self, block: Block, axes: Iterable[int]) -> Shifts:
-        """Where the axes stand; Refusal where the program has not said it in this frame."""
+    def _present_positions(self, block: Block, axes: Iterable[int]) -> Shifts:
+        """The present positions of axes; Refusal where the program has not given them in this frame."""
         for axis in axes:
             if self.recorder.known[axis] != Known.PROGRAM:
                 name = self.machine.names[axis]
@@ -182,49 +182,49 @@ class Frames:
 
     # ---- turns
 
-    def turn(self, code: float, said: Said) -> None:
+    def turn(self, code: float, programmed: Programmed) -> None:
         """G68, G51, G51.1, G68.2."""
-        if self.placed_by and not (code == MIRROR == self.placed_by):
-            raise said.block.refuse(f"G{code:g} while G{self.placed_by:g} is on")
+        if self.placement_code and not (code == MIRROR == self.placement_code):
+            raise programmed.block.refuse(f"G{code:g} while G{self.placement_code:g} is on")
         if self.offsets.turn:
-            raise said.block.refuse(f"G{code:g} within a work offset that turns the coordinates")
+            raise programmed.block.refuse(f"G{code:g} within a work offset that turns the coordinates")
         if code == TILT and (self.offsets.moved or self.lengths.tcp):
-            raise said.block.refuse("a tilted plane while G52, G92 or TCP is on: not corrected")
+            raise programmed.block.refuse("a tilted plane while G52, G92 or TCP is on: not corrected")
         if code == MIRROR:
-            self.mirrors.update(said.axes)
-            said = Said(said.block, said.plane, self.mirrors, said.others)
-        self._put(MAKERS[code](said), code)
+            self.mirrors.update(programmed.axes)
+            programmed = Programmed(programmed.block, programmed.plane, self.mirrors, programmed.others)
+        self._put(MAKERS[code](programmed), code)
         self.upright = False
 
     def scaled_along(self, axis: int) -> bool:
-        """True where G51 or G51.1 changes what a length along an axis means."""
+        """True where G51 or G51.1 changes lengths along an axis."""
         i = cartesian(self.machine).index(axis)
-        return self.placed_by == SCALE or (self.placed_by == MIRROR and self.place.turn[4 * i] < 0.0)
+        return self.placement_code == SCALE or (self.placement_code == MIRROR and self.place.turn[4 * i] < 0.0)
 
     def end_turn(self, code: float) -> None:
         """G69, G50: of the code that it ends."""
-        if self.placed_by == code:
+        if self.placement_code == code:
             self._put(Placement(), 0.0)
 
     def end_mirror(self, block: Block, axes: Iterable[str]) -> None:
         """G50.1: of these axes, all for none."""
-        if self.placed_by != MIRROR:
+        if self.placement_code != MIRROR:
             return
         named = set(axes)
         self.mirrors = {axis: place for axis, place in self.mirrors.items() if named and axis not in named}
-        left = MAKERS[MIRROR](Said(block, "", self.mirrors, {})) if self.mirrors else Placement()
+        left = MAKERS[MIRROR](Programmed(block, "", self.mirrors, {})) if self.mirrors else Placement()
         self._put(left, MIRROR if self.mirrors else 0.0)
 
     def _put(self, place: Placement, code: float) -> None:
         was_tilted, before, x_y_z = self.tilted, self.place, cartesian(self.machine)
-        self.place, self.placed_by = place, code
+        self.place, self.placement_code = place, code
         if was_tilted != self.tilted:
             self.recorder.set_frame(self.frame(), x_y_z)
         elif self.frame() != self.recorder.frame:
             self.recorder.set_frame(self.frame(), [x_y_z[i] for i in renamed(before, place)])
 
     def stand_upright(self, block: Block) -> None:
-        """G53.1: the tool along the normal of the tilted plane; where it does not stand so, the control chooses how."""
+        """G53.1: the tool along the normal of the tilted plane; otherwise the control chooses how to turn it."""
         if not self.tilted:
             raise block.refuse("G53.1 without a tilted plane")
         degrees = np.add(self.recorder.position, self.recorder.frame.offset)

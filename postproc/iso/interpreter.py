@@ -1,4 +1,4 @@
-"""Meaning of ISO / Fanuc / LinuxCNC blocks: modal state in, moves out; what could move the tool unseen is refused."""
+"""Meaning of ISO / Fanuc / LinuxCNC blocks: modal state in, moves out; words that are not understood are refused."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from postproc.control.functions import end_compensation, note_after_end, note_un
 from postproc.control.setup import Setup
 from postproc.control.state import ControlState
 from postproc.control.tool_vectors import turned_to
-from postproc.iso.arcs import PolarPlaces, place_of, read_arc
+from postproc.iso.arcs import PolarCoordinates, position_of, read_arc
 from postproc.iso.codes import (
     AFTER_MOTION,
     BESIDE_LEAVING,
     COMPENSATION,
     COMPENSATION_END,
     CONSTRUCTS,
+    COORDINATE_CHANGES,
     CYCLE_END,
     CYCLES,
     DATA,
@@ -29,7 +30,6 @@ from postproc.iso.codes import (
     MOVE_WORDS,
     OFFSET_CODES,
     ONE_SHOT,
-    PLACING,
     POLAR,
     POLAR_END,
     PRESET_END,
@@ -80,7 +80,7 @@ class IsoInterpreter:
         self.rotary: list[bool] = self.machine.rotary.tolist()
         self.begun = self.ended = False
         self.opened = self.torn = False
-        """A tape mark has stood before all words; the first one came behind words."""
+        """A tape mark came before all words; the first one came after words."""
         self.frames = Frames(self.machine, self.control_state, self.notes)
         self.recorder = self.frames.recorder
         self.values = Values(control, self.notes)
@@ -90,11 +90,11 @@ class IsoInterpreter:
         self.cycle: CannedCycle | None = None
         self._before_cycle: float | None = None
         """The motion in force where it began."""
-        self.polar: PolarPlaces | None = None
+        self.polar: PolarCoordinates | None = None
         self.compensated = False
         """The control shifts the path by the radius of the tool."""
         self.alone = False
-        """No block of ncomp's own may stand beside the present one."""
+        """ncomp may insert no block beside the present one."""
         self._last: tuple[Content, float | None] | None = None
         """The last block, and the code that claims its coordinates; None for one without words."""
 
@@ -118,7 +118,7 @@ class IsoInterpreter:
 
     @property
     def moved(self) -> bool:
-        """Whether a modal macro runs behind the last block; Refusal where that depends on the control."""
+        """Whether a modal macro runs after the last block; Refusal where that depends on the control."""
         if self._last is None:
             return False
         content, claimed = self._last
@@ -167,8 +167,8 @@ class IsoInterpreter:
         if claimed is None:
             if moves:
                 self._move(index, content, frame == self.recorder.frame)
-        elif claimed in PLACING:
-            self._place(index, content, claimed)
+        elif claimed in COORDINATE_CHANGES:
+            self._change_coordinates(index, content, claimed)
         elif claimed not in STANDING:
             self._leave_path(index, content, claimed)
         if moves and not AFTER_MOTION.isdisjoint(content.m) and family != "linuxcnc":
@@ -207,7 +207,7 @@ class IsoInterpreter:
         """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
         claimed = None
         block, ends = content.block, content.ends
-        self._end_placings(content, ends)
+        self._end_coordinate_changes(content, ends)
         before = self.frames.state()
         for code in content.g:
             if code in ends:
@@ -227,7 +227,7 @@ class IsoInterpreter:
             self.frames.changed_since(before)
         return claimed
 
-    def _end_placings(self, content: Content, ends: list[float]) -> None:
+    def _end_coordinate_changes(self, content: Content, ends: list[float]) -> None:
         """G50, G50.1, G69 and G92.1 without axis words."""
         drilling = self.cycle is not None and CYCLE_END not in content.g
         for code in ends:
@@ -236,7 +236,7 @@ class IsoInterpreter:
             elif (self.compensated or drilling or self.polar is not None) and self.frames.shifted:
                 raise content.refuse(f"G{code:g} with radius compensation, in polar coordinates or in a canned cycle")
             elif code == PRESET_END:
-                self.frames.uncall(content.block, range(len(self.machine.axes)))
+                self.frames.cancel_preset(content.block, range(len(self.machine.axes)))
             elif code == SCALE_END:
                 self.frames.end_turn(SCALE)
             else:
@@ -262,7 +262,7 @@ class IsoInterpreter:
             self._count_angles(content, code == POLAR)
         elif code == ROTATION_END:
             self._end_rotation()
-        elif code in PLANES and PLANES[code] != self.modes.plane and (self.frames.placed_by or self.polar):
+        elif code in PLANES and PLANES[code] != self.modes.plane and (self.frames.placement_code or self.polar):
             raise content.refuse("another plane while the coordinates are turned or polar")
         else:
             return self.modes.take(code)
@@ -283,16 +283,18 @@ class IsoInterpreter:
     def _count_angles(self, content: Content, on: bool) -> None:
         if on and not self.modes.absolute:
             raise content.refuse("polar coordinates with G91 are not corrected")
-        self.polar = (self.polar or PolarPlaces()) if on else None
+        self.polar = (self.polar or PolarCoordinates()) if on else None
 
     def _refuse_compensated(self, content: Content) -> None:
         if self.compensated:
-            raise content.refuse("while radius compensation is on: where the tool stands is not known")
+            raise content.refuse(
+                "the position of the tool is not known while radius compensation is on: write G40 before this block"
+            )
 
     # ---- words
 
     def axis_words(self, content: Content) -> AxisWords:
-        """The axis words of a block with their values; an angle of polar coordinates counts as it stands."""
+        """The axis words of a block with their values; an angle of polar coordinates has no unit factor."""
         result = []
         block, linear, incremental = content.block, self.modes.unit, not self.modes.absolute
         angle = self.modes.plane[1] if self.polar is not None else ""
@@ -305,8 +307,8 @@ class IsoInterpreter:
             result.append((AxisWord(axis, i, incremental), self.values.number(block, i, unit)))
         return result
 
-    def _polar_words(self, content: Content, places: PolarPlaces) -> tuple[AxisWords, Polar | None]:
-        """Axis words but those of the plane, and what these say in polar coordinates."""
+    def _polar_words(self, content: Content, places: PolarCoordinates) -> tuple[AxisWords, Polar | None]:
+        """Axis words outside the plane, and the polar coordinates of those in the plane."""
         words = self.axis_words(content)
         if not self.modes.absolute:
             raise content.refuse("polar coordinates with G91 are not corrected")
@@ -318,7 +320,7 @@ class IsoInterpreter:
         return others, polar
 
     def _go_polar(self, target: list[float], polar: Polar) -> None:
-        target[polar.axes[0]], target[polar.axes[1]] = place_of(polar)
+        target[polar.axes[0]], target[polar.axes[1]] = position_of(polar)
         self.recorder.say_polar(polar)
 
     # ---- moves
@@ -350,7 +352,7 @@ class IsoInterpreter:
     def _move(self, index: int, content: Content, settled: bool) -> None:
         if self.motion is None:
             raise content.refuse("coordinates before any G0, G1, G2 or G3")
-        tilted = self.frames.placed_by == TILT
+        tilted = self.frames.placement_code == TILT
         if tilted and not self.frames.upright:
             raise content.refuse("a move in a tilted plane before G53.1 has turned the tool into it")
         if self.cycle is not None:
@@ -372,8 +374,8 @@ class IsoInterpreter:
             if polar is not None or self.polar is not None:
                 raise content.refuse("an arc in polar coordinates is not corrected")
             arc = read_arc(content, 1 if self.motion == 3.0 else -1, target, self.recorder, self.values, self.modes)
-        if self.modes.unsaid:
-            self.modes.note_unsaid(content.block.line, kind)
+        if self.modes.not_programmed:
+            self.modes.note_not_programmed(content.block.line, kind)
         if self.compensated:
             self.alone = True
             plane = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
@@ -390,15 +392,15 @@ class IsoInterpreter:
             raise content.refuse(f"{', '.join(sorted(other & set('IJKR')))} without an arc")
 
     def _turn_tool(self, content: Content, target: list[float], named: list[AxisWord]) -> list[AxisWord]:
-        """Where tool vectors take the rotary axes, which no word names; in a tilted plane they stand."""
+        """The positions of rotary axes by tool vectors, which no word names; in a tilted plane they do not move."""
         if any(self.rotary[word.axis] for word in named):
             raise content.refuse("a rotary axis beside tool vectors or in a tilted plane")
-        said = [content.other.get(letter) for letter in "IJK"]
-        if said == [None, None, None] or self.frames.placed_by == TILT:
+        programmed = [content.other.get(letter) for letter in "IJK"]
+        if programmed == [None, None, None] or self.frames.placement_code == TILT:
             return []
-        if None in said or self.motion not in (0.0, 1.0):
+        if None in programmed or self.motion not in (0.0, 1.0):
             raise content.refuse("a tool vector needs I, J and K, and a straight line")
-        vector = [content.block.words[i].value or 0.0 for i in said if i is not None]
+        vector = [content.block.words[i].value or 0.0 for i in programmed if i is not None]
         self.notes.add("G43.5: rotary axes taken nearest to their present positions", content.block.line)
         places = turned_to(content.block, self.recorder, target, vector)
         for axis, value in places.items():
@@ -456,14 +458,14 @@ class IsoInterpreter:
         )
         i = content.other.get("R")
         retract = None if i is None else (i, self.values.number(block, i, self.modes.unit))
-        if self.modes.unsaid:
-            self.modes.note_unsaid(block.line, Kind.CYCLE)
+        if self.modes.not_programmed:
+            self.modes.note_not_programmed(block.line, Kind.CYCLE)
         if times == [0]:
             self._check_stored(content, cycle, words)
             cycle.store(words, retract)
             return
         switched = cycle.incremental == self.modes.absolute
-        # of holes at one place all but the first change nothing
+        # of several holes at one position only the first changes anything
         for _ in range(times[0] if times and not self.modes.absolute else 1):
             hole = cycle.hole(block, self.recorder, words, retract, self._returns(cycle), switched=switched)
             if polar is not None:
@@ -491,7 +493,7 @@ class IsoInterpreter:
             self._check_switched(content, cycle)
         if cycle.axis != self.machine.index(self.modes.plane[2]):
             raise content.refuse("another plane within a canned cycle")
-        if self.recorder.frame.tcp and self.frames.placed_by != TILT:
+        if self.recorder.frame.tcp and self.frames.placement_code != TILT:
             raise content.refuse("canned cycles under TCP are not corrected")
         if self.frames.scaled_along(cycle.axis):
             raise content.refuse("a canned cycle while its depth is scaled or mirrored: controls differ here")
@@ -513,9 +515,9 @@ class IsoInterpreter:
         if self.polar is not None:
             raise content.refuse("G90 or G91 within a canned cycle in polar coordinates")
 
-    # ---- what coordinates mean
+    # ---- meaning of coordinates
 
-    def _place(self, index: int, content: Content, code: float) -> None:
+    def _change_coordinates(self, index: int, content: Content, code: float) -> None:
         self._refuse_compensated(content)
         if self.polar is not None or self.cycle is not None:
             raise content.refuse(f"G{code:g} in polar coordinates or in a canned cycle")

@@ -1,4 +1,4 @@
-"""Modal G codes that say how the words of later ISO blocks are read."""
+"""Modal G codes: plane, unit, distance and feed mode of later ISO blocks."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _DEFAULTS = {
 
 @dataclass
 class Modes:
-    """The modes in force, and which of them the program has said."""
+    """The modes in force, and which of them the program has set."""
 
     notes: Notes
     doubt: Callable[[], None]
-    """Called where a code says what moves have been read by unsaid: if it was another before, axes stand elsewhere."""
+    """Called where a code sets a mode that earlier moves assumed: with another mode, the axes are elsewhere."""
     arc_absolute: bool
     plane: str = "XYZ"
     absolute: bool = True
@@ -31,19 +31,19 @@ class Modes:
     timed: bool = False
     to_retract: bool | None = None
     """Canned cycles end at R (G99) and not at the level before (G98)."""
-    unsaid: dict[str, str] = field(default_factory=lambda: dict(_DEFAULTS))
+    not_programmed: dict[str, str] = field(default_factory=lambda: dict(_DEFAULTS))
     taken: set[str] = field(default_factory=set)
-    """What the program has left unsaid and moves have been read by."""
+    """Modes that moves have assumed, as the program had not set them."""
 
     def take(self, code: float) -> bool:
         """Take over a code; False when it is none of these."""
-        said = None
+        programmed = None
         if code in PLANES:
-            self.plane, said = PLANES[code], "plane"
+            self.plane, programmed = PLANES[code], "plane"
         elif code in UNITS:
-            self.unit, said = UNITS[code], "unit"
+            self.unit, programmed = UNITS[code], "unit"
         elif code in DISTANCES:
-            self.absolute, said = code == 90.0, "distance"
+            self.absolute, programmed = code == 90.0, "distance"
         elif code in CENTRE_DISTANCES:
             self.arc_absolute = code == 90.1
         elif code in FEED_MODES:
@@ -52,16 +52,16 @@ class Modes:
             self.to_retract = code == RETURN_TO_R
         else:
             return False
-        if said is not None:
-            self.unsaid.pop(said, None)
-            if said in self.taken and code in (21.0, 90.0):
+        if programmed is not None:
+            self.not_programmed.pop(programmed, None)
+            if programmed in self.taken and code in (21.0, 90.0):
                 self.doubt()
-            self.taken.discard(said)
+            self.taken.discard(programmed)
         return True
 
-    def note_unsaid(self, line: int, kind: Kind) -> None:
+    def note_not_programmed(self, line: int, kind: Kind) -> None:
         """Note the assumptions of a move: modes that the program has not given."""
         for what in ("unit", "distance", "plane") if kind is Kind.ARC else ("unit", "distance"):
-            if what in self.unsaid:
-                self.notes.add(self.unsaid.pop(what), line)
+            if what in self.not_programmed:
+                self.notes.add(self.not_programmed.pop(what), line)
                 self.taken.add(what)

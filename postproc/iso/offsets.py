@@ -20,12 +20,12 @@ NUMBERED = dict(enumerate([*(f"G{g}" for g in range(54, 60)), "G59.1", "G59.2", 
 
 @dataclass
 class Offsets:
-    """The work offset in force, and what the program adds to it."""
+    """The work offset in force, and the shifts that the program adds to it."""
 
     state: ControlState
     name: str = "G54"
-    said: bool = False
-    """The program has said which one is in force."""
+    selected: bool = False
+    """The program has selected the one in force."""
     local: Shifts = field(default_factory=dict)
     """G52."""
     preset: Shifts | None = None
@@ -40,7 +40,7 @@ class Offsets:
         return list(self.state.work_offset(self.name))
 
     def added(self) -> Shifts:
-        """What G52 and G92 add, inside the work offset and its turn."""
+        """The shifts of G52 and G92, inside the work offset and its rotation."""
         found = dict(self.local)
         for axis, value in ({} if self.suspended else self.preset or {}).items():
             found[axis] = found.get(axis, 0.0) + value
@@ -59,24 +59,24 @@ class Offsets:
     def select(self, code: float, extended: int | None) -> None:
         """Take a work offset: by its code, or by the P of G54.1."""
         self.name = WORK_OFFSETS[code] if extended is None else f"G54.1P{extended}"
-        self.said = True
+        self.selected = True
 
     def enter(self, name: str, values: Shifts) -> None:
-        """Set a work offset, of axes that the block says."""
+        """Set a work offset along the axes of the block."""
         names = self.state.setup.machine.names
         self.state.enter_offset(name, {names[axis]: value for axis, value in values.items()})
 
-    def call(self, block: Block, here: Shifts, said: Shifts) -> None:
-        """G92: the places `here` are called `said` from now on."""
+    def call(self, block: Block, here: Shifts, values: Shifts) -> None:
+        """G92: the positions `here` have the coordinates `values` from now on."""
         if any(self.local.values()):
             raise block.refuse("G92 while G52 is on: one store on some controls, two on others")
         preset = {} if self.suspended or self.preset is None else self.preset
-        for axis, value in said.items():
+        for axis, value in values.items():
             preset[axis] = preset.get(axis, 0.0) + here[axis] - value
         self.preset, self.suspended = preset, False
 
-    def uncall(self, axes: Iterable[int]) -> None:
-        """G92.1: as if G92 and G52 had not been, for these axes."""
+    def cancel_preset(self, axes: Iterable[int]) -> None:
+        """G92.1: G92 and G52 end for these axes."""
         for axis in axes:
             self.local.pop(axis, None)
             (self.preset or {}).pop(axis, None)
@@ -96,7 +96,7 @@ class Offsets:
 # ---- tools and their lengths
 
 TCP_CODES = frozenset((43.4, 43.5))
-"""The coordinates are those of the tool point in the workpiece frame; the latter says the tool axis as a vector."""
+"""The coordinates are those of the tool point in the workpiece frame; the latter gives the tool axis as a vector."""
 
 
 @dataclass
@@ -111,9 +111,9 @@ class Lengths:
     number: int | None = None
     """Of the length offset, None for none."""
     given: float | None = None
-    """The length that G43.1 has said, mm."""
-    said: bool = False
-    """The program has said which one is in force."""
+    """The length of G43.1, mm."""
+    selected: bool = False
+    """The program has selected the one in force."""
     vectors: bool = False
     """I J K of a move are its tool axis (G43.5)."""
 
@@ -122,8 +122,8 @@ class Lengths:
 
     @property
     def key(self) -> tuple[int, float | None] | None:
-        """Two lengths that may differ have different keys; None where the program has said nothing of it yet."""
-        return (self.number or 0, self.given) if self.said else None
+        """Two lengths that may differ have different keys; None where the program has not set it yet."""
+        return (self.number or 0, self.given) if self.selected else None
 
     def offset(self) -> float | None:
         """The length, mm, that coordinates are shifted by; None for none."""
@@ -152,13 +152,13 @@ class Lengths:
         store[str(number)] = length
 
     def give(self, length: float) -> None:
-        """G43.1: a length said in the program, mm."""
-        self.number, self.given, self.said = None, length, True
+        """G43.1: a length given in the program, mm."""
+        self.number, self.given, self.selected = None, length, True
         self.tcp, self.vectors = self.control.tcp_at_start, False
 
     def select(self, block: Block, code: float, number: int | None) -> None:
         """G43, G43.4, G43.5 with the H of the block, or none; G49."""
-        self.said, self.given, self.vectors = True, None, code == 43.5
+        self.selected, self.given, self.vectors = True, None, code == 43.5
         if code == 49.0:
             self.number, self.tcp = None, self.control.tcp_at_start
             return

@@ -33,21 +33,21 @@ FLOW = re.compile(
     CALLS.pattern + r"|GOTO|WHILE|(DO|END)[ \t]*\d|O[ \t]*(\d+|<[^<>]*>)[ \t]*[A-Z]",
     re.IGNORECASE,
 )
-"""What a program may hold in which not always the next block runs."""
+"""Statements after which the next block does not always run."""
 
 
 # ---- expressions
 
 
 def expression(node: Node) -> Expression:
-    """The expression that a part of a block says."""
+    """The expression of a part of a block."""
     if isinstance(node, Token):
         return Constant(float(node))
     return _EXPRESSIONS[node.data](node.children)
 
 
 def _variable(inner: Node) -> Variable:
-    """`#5`, `#[...]`, `##5` or `#<name>`, by what stands behind the first `#`."""
+    """`#5`, `#[...]`, `##5` or `#<name>`, by the text after the first `#`."""
     if isinstance(inner, Token) and inner.type == "NAME":
         return Variable("#" + re.sub(r"[ \t]", "", inner).lower())
     return Variable("#", (expression(inner),))
@@ -63,7 +63,7 @@ def _chain(children: list[Node], name: Callable[[Token], str]) -> Expression:
 
 
 def _product(children: list[Node]) -> Expression:
-    """Powers first, then from left to right; the arc tangent takes the bracket behind its slash."""
+    """Powers first, then from left to right; the arc tangent takes the bracket after its slash."""
     parts = list(children)
     powers = [i for i, part in enumerate(parts) if part == "**"]
     if any(b - a == 2 for a, b in pairwise(powers)) or any(_is_signed(parts[i - 1]) for i in powers):
@@ -130,7 +130,7 @@ def _is_operand(node: Node) -> bool:
 
 
 def computed_word(node: Tree[Token]) -> Word:
-    """A word with an expression in the place of its number."""
+    """A word with an expression as its number."""
     address, operand = node.children
     assert isinstance(address, Token)
     start, end = _span(operand)
@@ -184,7 +184,7 @@ def _assign(parts: list[Any]) -> Assign:
 
 
 def returned(node: Tree[Token]) -> list[Assign]:
-    """What a subprogram of LinuxCNC hands to its caller where it ends."""
+    """The return value of a subprogram of LinuxCNC."""
     if node.data != "subroutine" or not re.search(r"(ENDSUB|RETURN)$", str(node.children[0]), re.IGNORECASE):
         return []
     values = [expression(part) for part in node.children[1:]]

@@ -21,7 +21,7 @@ LOCALS = range(1, 34)
 """Numbers of the variables that a macro has of its own."""
 LINUXCNC_LOCALS = 30
 SYSTEM = 1000
-"""Numbers from here on belong to the control, for FANUC; for LinuxCNC those behind 5000."""
+"""Numbers from here on belong to the control, for FANUC; for LinuxCNC those after 5000."""
 LINUXCNC_SYSTEM = 5001
 DEBUG = 5599
 """LinuxCNC: whether it shows the texts of (DEBUG, ...)."""
@@ -126,7 +126,7 @@ def _differing(name: str) -> float:
 
 @dataclass
 class IsoVariables:
-    """What `#1`, `#<name>` hold; nothing is known of a variable that the program has not set."""
+    """The values of `#1`, `#<name>`; those that the program has not set are not known."""
 
     operations: Operations = field(default_factory=lambda: OPERATIONS)
     empty: bool = False
@@ -142,7 +142,7 @@ class IsoVariables:
         if self.empty and self._is_empty(name, indices):
             return EMPTY
         asked = name.removeprefix(f"{EXISTS} ")
-        key, store = self._place(asked, indices)
+        key, store = self._stored_at(asked, indices)
         value = store.get(key)
         if asked != name:
             return self._exists(key, value)
@@ -163,7 +163,7 @@ class IsoVariables:
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value | NotKnown) -> None:
         """Set it; NotKnown for a system variable."""
-        key, store = self._place(name, indices)
+        key, store = self._stored_at(name, indices)
         if key.startswith("#") and key[1:].isdigit() and int(key[1:]) >= self.system and int(key[1:]) != DEBUG:
             raise NotKnown(f"{key}: sets a system variable of the control")
         store[key] = value
@@ -177,7 +177,7 @@ class IsoVariables:
         """End it."""
         return {int(name[1:]): value for name, value in self.own.pop().items() if name[1:].isdigit()}
 
-    def _place(self, name: str, indices: tuple[Value, ...]) -> tuple[str, dict[str, Value | NotKnown]]:
+    def _stored_at(self, name: str, indices: tuple[Value, ...]) -> tuple[str, dict[str, Value | NotKnown]]:
         if not indices:
             return name, self.shared if name.startswith("#<_") else self.own[-1]
         (index,) = indices

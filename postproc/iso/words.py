@@ -8,7 +8,18 @@ from kinematics.machine import Control
 from postproc.control.codes import AXES, DWELL, INCH, LARGEST, MOTION, SKIPPABLE_M
 from postproc.control.functions import refuse_two_of_a_group
 from postproc.iso.blocks import WORDS
-from postproc.iso.codes import CYCLES, DATA, ENDS, GROUPS, LENGTH_CODES, MEANINGFUL, NAMING, PLACING, REFUSED_G, TOOL_IS
+from postproc.iso.codes import (
+    COORDINATE_CHANGES,
+    CYCLES,
+    DATA,
+    ENDS,
+    GROUPS,
+    LENGTH_CODES,
+    MEANINGFUL,
+    NAMING,
+    REFUSED_G,
+    TOOL_IS,
+)
 from postproc.motion.arcs import CENTRES
 from postproc.motion.moves import Kind
 from postproc.text.block import Block, Refusal
@@ -39,7 +50,7 @@ class Content:
 
     @property
     def moves(self) -> bool:
-        """True where a word may say a place."""
+        """True where the block may have a position."""
         return bool(self.axes) or not self.other.keys().isdisjoint("IJKR")
 
     def refuse(self, reason: str) -> Refusal:
@@ -68,7 +79,7 @@ def sort_words(block: Block) -> Content:
 
 
 def check_content(content: Content, begun: bool, family: str) -> None:
-    """Refuse what no reading is sure of; `begun`: the program has words before this block."""
+    """Refuse words that controls read differently; `begun`: the program has words before this block."""
     block, g, other = content.block, content.g, content.other
     if block.skippable and not _may_be_skipped(content):
         raise block.refuse_skip()
@@ -94,7 +105,7 @@ def _may_be_skipped(content: Content) -> bool:
 
 
 def _check_line_end(block: Block) -> None:
-    """Refuse words behind a semicolon that stands behind words: where it ends a block, they are the next one."""
+    """Refuse words after a semicolon after words: where a semicolon ends a block, they are the next block."""
     _, mark, rest = block.text[block.words[-1].end :].partition(";")
     if mark and WORDS.fullmatch(rest.rstrip("\r\n")) and not MEANINGFUL.isdisjoint(rest.upper()):
         raise block.refuse(
@@ -115,7 +126,7 @@ OUTPUTS: dict[float, str] = {
 """M functions of LinuxCNC for the tool, outputs and inputs, with their words."""
 TAKEN_BY_M = {ORIENTED_STOP: "PQR", **OUTPUTS}
 TAKEN_BY_G = {DWELL: "P", 5.0: "P", 5.1: "Q", DATA: "LPQR", 30.0: "P", 51.0: "P", 64.0: "PQ", 54.1: "P", 154.0: "P"}
-CLAIMING = PLACING | {28.0, 30.0}
+CLAIMING = COORDINATE_CHANGES | {28.0, 30.0}
 """Codes that take the axis words of their block, so that a modal motion does not act in it."""
 ARC_WORDS, CYCLE_WORDS = CENTRES + "PR", CENTRES + "KLPQR"
 DWELL_TIMES = "XUFSK"
@@ -175,7 +186,7 @@ def dwells_alone(content: Content, family: str) -> bool:
 
 @dataclass
 class Values:
-    """Reads the numbers of words; notes what it takes for granted."""
+    """Reads the numbers of words; notes its assumptions."""
 
     control: Control
     notes: Notes

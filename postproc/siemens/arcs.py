@@ -18,7 +18,7 @@ from postproc.motion.arcs import (
 from postproc.motion.circles import Point, circle_through, point_at, tangent_circle
 from postproc.motion.moves import Arc, AxisWord, Known
 from postproc.motion.recorder import Recorder
-from postproc.siemens.codes import MIDDLES, WORKED_OUT
+from postproc.siemens.codes import CALCULATED_ARCS, MIDDLES
 from postproc.siemens.words import Content, given_as, plain_of, value_in, value_of, with_word
 from postproc.text.block import Block
 
@@ -66,12 +66,12 @@ def arc_of(block: Block, content: Content, recorder: Recorder, turn: Turn, targe
 
 def _by_centre(block: Block, content: Content, turn: Turn, ends: Ends) -> Arc:
     indices = centre_words(block, content.other, turn.plane, lambda i: value_of(block, block.words[i]), "CR")
-    said, absolute = _centre(block, content, turn)
-    return arc_by_centre(block, ends, said, indices, absolute=absolute)
+    programmed, absolute = _centre(block, content, turn)
+    return arc_by_centre(block, ends, programmed, indices, absolute=absolute)
 
 
 def _centre(block: Block, content: Content, turn: Turn) -> tuple[Point, bool]:
-    """What the words of a centre say, mm, and whether that is where it is and not how far from the start."""
+    """The values of the words of a centre, mm, and whether they are absolute and not from the start."""
     indices = [content.other.get(letter) for letter in turn.letters]
     words = [None if i is None else block.words[i] for i in indices]
     modes = {"" if word.mode == "IC" else word.mode for word in words if word is not None}
@@ -89,8 +89,8 @@ def _centre(block: Block, content: Content, turn: Turn) -> tuple[Point, bool]:
 # ---- AR: the angle of an arc, with its end or with its centre
 
 
-class Said(NamedTuple):
-    """A block with words for what it says in other words, and where it goes."""
+class Programmed(NamedTuple):
+    """A block whose words are replaced by coordinates or a radius, and its end point."""
 
     block: Block
     words: list[tuple[AxisWord, float]]
@@ -106,8 +106,10 @@ class Said(NamedTuple):
         return target
 
 
-def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, said: Said, absolute: bool) -> Said:
-    """An arc by its angle AR, with the radius or the end that a correction has to write in its place.
+def with_angle(
+    block: Block, content: Content, recorder: Recorder, turn: Turn, programmed: Programmed, absolute: bool
+) -> Programmed:
+    """An arc by its angle AR, with the radius or the end that a correction writes instead.
 
     Beside an end in the plane AR gives the radius, beside a centre the end; without `absolute`, G91, by an increment.
     """
@@ -116,8 +118,8 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
     if not 0.0 < angle < 360.0:
         raise block.refuse(f"an arc of {angle:g} degrees")
     first, second, _ = turn.columns(recorder)
-    _, _, start, end = turn.ends(block, recorder, said.target(recorder))
-    if not any(word.axis in (first, second) for word, _ in said.words):
+    _, _, start, end = turn.ends(block, recorder, programmed.target(recorder))
+    if not any(word.axis in (first, second) for word, _ in programmed.words):
         if recorder.known[first] != Known.PROGRAM or recorder.known[second] != Known.PROGRAM:
             raise block.refuse("an arc from a position that the program has not given in this frame")
         shift, placed = _centre(block, content, turn)
@@ -126,8 +128,8 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
         end = point_at(start, centre, turn.sense * math.radians(angle))
         value = end[0] - (0.0 if absolute else start[0])
         coordinate = given_as(block.words[index], turn.plane[0], value / turn.unit)
-        words = [*said.words, (AxisWord(first, index, not absolute), value)]
-        return Said(with_word(block, index, coordinate), words, {second: end[1]})
+        words = [*programmed.words, (AxisWord(first, index, not absolute), value)]
+        return Programmed(with_word(block, index, coordinate), words, {second: end[1]})
     if content.other.keys() & set(CENTRES):
         raise block.refuse("the arc has AR, an end point and a centre: write AR with one of the others")
     radius = math.dist(start, end) / 2.0 / math.sin(math.radians(angle) / 2.0)
@@ -135,7 +137,7 @@ def with_angle(block: Block, content: Content, recorder: Recorder, turn: Turn, s
         raise block.refuse("AR of an arc that ends where it starts")
     content.other["CR"] = index
     by_radius = given_as(block.words[index], "CR", math.copysign(radius, 180.0 - angle) / turn.unit)
-    return said._replace(block=with_word(block, index, by_radius))
+    return programmed._replace(block=with_word(block, index, by_radius))
 
 
 # ---- CIP and CT: circles that the control calculates; a corrected block has G2 or G3, and the centre
@@ -149,13 +151,13 @@ def _middle(block: Block, content: Content, turn: Turn, start: Point, *, absolut
     x, y = (block.words[content.other[name]] for name in names[:2])
     if {x.mode, y.mode} - {"", "AC", "IC"}:
         raise block.refuse("the intermediate point of CIP must be absolute (AC) or incremental (IC)")
-    said = [value_of(block, word) * turn.unit for word in (x, y)]
+    programmed = [value_of(block, word) * turn.unit for word in (x, y)]
     counts = [word.mode == "IC" or (not word.mode and not absolute) for word in (x, y)]
-    first, second = (value + base * more for value, base, more in zip(said, start, counts, strict=True))
+    first, second = (value + base * more for value, base, more in zip(programmed, start, counts, strict=True))
     return first, second
 
 
-def worked_out(
+def calculated_arc(
     block: Block, content: Content, recorder: Recorder, turn: Turn, target: list[float], *, absolute: bool
 ) -> Arc:
     """The arc of CIP or CT to `target`, with G90 (`absolute`) or G91; Refusal for one that leaves its plane."""
@@ -167,7 +169,7 @@ def worked_out(
         )
     if content.other.keys() & (ARC_WORDS - {*MIDDLES}):
         raise block.refuse("CIP or CT with a centre, a radius or turns")
-    name = next(name for name in WORKED_OUT if name in content.names)
+    name = next(name for name in CALCULATED_ARCS if name in content.names)
     if name == "CIP":
         found = circle_through(start, _middle(block, content, turn, start, absolute=absolute), end)
     else:

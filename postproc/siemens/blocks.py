@@ -1,4 +1,4 @@
-"""Blocks of Siemens 840D programs: the grammar `siemens.lark`, and a quick way for plain blocks.
+"""Blocks of Siemens 840D programs: the grammar `siemens.lark`, and a quick reader of plain blocks.
 
 Nearly all blocks of a CAM program are words and perhaps a comment; a regular expression reads those, equal to what the
 grammar gives. Every other block goes to Lark.
@@ -58,7 +58,7 @@ def parse_block(line: int, text: str) -> Block:
 
 @dataclass
 class _Parts:
-    """What a block holds."""
+    """The parts of a block."""
 
     words: list[Word] = field(default_factory=list)
     steps: list[Step] = field(default_factory=list)
@@ -89,7 +89,7 @@ class _Parts:
 
 
 def _checked(block: Block) -> Block:
-    """Refuse what turns the run of the program beside something else."""
+    """Refuse a jump, loop or branch beside other words."""
     steps = [] if block.code is None else [step for step in block.code.before if not isinstance(step, Label)]
     if block.skippable and steps:
         raise block.refuse_skip()
@@ -120,7 +120,7 @@ def _word(token: Token) -> Word:
 
 
 def _name(address: str, at: int, end: int) -> Word:
-    """A word that stands alone."""
+    """A word without a value."""
     return Word(address, None, at, end, end)
 
 
@@ -131,7 +131,7 @@ def _call(item: Any) -> Word:
 
 
 def _called(item: Any) -> Word:
-    """CALL "PART": what is called, by its name in quotes."""
+    """CALL "PART": the name in quotes."""
     name = item.children[1].strip('"').upper()
     return _name("CALL", item.meta.start_pos, item.meta.end_pos)._replace(mode=name)
 

@@ -1,4 +1,4 @@
-"""What stands in Siemens 840D blocks, by what it does to the path: followed, harmless or refused."""
+"""The words of Siemens 840D blocks by their effect on the path: followed, harmless or refused."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def _all(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-WORKED_OUT = frozenset(("CIP", "CT"))
+CALCULATED_ARCS = frozenset(("CIP", "CT"))
 """Arcs that a correction writes as G2 or G3."""
 MIDDLES = ("I1", "J1", "K1")
 """The point between of CIP, along X, Y and Z."""
@@ -65,19 +65,19 @@ HARMLESS_CALLS = _all(
     "MSG SETAL CYCLE832 CYCLE62 GROUP_BEGIN GROUP_END WORKPIECE FGROUP STOPRE SPCON SPCOF WAITM FFWON DELAYFSTON "
     "SOFTA BRISKA DRIVEA SPOS WAITS WAITP"
 )
-MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800") | WORKED_OUT
+MEANT_NAMES = _all("SUPA RET TRAFOOF TRAORI ORIWKS ORIMKS MCALL CYCLE800") | CALCULATED_ARCS
 """Words that the interpreter follows, alone or with parentheses."""
 FRAME_NAMES = _all("TRANS ATRANS ROT AROT ROTS AROTS CROTS SCALE ASCALE MIRROR AMIRROR")
 SPATIAL_NAMES = _all("ROTS AROTS CROTS")
 
-CYCLES_AT_PLACE = _all("CYCLE81 CYCLE82 CYCLE83 CYCLE84 CYCLE840 CYCLE85 CYCLE86 CYCLE87 CYCLE88 CYCLE89")
-"""One hole where the tool stands; they leave it above the hole, on the retraction plane of their first argument."""
+CYCLES_AT_POSITION = _all("CYCLE81 CYCLE82 CYCLE83 CYCLE84 CYCLE840 CYCLE85 CYCLE86 CYCLE87 CYCLE88 CYCLE89")
+"""One hole at the present position; they leave the tool on the retraction plane of their first argument."""
 CYCLES_ELSEWHERE = _all(
     "HOLES1 HOLES2 CYCLE801 CYCLE802 POCKET1 POCKET2 POCKET3 POCKET4 SLOT1 SLOT2 LONGHOLE CYCLE61 CYCLE63 CYCLE64 "
     "CYCLE70 CYCLE71 CYCLE72 CYCLE76 CYCLE77 CYCLE78 CYCLE79 CYCLE90 CYCLE899"
 )
-"""Their places are arguments."""
-CYCLES = CYCLES_AT_PLACE | CYCLES_ELSEWHERE
+"""Cycles whose positions are arguments."""
+CYCLES = CYCLES_AT_POSITION | CYCLES_ELSEWHERE
 
 REFUSED_NAMES = {
     **dict.fromkeys(("ASPLINE", "BSPLINE", "CSPLINE", "POLY"), "splines are not corrected"),

@@ -21,7 +21,7 @@ SETTABLE = {0: "G500", 1: "G54", 2: "G55", 3: "G56", 4: "G57", **{n: f"G{500 + n
 
 @dataclass
 class ControlData:
-    """What has been set so far."""
+    """The values that have been set so far."""
 
     whole: dict[str, dict[str, float]] = field(default_factory=dict)
     """Work offsets by name and axis, mm or degrees, that were set as a whole."""
@@ -37,7 +37,7 @@ class ControlData:
     """Of tools."""
 
     def set(self, name: str, indices: tuple[Value, ...], value: Value) -> None:
-        """Take over a value, if it says where the tool is; NotKnown for what is not followed."""
+        """Take over a value that affects the position of the tool; NotKnown for one that is not followed."""
         if name == FRAMES:
             self._set_frame(indices, value)
         elif name in LENGTHS and isinstance(value, float):
@@ -69,7 +69,7 @@ class ControlData:
             if part not in NEUTRAL:
                 (self.fine if part == "FI" else self.single).setdefault(frame, {})[axis] = value
         else:
-            raise NotKnown(f"{frame} is set in a way that is not followed")
+            raise NotKnown(f"{frame} is set in a form that is not followed")
 
     def coarse(self, name: str) -> dict[str, float]:
         """The axes of a work offset that were set, mm or degrees, without fine shifts."""
@@ -109,7 +109,7 @@ class ControlData:
 
 
 def edge_key(tool: int | str, edge: int) -> str:
-    """What a set-up knows the length of an edge by: `5` for D1 of T5, `5 D2` for D2."""
+    """Name of the length of a cutting edge in a set-up: `5` for D1 of T5, `5 D2` for D2."""
     return str(tool) if edge == 1 else f"{tool} D{edge}"
 
 

@@ -16,11 +16,11 @@ from postproc.text.expressions import NotKnown, Scope, number
 ARGUMENTS = ("FR", "TC", "ST", "MODE", "X0", "Y0", "Z0", "A", "B", "C", "X1", "Y1", "Z1", "DIR", "FR_I")
 """Of CYCLE800, in their order; more follow for the display."""
 STATES = {0: "new", 10: "new", 200000: "new", 200010: "new", 1: "added", 11: "added", 200001: "added", 200011: "added"}
-"""ST: whether the plane stands for itself or in the last one; the tool tip may be kept in place on the way."""
+"""ST: a new plane, or one within the last plane; the tool tip may be held during the turn."""
 
 
-class Swivel(NamedTuple):
-    """What a call says."""
+class TiltedPlane(NamedTuple):
+    """The plane of a call."""
 
     plane: Placement
     added: bool
@@ -28,7 +28,7 @@ class Swivel(NamedTuple):
     """Of two positions of the rotary axes, that with the lower angle of the axis that tilts."""
 
 
-def read_swivel(block: Block, word: Word, scope: Scope, unit: float) -> Swivel | None:
+def read_tilted_plane(block: Block, word: Word, scope: Scope, unit: float) -> TiltedPlane | None:
     """The plane of a call of CYCLE800, None for the call that ends it; Refusal for forms that are not followed."""
     given = word.arguments or ()
     if all(argument == EMPTY for argument in given):
@@ -49,19 +49,19 @@ def read_swivel(block: Block, word: Word, scope: Scope, unit: float) -> Swivel |
     turn = _turned(block, int(values.get("MODE", 0.0)), [values.get(name, 0.0) for name in "ABC"])
     before = shifted(*(values.get(name, 0.0) * unit for name in ("X0", "Y0", "Z0")))
     behind = shifted(*(values.get(name, 0.0) * unit for name in ("X1", "Y1", "Z1")))
-    return Swivel(before.then(turn).then(behind), state == "added", direction < 0.0)
+    return TiltedPlane(before.then(turn).then(behind), state == "added", direction < 0.0)
 
 
 def _turned(block: Block, mode: int, angles: list[float]) -> Placement:
-    """Axis by axis, each about what the turns before it made of it; two bits of `mode` say which axis."""
+    """Axis by axis, each as rotated before; two bits of `mode` for each axis."""
     axes = [" XYZ"[mode >> shift & 3] for shift in (0, 2, 4)]
     if mode >> 6 or " " in axes:
         raise block.refuse(f"CYCLE800 with MODE = {mode}: only planes turned axis by axis are followed")
     return rotated_in_turn("".join(axes), angles)
 
 
-def rotary_positions(block: Block, machine: Machine, swivel: Swivel) -> dict[int, float]:
-    """Positions, degrees by column, with the tool perpendicular to the plane; nearest to 0 of what is the same.
+def rotary_positions(block: Block, machine: Machine, tilt: TiltedPlane) -> dict[int, float]:
+    """Positions, degrees by column, with the tool perpendicular to the plane; nearest to 0 of equivalent ones.
 
     The direction that the call prefers is that of the axis that tilts: the one whose angle differs between the two
     solutions, and whose travel ends.
@@ -69,12 +69,12 @@ def rotary_positions(block: Block, machine: Machine, swivel: Swivel) -> dict[int
     rotary = np.flatnonzero(machine.rotary).tolist()
     if not rotary:
         raise block.refuse(f"a tilted plane needs a rotary axis, and machine {machine.name} has none")
-    found, _ = perpendicular(machine, normal_of(swivel.plane), dict.fromkeys(rotary, 0.0))
+    found, _ = perpendicular(machine, normal_of(tilt.plane), dict.fromkeys(rotary, 0.0))
     if not found:
         raise block.refuse(
             "no position of the rotary axes within their travel makes the tool perpendicular to this "
             "plane: check the angles and the travel in the machine file"
         )
     tilting = min(rotary, key=lambda i: np.ptp(machine.axes[i].travel))
-    sign = 1.0 if swivel.lower else -1.0
+    sign = 1.0 if tilt.lower else -1.0
     return min(found, key=lambda at: (sign * at[tilting], sum(abs(angle) for angle in at.values()), -sum(at.values())))

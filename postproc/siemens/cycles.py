@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from postproc.control.functions import forget_named
 from postproc.motion.recorder import Recorder
-from postproc.siemens.codes import CYCLES, CYCLES_AT_PLACE
+from postproc.siemens.codes import CYCLES, CYCLES_AT_POSITION
 from postproc.siemens.words import Content
 from postproc.text.block import Block, Word
 from postproc.text.expressions import NotKnown, Scope, number
@@ -19,12 +19,12 @@ class Cycle:
 
     name: str
     retraction: float | None
-    """Where it leaves the tool along its axis, in units of the program; None where its arguments do not say."""
+    """Position of the tool along its axis after the cycle, in units of the program; None where it is not given."""
 
 
 @dataclass
 class Cycles:
-    """The modal cycle, and what cycles do to the position."""
+    """The modal cycle, and the position after cycles."""
 
     scope: Scope
     notes: Notes
@@ -33,7 +33,7 @@ class Cycles:
     def read(self, index: int, block: Block, content: Content, recorder: Recorder, unit: float, normal: str) -> bool:
         """Take over a cycle that a block calls; False where it calls none.
 
-        With MCALL before it, it runs behind every move from then on; MCALL alone ends that.
+        With MCALL before it, it runs after every move from then on; MCALL alone ends that.
         """
         called = [block.words[i] for name, i in content.names.items() if name in CYCLES]
         modal = "MCALL" in content.names
@@ -64,7 +64,7 @@ class Cycles:
         if recorder.frame.tcp and not recorder.frame.couples:
             raise block.refuse(f"{cycle.name} while TRAORI is on")
         machine = recorder.machine
-        if cycle.name not in CYCLES_AT_PLACE:
+        if cycle.name not in CYCLES_AT_POSITION:
             forget_named(recorder, "XYZ")
             text = f"{cycle.name}: its positions are arguments, which stay as programmed: not corrected"
             self.notes.add(text, block.line)

@@ -1,4 +1,4 @@
-"""Programmable frames of Siemens programs: TRANS, ROT, SCALE, MIRROR, those with an A before them, and what swivels."""
+"""Programmable frames of Siemens programs: TRANS, ROT, SCALE, MIRROR, ATRANS and its kin, and tilted planes."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from postproc.text.notes import Notes
 
 
 @dataclass
-class Places:
-    """The shifts and turns of X Y Z that are in force, and the shifts of axes that turn."""
+class DatumTransformations:
+    """The shifts and rotations of X Y Z in force, and the shifts of rotary axes."""
 
     machine: Machine
     notes: Notes
     programmed: Placement = field(default_factory=Placement)
-    swivelled: Placement | None = None
-    """A tilted plane, in which the programmed frame stands."""
-    turning: dict[str, float] = field(default_factory=dict)
-    """Of axes that turn, degrees."""
+    tilted: Placement | None = None
+    """A tilted plane, which contains the programmed frame."""
+    rotary_shifts: dict[str, float] = field(default_factory=dict)
+    """Shifts of rotary axes, degrees."""
 
     @property
     def placement(self) -> Placement:
-        """What both make of X Y Z."""
-        return self.programmed if self.swivelled is None else self.swivelled.then(self.programmed)
+        """The placement of X Y Z by both."""
+        return self.programmed if self.tilted is None else self.tilted.then(self.programmed)
 
-    def swivel(self, plane: Placement | None) -> None:
+    def tilt(self, plane: Placement | None) -> None:
         """Program in a tilted plane, without any frame in it; None for the end of it."""
-        self.swivelled, self.programmed, self.turning = plane, Placement(), {}
+        self.tilted, self.programmed, self.rotary_shifts = plane, Placement(), {}
 
     def change(self, block: Block, content: Content, unit: float, plane: str) -> set[str]:
         """Apply the frame statement of a block, absolute or additive (with an A); returns the axes that it shifts."""
@@ -49,10 +49,10 @@ class Places:
             raise block.refuse(f"{name} of a rotary axis: only TRANS and ATRANS shift rotary axes")
         inner = self._inner(block, content, kind, {a: v for a, v in words.items() if a in "XYZ"}, unit, plane)
         if kind == name:
-            self.programmed, self.turning = Placement(), {}
+            self.programmed, self.rotary_shifts = Placement(), {}
         self.programmed = self.programmed.then(inner)
         for axis, value in turned.items():
-            self.turning[axis] = self.turning.get(axis, 0.0) + value
+            self.rotary_shifts[axis] = self.rotary_shifts.get(axis, 0.0) + value
         return set(words) if kind == "TRANS" else set()
 
     def _inner(

@@ -1,4 +1,4 @@
-"""Meaning of Siemens 840D blocks: modal state in, moves out; what could move the tool unseen is refused."""
+"""Meaning of Siemens 840D blocks: modal state in, moves out; an unknown word that could move the tool is refused."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from postproc.motion.frames import Frame, Placement, cartesian, renamed
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, AxisWord, Kind, Known
 from postproc.motion.recorder import Recorder
-from postproc.siemens.arcs import ARC_WORDS, Said, Turn, arc_of, with_angle, worked_out
+from postproc.siemens.arcs import ARC_WORDS, Programmed, Turn, arc_of, calculated_arc, with_angle
 from postproc.siemens.calls import ends
 from postproc.siemens.codes import (
+    CALCULATED_ARCS,
     COMPENSATION,
     COMPENSATION_END,
     CORNERS,
@@ -41,12 +42,11 @@ from postproc.siemens.codes import (
     UNITS,
     VECTOR_WORDS,
     WORK_OFFSETS,
-    WORKED_OUT,
 )
 from postproc.siemens.control_data import edge_key
-from postproc.siemens.cycle800 import read_swivel, rotary_positions
+from postproc.siemens.cycle800 import read_tilted_plane, rotary_positions
 from postproc.siemens.cycles import Cycles
-from postproc.siemens.frames import Places
+from postproc.siemens.frames import DatumTransformations
 from postproc.siemens.polar import POLAR, Polar
 from postproc.siemens.tool_vectors import turn_to_vector
 from postproc.siemens.variables import EMPTY, SiemensVariables
@@ -85,9 +85,9 @@ class SiemensInterpreter:
         self.plane = "XYZ"
         self.absolute = True
         self.unit = 1.0
-        self.work_offset, self.offset_said = "G500", False
+        self.work_offset, self.offset_programmed = "G500", False
         """Active work offset, and whether the program has named it: a named G500 that is not given is machine zero."""
-        self.places = Places(self.machine, self.notes)
+        self.transformations = DatumTransformations(self.machine, self.notes)
         self.polar = Polar()
         self.cycles = Cycles(self.scope, self.notes)
         self.selected_tool: int | str = 0
@@ -98,7 +98,7 @@ class SiemensInterpreter:
         self.machine_vectors = False
         """ORIMKS: vectors are those of the machine."""
         self.compensated = self.rounded = self.cornered = False
-        """The control shifts the path by the radius of the tool, rounds every corner, rounds the one behind a block."""
+        """The control shifts the path by the tool radius, rounds every corner, rounds the corner after the block."""
         self.recorder = Recorder(self.machine, self._frame())
         self._columns = {name: i for i, name in enumerate(self.machine.names)}
 
@@ -147,7 +147,7 @@ class SiemensInterpreter:
         elif claimed in MACHINE or "SUPA" in content.names:
             self._machine_move(index, block, content)
         elif "CYCLE800" in content.names:
-            self._swivel(index, block, content)
+            self._tilt(index, block, content)
         elif self.cycles.read(index, block, content, self.recorder, self.unit, self.plane[2]):
             self.polar.forget()
         elif content.moves and claimed not in STANDING:
@@ -230,12 +230,12 @@ class SiemensInterpreter:
                 raise block.refuse(f"G{code:g} {REFUSED_G.get(code, 'is not known')}")
         if DWELL in content.g and content.axes:
             raise block.refuse("G4 with a coordinate: a dwell takes F or S")
-        if self.places.swivelled is not None and not FRAME_ENDS.isdisjoint(content.names):
+        if self.transformations.tilted is not None and not FRAME_ENDS.isdisjoint(content.names):
             raise block.refuse(f"{', '.join(FRAME_ENDS & content.names.keys())} in a plane of CYCLE800")
         if "CYCLE832" in content.names:
             self._check_tolerance_cycle(block, block.words[content.names["CYCLE832"]])
-        if not WORKED_OUT.isdisjoint(content.names):
-            self._work_out(block, content)
+        if not CALCULATED_ARCS.isdisjoint(content.names):
+            self._calculate_arc(block, content)
         if "TRAORI" in content.names or "TRAFOOF" in content.names:
             self._switch_tcp(block, content)
         if "ORIWKS" in content.names or "ORIMKS" in content.names:
@@ -244,9 +244,9 @@ class SiemensInterpreter:
             raise block.refuse("RET with arguments returns to another block: not followed")
         return claimed
 
-    def _work_out(self, block: Block, content: Content) -> None:
+    def _calculate_arc(self, block: Block, content: Content) -> None:
         """CIP and CT instead of G2 and G3."""
-        if len(WORKED_OUT & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
+        if len(CALCULATED_ARCS & content.names.keys()) > 1 or not MOTION.keys().isdisjoint(content.g):
             raise block.refuse("CIP and CT exclude G0 to G3 and each other in one block: write one of them")
         if not POLAR.isdisjoint(content.other) or self.tcp:
             raise block.refuse("CIP or CT with polar coordinates, or while TRAORI is on")
@@ -285,13 +285,13 @@ class SiemensInterpreter:
         return True
 
     def _set_work_offset(self, block: Block, name: str) -> None:
-        if self.places.swivelled is not None and name != self.work_offset:
+        if self.transformations.tilted is not None and name != self.work_offset:
             raise block.refuse("another work offset in a plane of CYCLE800")
         data = self.scope.data
         if name in data.offsets:
             self.control_state.offsets[name] = data.coarse(name)
             self.control_state.fine[name] = dict(data.fine.get(name, {}))
-        self.work_offset, self.offset_said = name, True
+        self.work_offset, self.offset_programmed = name, True
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
 
     def _compensate(self, block: Block) -> None:
@@ -312,7 +312,7 @@ class SiemensInterpreter:
         given = [argument for argument in arguments or () if argument != EMPTY]
         if given and (not on or given != [Constant(1.0)]):
             raise block.refuse("TRAORI of another transformation than the first, or with a direction, is not known")
-        if on and self.places.swivelled is not None:
+        if on and self.transformations.tilted is not None:
             raise block.refuse("TRAORI in a plane of CYCLE800")
         if on:
             note_tcp("TRAORI", block, self.notes)
@@ -322,46 +322,46 @@ class SiemensInterpreter:
 
     def _change_frame(self, block: Block, content: Content) -> None:
         """A statement of the programmable frame."""
-        before, placed, x_y_z = self.recorder.frame, self.places.programmed, cartesian(self.machine)
-        shifted = self.places.change(block, content, self.unit, self.plane)
+        before, placed, x_y_z = self.recorder.frame, self.transformations.programmed, cartesian(self.machine)
+        shifted = self.transformations.change(block, content, self.unit, self.plane)
         after = self._frame()
         changed = {self.machine.index(axis) for axis in shifted}
-        changed.update(x_y_z[i] for i in renamed(placed, self.places.programmed))
-        turning = np.flatnonzero(self.machine.rotary).tolist()
-        changed.update(i for i in turning if before.offset[i] != after.offset[i])
+        changed.update(x_y_z[i] for i in renamed(placed, self.transformations.programmed))
+        rotary = np.flatnonzero(self.machine.rotary).tolist()
+        changed.update(i for i in rotary if before.offset[i] != after.offset[i])
         self.recorder.set_frame(after, changed)
 
-    def _swivel(self, index: int, block: Block, content: Content) -> None:
-        """CYCLE800: turns the rotary axes on a way of its own, and tilts the coordinates with them."""
-        swivel = read_swivel(block, block.words[content.names["CYCLE800"]], self.scope, self.unit)
+    def _tilt(self, index: int, block: Block, content: Content) -> None:
+        """CYCLE800: turns the rotary axes on a path that the control chooses, and tilts the coordinates with them."""
+        tilt = read_tilted_plane(block, block.words[content.names["CYCLE800"]], self.scope, self.unit)
         if content.axes or content.g or len(content.names) > 1 or self.tcp:
             raise block.refuse("CYCLE800 must be alone in its block, and TRAORI must be off: write TRAFOOF before it")
         self.polar.forget()
-        if swivel is None:
-            self.places.swivel(None)
+        if tilt is None:
+            self.transformations.tilt(None)
             self.notes.add("CYCLE800(): rotary axes taken to keep their positions", block.line)
         else:
-            before = self.places.swivelled
-            if swivel.added and before is not None:
-                swivel = swivel._replace(plane=before.then(swivel.plane))
-            positions = rotary_positions(block, self.machine, swivel)
+            before = self.transformations.tilted
+            if tilt.added and before is not None:
+                tilt = tilt._replace(plane=before.then(tilt.plane))
+            positions = rotary_positions(block, self.machine, tilt)
             self.recorder.move_to_machine_position(index, positions, tuple(AxisWord(i, 0, False) for i in positions))
-            said = " ".join(f"{self.machine.names[i]}{angle:g}" for i, angle in positions.items())
-            self.notes.add(f"CYCLE800 taken to turn the rotary axes to {said}", block.line)
-            tilts = swivel.plane != Placement() or any(positions.values())
-            self.places.swivel(swivel.plane if tilts else None)
+            listed = " ".join(f"{self.machine.names[i]}{angle:g}" for i, angle in positions.items())
+            self.notes.add(f"CYCLE800 taken to turn the rotary axes to {listed}", block.line)
+            tilts = tilt.plane != Placement() or any(positions.values())
+            self.transformations.tilt(tilt.plane if tilts else None)
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
         self.recorder.forget(list(cartesian(self.machine)))
 
     def _frame(self) -> Frame:
-        shifts = {self.machine.index(axis): shift for axis, shift in self.places.turning.items()}
-        tcp, placed = self.tcp or self.places.swivelled is not None, self.places.placement
+        shifts = {self.machine.index(axis): shift for axis, shift in self.transformations.rotary_shifts.items()}
+        tcp, placed = self.tcp or self.transformations.tilted is not None, self.transformations.placement
         tool, length = self.length_key, self.length
         return self.control_state.frame(self._offset_name(), placed, shifts, tool=tool, length=length, tcp=tcp)
 
     def _offset_name(self) -> str:
         """Name of the work offset in force, empty for machine zero: a G500 that the program names and nobody gave."""
-        if self.work_offset == "G500" and self.offset_said and not self.control_state.names_offset("G500"):
+        if self.work_offset == "G500" and self.offset_programmed and not self.control_state.names_offset("G500"):
             return ""
         return self.work_offset
 
@@ -382,7 +382,7 @@ class SiemensInterpreter:
             rotary = self.machine.axes[axis].rotary
             if word.mode in ("DC", "ACP", "ACN") and not rotary:
                 raise block.refuse(f"{word.mode} needs a rotary axis")
-            if rotary and self.places.swivelled is not None and not self.tcp:
+            if rotary and self.transformations.tilted is not None and not self.tcp:
                 raise block.refuse(
                     "a rotary axis moves in a tilted plane of CYCLE800: end the plane by CYCLE800() before it"
                 )
@@ -410,41 +410,41 @@ class SiemensInterpreter:
         if self.motion is None:
             self.notes.add("no G0 or G1 before it: coordinates taken for straight lines", block.line)
             self.motion = 1.0
-        if self.motion == BY_CONTROL and WORKED_OUT.isdisjoint(content.names):
+        if self.motion == BY_CONTROL and CALCULATED_ARCS.isdisjoint(content.names):
             raise block.refuse(
                 "CIP or CT from a block before: ncomp writes G2 or G3 instead of it, so write it in every block"
             )
         if self.length and self.plane != "XYZ":
             self.notes.add(LENGTH_STAYS, block.line)
         kind, turn = MOTION.get(self.motion, Kind.ARC), self._turn
-        said = Said(block, self._axis_words(block, content), {})
-        if any(word.incremental for word, _ in said.words):
-            self._check_increments(block, said)
+        programmed = Programmed(block, self._axis_words(block, content), {})
+        if any(word.incremental for word, _ in programmed.words):
+            self._check_increments(block, programmed)
         polar = not POLAR.isdisjoint(content.other)
         if polar:
-            said = self.polar.coordinates(block, content, self.recorder, turn, said, self.absolute)
+            programmed = self.polar.coordinates(block, content, self.recorder, turn, programmed, self.absolute)
         elif self.polar.radius is not None and any(block.words[i].address in self.plane[:2] for i in content.axes):
             self.polar.forget()
         if kind is not Kind.ARC and content.other.keys() & ARC_WORDS:
             raise block.refuse("a centre, a radius or turns without an arc")
         if kind is Kind.ARC and "AR" in content.other:
-            said = with_angle(block, content, self.recorder, turn, said, self.absolute)
-        target = said.target(self.recorder)
+            programmed = with_angle(block, content, self.recorder, turn, programmed, self.absolute)
+        target = programmed.target(self.recorder)
         if not VECTOR_WORDS.isdisjoint(content.other):
             self._point(block, content, target)
-        arc = self._arc(said.block, content, turn, target, polar) if kind is Kind.ARC else None
+        arc = self._arc(programmed.block, content, turn, target, polar) if kind is Kind.ARC else None
         if self.compensated:
             follow_contour(self.recorder, turn.columns(self.recorder)[:2], target, arc)
-        named = tuple(word for word, _ in said.words)
+        named = tuple(word for word, _ in programmed.words)
         modes = {"incremental": not self.absolute, "timed": self.timed, "settled": settled}
         self.recorder.move(index, kind, target, self.unit, named, arc, **modes)
-        return said.block
+        return programmed.block
 
     def _arc(self, block: Block, content: Content, turn: Turn, target: list[float], polar: bool) -> Arc:
         if polar:
             return self.polar.arc(block, content, self.recorder, turn, target)
-        if not WORKED_OUT.isdisjoint(content.names):
-            return worked_out(block, content, self.recorder, turn, target, absolute=self.absolute)
+        if not CALCULATED_ARCS.isdisjoint(content.names):
+            return calculated_arc(block, content, self.recorder, turn, target, absolute=self.absolute)
         return arc_of(block, content, self.recorder, turn, target)
 
     def _point(self, block: Block, content: Content, target: list[float]) -> None:
@@ -454,8 +454,8 @@ class SiemensInterpreter:
         turn_to_vector(block, content, self.recorder, target)
         self.notes.add("tool vectors: the control is taken to turn the rotary axes to the nearest solution", block.line)
 
-    def _check_increments(self, block: Block, said: Said) -> None:
-        for word, _ in said.words:
+    def _check_increments(self, block: Block, programmed: Programmed) -> None:
+        for word, _ in programmed.words:
             if word.incremental and self.recorder.known[word.axis] == Known.MACHINE:
                 name = self.machine.names[word.axis]
                 raise block.refuse(

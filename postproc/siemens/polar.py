@@ -1,6 +1,6 @@
 """Polar coordinates of Siemens programs: AP and RP round a pole that G110, G111 or G112 sets.
 
-A corrected move says X and Y (or the axes of another plane) in their place, and the centre of an arc round the pole.
+A corrected move has X and Y (or the axes of another plane) instead, and the centre of an arc about the pole.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from postproc.motion.arcs import arc_by_centre
 from postproc.motion.circles import Point, same
 from postproc.motion.moves import Arc, AxisWord, Known
 from postproc.motion.recorder import Recorder
-from postproc.siemens.arcs import Said, Turn
+from postproc.siemens.arcs import Programmed, Turn
 from postproc.siemens.words import Content, given_as, plain_of, value_of, with_word
 from postproc.text.block import Block, Word
 
@@ -22,21 +22,21 @@ FROM_POSITION, FROM_POLE = 110.0, 112.0
 
 @dataclass
 class Polar:
-    """The pole, and the polar coordinates that were said last."""
+    """The pole, and the last polar coordinates."""
 
     pole: Point = (0.0, 0.0)
     """In the plane, programmed coordinates, mm."""
     radius: float | None = None
-    """mm; None where no block has said one for this pole."""
+    """mm; None where no block has given one for this pole."""
     angle: float | None = None
     """Degrees."""
 
     def forget(self) -> None:
-        """The tool goes where these coordinates do not take it."""
+        """The tool moves without these coordinates."""
         self.radius = self.angle = None
 
     def set_pole(self, block: Block, content: Content, recorder: Recorder, turn: Turn, code: float) -> None:
-        """G110 from where the tool stands, G111 from the zero, G112 from the last pole."""
+        """G110 from the present position, G111 from the zero, G112 from the last pole."""
         first, second, _ = turn.columns(recorder)
         if code == FROM_POSITION and not (recorder.known[first] and recorder.known[second]):
             raise block.refuse("a pole from a position that the program has not given")
@@ -61,14 +61,14 @@ class Polar:
         return words.get(turn.plane[0], 0.0), words.get(turn.plane[1], 0.0)
 
     def coordinates(
-        self, block: Block, content: Content, recorder: Recorder, turn: Turn, said: Said, absolute: bool
-    ) -> Said:
-        """The block with coordinates where it says AP and RP; `said` are its other axis words.
+        self, block: Block, content: Content, recorder: Recorder, turn: Turn, programmed: Programmed, absolute: bool
+    ) -> Programmed:
+        """The block with coordinates in place of AP and RP; `programmed`: its other axis words.
 
         Without `absolute`, G91, words are increments, of coordinates too.
         """
         first, second, _ = turn.columns(recorder)
-        if any(word.axis in (first, second) for word, _ in said.words):
+        if any(word.axis in (first, second) for word, _ in programmed.words):
             raise block.refuse("Cartesian and polar coordinates are mixed in the working plane: write one kind")
         indices = {address: content.other.pop(address) for address in ("AP", "RP") if address in content.other}
         words = {address: block.words[index] for address, index in indices.items()}
@@ -77,18 +77,18 @@ class Polar:
             self.radius = self._value(block, words.get("RP"), self.radius, turn.unit, absolute)
         if self.radius < 0.0:
             raise block.refuse("a negative polar radius")
-        unsaid = "RP" not in words or not absolute
-        if unsaid and any(recorder.known[axis] != Known.PROGRAM for axis in turn.columns(recorder)):
+        not_programmed = "RP" not in words or not absolute
+        if not_programmed and any(recorder.known[axis] != Known.PROGRAM for axis in turn.columns(recorder)):
             raise block.refuse("polar coordinates from a position that the program has not given in this frame")
         place = _around(self.pole, self.radius, self.angle)
-        found, others = [*said.words], {**said.others, second: place[1]}
+        found, others = [*programmed.words], {**programmed.others, second: place[1]}
         for axis, index, value in zip((first, second), indices.values(), place, strict=False):
             letter = recorder.machine.names[axis]
             base = 0.0 if absolute else recorder.position[axis]
             block = with_word(block, index, given_as(block.words[index], letter, (value - base) / turn.unit))
             found.append((AxisWord(axis, index, not absolute), value - base))
             others.pop(axis, None)
-        return Said(block, found, others)
+        return Programmed(block, found, others)
 
     @staticmethod
     def _value(block: Block, word: Word | None, before: float | None, unit: float, absolute: bool) -> float:

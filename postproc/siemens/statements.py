@@ -17,7 +17,7 @@ from postproc.text.statements import Assign, Begin, Else, End, Jump, Label, Reru
 Node = Tree[Token] | Token
 
 FLOW = re.compile(r"(?<![A-Z_])(?:IF|GOTO|CASE|FOR|WHILE|UNTIL|REPEAT|LOOP|ELSE|END(?:IF|FOR|WHILE|LOOP))|^\s*%", re.I)
-"""What a program may hold in which not always the next block runs."""
+"""Statements after which the next block does not always run."""
 LEVELS = {
     ":": 10,
     **dict.fromkeys(("*", "/", "DIV", "MOD"), 9),
@@ -43,7 +43,7 @@ ADDRESSES = frozenset(_ADDRESSES.split())
 
 
 def formula(node: Node) -> Expression:
-    """The expression that a part of a block says."""
+    """The expression of a part of a block."""
     if isinstance(node, Token):
         return _constant(node)
     return _FORMULAS[node.data](node.children)
@@ -68,11 +68,11 @@ def _expression(parts: list[Any]) -> Expression:
         raise Ambiguous("a comparison of a comparison: brackets are missing")
     if any(_is_not(operand) and str(operator) in COMPARING for operand, operator in pairwise(parts)):
         raise Ambiguous("NOT and a comparison: brackets are missing, for NOT binds more than the comparison")
-    said = [str(part).upper() if i % 2 else formula(part) for i, part in enumerate(parts)]
-    result = by_levels([*said], LEVELS)
+    operands = [str(part).upper() if i % 2 else formula(part) for i, part in enumerate(parts)]
+    result = by_levels([*operands], LEVELS)
     if COMPARING.isdisjoint(operators) or LOGIC.isdisjoint(operators):
         return result
-    return Operation(EITHER_WAY, (result, by_levels([*said], USUAL_LEVELS)))
+    return Operation(EITHER_WAY, (result, by_levels([*operands], USUAL_LEVELS)))
 
 
 def _is_not(node: Node) -> bool:
@@ -150,7 +150,7 @@ def _word(name: Token, value: Tree[Token]) -> Word:
 
 
 def _mode(value: Tree[Token]) -> tuple[Tree[Token], str]:
-    """What stands in AC(...) and the like, and which it is."""
+    """The value of AC(...) and the like, and its mode."""
     only = value.children[0] if len(value.children) == 1 else None
     if isinstance(only, Tree) and only.data == "function" and str(only.children[0]).upper() in MODES:
         mode, given = str(only.children[0]).upper(), only.children[1].children  # type: ignore[union-attr]
@@ -162,7 +162,7 @@ def _mode(value: Tree[Token]) -> tuple[Tree[Token], str]:
 
 
 def _plain_number(value: Tree[Token]) -> float | None:
-    """The number that stands alone, with a sign or without."""
+    """The value of a plain number, with a sign or without."""
     node: Any = value
     sign = 1.0
     while isinstance(node, Tree):
@@ -215,23 +215,23 @@ def _receive(parts: list[Any]) -> Receive:
     for part in parts[2:]:
         if isinstance(part, Token):
             continue
-        said = {child.type: str(child).upper() for child in part.children if isinstance(child, Token)}
+        tokens = {child.type: str(child).upper() for child in part.children if isinstance(child, Token)}
         trees = [child for child in part.children if isinstance(child, Tree)]
-        if "VAR" in said or any(tree.data == "indices" for tree in trees):
+        if "VAR" in tokens or any(tree.data == "indices" for tree in trees):
             raise Ambiguous("VAR, or a field: a parameter that changes variables of the caller is not followed")
-        found.append((said["TYPE"], said["IDENTIFIER"], formula(trees[0]) if trees else None))
+        found.append((tokens["TYPE"], tokens["IDENTIFIER"], formula(trees[0]) if trees else None))
     return Receive(tuple(found))
 
 
-WAYS = {"GOTO": "FB", "GOTOC": "FB", "GOTOF": "F", "GOTOB": "B"}
+DIRECTIONS = {"GOTO": "FB", "GOTOC": "FB", "GOTOF": "F", "GOTOB": "B"}
 
 
 def _jump(parts: list[Any]) -> Jump:
     word, target = str(parts[0]).upper(), parts[1]
-    if word not in WAYS:
+    if word not in DIRECTIONS:
         raise Ambiguous(f"{word}: jumps to the beginning of the program")
     label = str(target).strip('"').upper()
-    return Jump(label, WAYS[word], optional=word == "GOTOC")
+    return Jump(label, DIRECTIONS[word], optional=word == "GOTOC")
 
 
 def _if_jump(parts: list[Any]) -> When:
@@ -287,7 +287,7 @@ _STATEMENTS: dict[str, Callable[[list[Any]], Step]] = {
 
 
 def program_name(block: Block) -> str:
-    """What the first line of an archived program says: PART for `%_N_PART_SPF`."""
+    """The name in the first line of an archived program: PART for `%_N_PART_SPF`."""
     match = re.match(r"%_N_(\w+)_(?:MPF|SPF)\b", block.text.strip(), re.I)
     return match[1].upper() if match else ""
 

@@ -1,4 +1,4 @@
-"""Tool vectors of Siemens programs: A3, B3, C3 under TRAORI; the rotary axes are what the machine makes of them."""
+"""Tool vectors of Siemens programs: A3, B3, C3 under TRAORI; the kinematics of the machine gives the rotary axes."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from postproc.text.expressions import (
 )
 
 NAMES = frozenset("XYZABCUVWE") | PARTS
-"""Of axes, and of what a frame consists of: they may be the index of a variable."""
+"""Names of axes and of parts of a frame: they may be the index of a variable."""
 CONSTANTS = {"TRUE": 1.0, "FALSE": 0.0, "$PI": math.pi}
 MACHINING = {
     "_OFF": 0.0, "_FINISH": 1.0, "_SEMIFIN": 2.0, "_ROUGH": 3.0,
@@ -115,7 +115,7 @@ class _Level:
     kinds: dict[str, str] = field(default_factory=dict)
     """Of declared variables."""
     arguments: dict[int, Value | NotKnown] = field(default_factory=dict)
-    """By their place in the call, from 1."""
+    """By their position in the call, from 1."""
 
 
 @dataclass
@@ -135,7 +135,7 @@ class SiemensVariables:
         return len(self.levels) - 1
 
     def get(self, name: str, indices: tuple[Value, ...]) -> Value:
-        """The value of a variable; the name of an axis that stands alone is its own value."""
+        """The value of a variable; the name of an axis alone is its own value."""
         shown = name + (f"[{', '.join(map(_shown, indices))}]" if indices and name != "R" else "")
         if name == "R" and indices:
             shown = f"R{_shown(indices[0])}"
@@ -196,7 +196,7 @@ class SiemensVariables:
         self.levels.append(_Level(arguments=arguments or {}))
 
     def leave(self) -> dict[int, Value | NotKnown]:
-        """They end with it; what it was called with stays."""
+        """The variables of a subprogram end with it; returned: the arguments of its call."""
         return self.levels.pop().arguments
 
 
@@ -207,14 +207,14 @@ class Receive(NamedTuple):
     """Kind, name, and the value that holds where the call gives none."""
 
     def run(self, scope: Scope) -> None:
-        """Declare them with what is given; a program that nothing has called gets nothing that is known."""
+        """Declare them with the given values; in a program that nothing has called they are not known."""
         assert isinstance(scope, SiemensVariables)
         arguments = scope.levels[-1].arguments
         if len(arguments) and max(arguments) > len(self.parameters):
             raise NotKnown("a call with more arguments than parameters")
         for i, (kind, name, default) in enumerate(self.parameters, start=1):
-            unsaid = NotKnown(f"{name} is a parameter that the call leaves out")
-            given = arguments.get(i, unsaid if default is None else _known(default, scope))
+            omitted = NotKnown(f"{name} is a parameter that the call leaves out")
+            given = arguments.get(i, omitted if default is None else _known(default, scope))
             scope.declare(kind, name, (), [given])
 
 

@@ -1,4 +1,4 @@
-"""The words of a Siemens 840D block, sorted; what could move the tool unseen is refused."""
+"""The words of a Siemens 840D block, sorted; an unknown word that could move the tool is refused."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from postproc.text.expressions import Constant, Formula
 
 AXES = "XYZABCUVWEQ"
 ALLOWED = HARMLESS_ADDRESSES | MOVE_ADDRESSES | CORNERS | {"T", "D"}
-"""Addresses that may stand in any block."""
+"""Addresses that may be in any block."""
 _SPINDLE_M = re.compile(r"M\d+")
 _SPINDLE_S = re.compile(r"[SH]\d+")
 _MACHINE_AXIS = re.compile(r"[A-Z]\d+|FP")
@@ -41,13 +41,13 @@ class Content:
     axes: list[int] = field(default_factory=list)
     """Indices of the axis words."""
     names: dict[str, int] = field(default_factory=dict)
-    """Indices of words that stand alone, and of calls, by what they name."""
+    """Indices of words without a value, and of calls, by name."""
     other: dict[str, int] = field(default_factory=dict)
     """Indices of all other words by address."""
 
     @property
     def moves(self) -> bool:
-        """True for a block that says where to go, or round what."""
+        """True for a block with an end point or a centre."""
         return bool(self.axes) or not MOVE_ADDRESSES.isdisjoint(self.other)
 
     @property
@@ -57,7 +57,7 @@ class Content:
 
 
 def sort(block: Block, passive: tuple[str, ...] = ()) -> Content:
-    """The words of a block by what they are; those of `passive` axes are left out."""
+    """The words of a block by kind; those of `passive` axes are left out."""
     content, axes = Content(), ""
     for i, word in enumerate(block.words):
         address = word.address
@@ -101,7 +101,7 @@ def check(block: Block, content: Content) -> None:
 
 
 def _check_others(block: Block, content: Content) -> None:
-    """Words that are not known to stand anywhere: numbers of spindles, RPL in a frame, machine axes in G74 and G75."""
+    """Words that are allowed in some blocks only: numbers of spindles, RPL in a frame, machine axes in G74 and G75."""
     machine_axes = set(filter(_MACHINE_AXIS.fullmatch, content.other)) if REFERENCE & set(content.g) else set()
     rotation = {"RPL"} if content.frames else set()
     for address in sorted(content.other.keys() - ALLOWED - machine_axes - rotation):
@@ -146,7 +146,7 @@ def whole_of(block: Block, word: Word) -> int:
 
 
 def plain_of(block: Block, word: Word) -> float:
-    """The number of a word that does not say itself how it counts."""
+    """The number of a word without AC, IC and the like."""
     if word.mode:
         raise block.refuse(f"{word.mode} in {word.address}: how it counts is not known")
     return value_of(block, word)
@@ -159,10 +159,10 @@ def value_in(block: Block, content: Content, address: str) -> float | None:
 
 
 def with_word(block: Block, index: int, word: Word) -> Block:
-    """The block with one word in the place of another."""
+    """The block with one word replaced."""
     return block._replace(words=(*block.words[:index], word, *block.words[index + 1 :]))
 
 
 def given_as(word: Word, address: str, value: float) -> Word:
-    """The word of a coordinate, or of a radius, that stands for it where a correction has to say it."""
+    """The word of a coordinate, or of a radius, that replaces it in a corrected block."""
     return Word(address, value, word.at, word.at, word.end + word.tail, Formula(Constant(value), instead=True))

@@ -28,7 +28,7 @@ def read_tool_table(path: Path) -> ToolTable:
 
 
 def read_tool_tables(paths: Iterable[Path]) -> ToolTable:
-    """Several tables as one; UserError for what two of them say."""
+    """Several tables as one; UserError for an entry that two of them have."""
     tables: dict[Path, ToolTable] = {}
     for path in paths:
         if path in tables:

@@ -1,4 +1,4 @@
-"""FANUC's offsets: what the control punches out as a program of G10, or a plain list of lengths.
+"""FANUC's offsets: the control's output as a program of G10, or a plain list of lengths.
 
     G10 L10 P1 R120.5       length of H1            G10 L2 P1 X10. Y20. Z-300.      G54 (P2: G55 ... P6: G59)
     G10 L11 P1 R-0.02       its wear                G10 L20 P1 X5. Y6. Z7.          G54.1 P1
@@ -7,7 +7,7 @@
     H1 120.5                length of H1            H1 120.5 -0.02                  with its wear
     D1 5.0                  radius of D1
 
-mm, or inches behind G20. Comments in parentheses or behind a semicolon; `%`, `O1234`, G90, G21 and M30 say nothing.
+mm, or inches after G20. Comments in parentheses or after a semicolon; `%`, `O1234`, G90, G21 and M30 are ignored.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LISTS = {10: "lengths", 11: "lengths", 12: "radii", 13: "radii"}
 
 
 def is_it(_: Path, text: str) -> bool:
-    """True where the first line that says something is one of these."""
+    """True where the first line with content is one of these."""
     lines = (_plain(line) for line in text.splitlines())
     return _BEGINS.match(next((line for line in lines if line), "")) is not None
 
@@ -45,18 +45,18 @@ def _plain(line: str) -> str:
 
 @dataclass
 class _Lists:
-    """What has been read."""
+    """The values that have been read."""
 
     unit: float = 1.0
     values: dict[str, dict[str, float]] = field(default_factory=lambda: defaultdict(lambda: defaultdict(float)))
-    """Lengths and radii by number, mm: what a tool has and its wear, added."""
-    said: set[tuple[int, str]] = field(default_factory=set)
+    """Lengths and radii by number, mm: geometry and wear, added."""
+    given: set[tuple[int, str]] = field(default_factory=set)
     work_offsets: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def add(self, kind: int, number: str, value: float) -> None:
-        if (kind, number) in self.said:
-            raise ValueError(f"{number} is said twice")
-        self.said.add((kind, number))
+        if (kind, number) in self.given:
+            raise ValueError(f"{number} is given twice")
+        self.given.add((kind, number))
         self.values[_LISTS[kind]][number] += value * self.unit
 
 
@@ -110,7 +110,7 @@ def _read_data(lists: _Lists, words: dict[str, str]) -> None:
         return
     name = f"G54.1P{number}" if kind == 20 else _OFFSETS.get(number) if kind == 2 else None
     if name is None or not words.keys() <= set("XYZABCUVW"):
-        raise ValueError("what it sets is not known")
+        raise ValueError("this kind of data is not known")
     places = {axis: float(value) * (1.0 if axis in _ROTARY else lists.unit) for axis, value in words.items()}
     lists.work_offsets.setdefault(name, {}).update(places)
 

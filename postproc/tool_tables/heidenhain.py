@@ -50,12 +50,12 @@ class _Line:
         return self.value(column, self.unit)
 
     def places(self) -> dict[str, float]:
-        """What the columns named for axes say, mm or degrees."""
+        """The values of the columns named for axes, mm or degrees."""
         return {axis: self.value(axis, 1.0 if axis in "ABC" else self.unit) for axis in _AXES if self.fields.get(axis)}
 
 
 def is_it(_: Path, text: str) -> bool:
-    """True where the first line says so."""
+    """True where the first line identifies this form."""
     return _BEGIN.match(text) is not None
 
 
@@ -97,7 +97,7 @@ def _tools(lines: dict[str, _Line]) -> ToolTable:
 
 
 def _lines(path: Path, lines: list[str], keys: tuple[str, ...], unit: float) -> Iterator[tuple[str, _Line]]:
-    """The lines behind that of the names of columns, each with its number."""
+    """The lines after the names of columns, each with its number."""
     columns: list[tuple[str, int, int | None]] = []
     done = set()
     for number, line in enumerate(lines, start=1):
@@ -113,7 +113,7 @@ def _lines(path: Path, lines: list[str], keys: tuple[str, ...], unit: float) -> 
         if not re.fullmatch(r"\d+(\.\d+)?", key):
             raise UserError(f"tool table {path}:{number}: {key!r} in column {columns[0][0]} is no number of a line")
         if key in done:
-            raise UserError(f"tool table {path}:{number}: {key} stands there twice")
+            raise UserError(f"tool table {path}:{number}: {key} is in the table twice: delete one line")
         done.add(key)
         yield key, _Line(path, number, fields, unit)
     if not columns:

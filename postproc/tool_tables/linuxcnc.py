@@ -17,7 +17,7 @@ _SIDEWAYS = re.compile(r"\b([XYABCUVW])\s*[+-]?[\d.]*[1-9]", re.I)
 
 
 def is_it(_: Path, __: str) -> bool:
-    """True: what is no other form is read as this one."""
+    """True: a table of no other form is read as this one."""
     return True
 
 

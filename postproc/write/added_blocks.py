@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from postproc.control.codes import DISTANCES
 from postproc.iso.codes import FEED_MODES, UNITS
-from postproc.siemens.codes import WORKED_OUT
+from postproc.siemens.codes import CALCULATED_ARCS
 from postproc.text.block import Block, Word
 from postproc.text.editing import Iterations, Layout, place
 
@@ -88,8 +88,8 @@ def feed_index(block: Block) -> int | None:
 
 def lacks_motion(block: Block) -> bool:
     """True for the block of an arc without a word for it: G2 or G3 is in force from an earlier block."""
-    said = (w.address in WORKED_OUT or (w.address == "G" and w.value in ARCS) for w in block.words)
-    return block.kind == "words" and not any(said)
+    programmed = (w.address in CALCULATED_ARCS or (w.address == "G" and w.value in ARCS) for w in block.words)
+    return block.kind == "words" and not any(programmed)
 
 
 @dataclass

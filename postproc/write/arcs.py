@@ -21,7 +21,7 @@ from postproc.motion.circles import (
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc, Known
 from postproc.motion.segments import arc_ends, arc_turned
-from postproc.siemens.codes import WORKED_OUT
+from postproc.siemens.codes import CALCULATED_ARCS
 from postproc.text.editing import WordEditor
 from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import AddedBlock
@@ -197,7 +197,7 @@ def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -
 def say_circle(editor: WordEditor, sense: int) -> None:
     """Siemens: G2 or G3 instead of CIP or CT, without the intermediate point."""
     for index, word in enumerate(editor.block.words):
-        if word.address in WORKED_OUT:
+        if word.address in CALCULATED_ARCS:
             editor.put(word.at, word.end, "G3" if sense > 0 else "G2")
         elif word.address in ("I1", "J1", "K1"):
             editor.remove(index)
