@@ -1,4 +1,4 @@
-r"""The public interface of ncomp: one call for each job, the same that the command of that name makes.
+r"""The public interface of ncomp: one function for each job, which the command of that name calls as well.
 
 Machines are shipped names, paths of TOML files or `Machine` objects; calibrations are paths of JSON files, `"none"`
 for a machine without errors, or `ErrorModel` objects. A program is a path, its text (any string with a line end), or a
@@ -118,7 +118,7 @@ def set_up(
     datum: Iterable[str] = (),
     zero: bool = False,
 ) -> Setup:
-    """The work offsets, mm and degrees, and the tool lengths, mm, that a program meets on the machine.
+    """The work offsets, mm and degrees, and the tool lengths, mm, of the control when a program starts.
 
     work_offset: `G54=x,y,z`; tool_length: `T1=mm`; tool_table: tables of a control; datum: `G54=probed` (the default)
     or `G54=true`; zero: offsets and lengths that are not given are zero.
@@ -156,7 +156,7 @@ class Corrected:
     """Number of blocks and moves, corrections and predicted errors, um, and notes."""
     job: Job
     trace: Trace | None = None
-    """The moves and their errors before and after, for figures; None unless asked for."""
+    """The moves and their errors before and after, for figures; None unless `traced` is set."""
 
     @cached_property
     def moves(self) -> Motions:
@@ -194,7 +194,7 @@ def correct(
     are accepted (`stale,outside`). output: file for the program instead of `text`; `progress` gets the number of bytes
     done since its last call.
 
-    UserError, with file and line, for a construct that is not fully understood; `output` is then to be thrown away.
+    UserError, with file and line, for a construct that is not fully understood; discard `output` then.
 
     >>> done = correct("G21 G90 G54\\nG0 X100 Y0 Z0\\nM30\\n", "gantry", "none", setup=set_up("gantry", zero=True))
     >>> print(done.text.splitlines()[1], len(done.moves))
@@ -273,7 +273,7 @@ def verify(
 ) -> Verification:
     """Tool point error, um, of a program before and after correction, by the exact model, from the two texts alone.
 
-    old: an earlier calibration, whose errors are worked out as well; align: a calibration that is taken for the true
+    old: an earlier calibration, whose errors are computed as well; align: a calibration that is taken for the true
     errors, aligned at its own datum; classes: also the errors that each ISO/TR 16907 class would leave; accept: parts
     of the mark that may differ (`calibration,set-up,datum`).
 
@@ -315,7 +315,7 @@ def read_measurement(
     """The measurement in a file, or in several as one: axis positions, mm and rad, and observed points, mm.
 
     header: keys that the file lacks (`{"u_um": "0.3"}`); columns: column map of a delimited export; plan: table of the
-    axis positions by names of points. `notes` of the result has what a user should know.
+    axis positions by names of points. `notes` of the result are for the user.
 
     UserError with file, line and column of the first entry that can't be used.
     """
@@ -342,7 +342,7 @@ def fit(
 ) -> Calibration:
     """Fit the errors of a machine to measured points, with uncertainties; `model` of the result is the calibration.
 
-    basis: of the error motions (`auto`, `legendre:5`, `X=b-spline:12,...`); effects: further ones of docs/effects.md
+    basis: that of the error motions (`auto`, `legendre:5`, `X=b-spline:12,...`); effects: others of docs/effects.md
     (`backlash:axis=X,width=0`); noise: standard uncertainty of the instrument, as stated or estimated from the
     residuals; prior_scale: size of the errors, times the typical 30 um and urad; reversal: for data taken on the fly,
     `constant` or `curves` that depend on the direction of motion.
@@ -427,7 +427,7 @@ def plan(
     """The positions of a measurement, `(n, axes)`, mm and rad, their order, and the minutes that it takes.
 
     strategy: `grid`, `hexahedron+random`, ...; points: number of positions, of each strategy joined by `+`; choices:
-    ranges, order, targets, runs and everything else that the command has options for.
+    ranges, order, targets, runs and all other options of the command.
 
     >>> plan("gantry", "random", 25).positions.shape
     (25, 3)
@@ -469,8 +469,8 @@ def export(
 ) -> Exported:
     """A calibration as the compensation tables of a control: `files` by name, and `rest`, the calibration without them.
 
-    format: one of docs/tables.md; settings: `NAME=VALUE` that the format asks for; sign: `error` or `correction`, for
-    formats whose sign no source states; tool_mm: length of the tool that the tables are made for.
+    format: one of docs/tables.md; settings: `NAME=VALUE`, those of the format; sign: `error` or `correction`, for
+    formats whose sign no source states; tool_mm: length of the tool, mm, for which the tables are made.
 
     >>> sorted(export("dmu50", "csv").files)[:1]
     ['errors.csv']
@@ -485,7 +485,7 @@ def export(
 
 
 def open_program(program: str | Path | Source) -> Source:
-    """A program to be read: the file of a path (`-` is standard input), or a text, which has a line end."""
+    """The source of a program: the file of a path (`-` is standard input), or a text with a line end."""
     from postproc.text.source import Source, open_source, text_source
 
     if isinstance(program, Source):

@@ -60,7 +60,7 @@ def compare(
     """Compare two calibrations in the conventions of ISO 230-1: by error motion, squareness, and over the volume.
 
     Differences are B minus A, U is their expanded uncertainty (k = 2). Positioning and angles are zero at the
-    reference position, straightness lies about its reference line, and its slope is in the squareness; of a rotary
+    reference position, straightness is relative to its reference line, and its slope is in the squareness; for a rotary
     axis the means are the location errors. Effects of time, temperature or feed are listed, and not compared.
     """
     from calibration.evaluation.comparison import compare as compared
@@ -88,7 +88,7 @@ def compare(
 
 
 def _read(a: Path, b: Path, name: str | None) -> tuple[Machine, tuple[ErrorModel, ErrorModel]]:
-    """Both calibrations and their machine; UserError where they are of different ones."""
+    """Both calibrations and their machine; UserError where they are of different machines."""
     import machines as shipped
     from kinematics.error_model.model import decode_model, read_model
     from kinematics.files import read_input

@@ -104,7 +104,7 @@ def continuous(
 
     The run shows the shape of the error in full detail, the targets its scale and datum. Errors are measured minus
     target, positive where the axis goes too far in its positive direction; u_um is their standard uncertainty (k = 1).
-    Cyclic errors, table steps, vibrations, reversal and drift between runs are pointed out.
+    Cyclic errors, table steps, vibrations, reversal and drift between runs are reported.
     """
     from calibration.continuous.estimate import DIRECTIONS, estimate
     from calibration.continuous.reading import read_all
@@ -145,7 +145,7 @@ def continuous(
 
 
 def _check_calibration(write_calibration: str | None, machine: str | None, add_to: str | None) -> None:
-    """UserError if options of the calibration are given without --write-calibration."""
+    """UserError for options of the calibration without --write-calibration, and for that without --machine."""
     if write_calibration is not None and machine is None:
         raise UserError("--write-calibration: --machine is missing, the machine that the calibration is of")
     for option, value in (("--machine", machine), ("--add-to", add_to)):
@@ -173,7 +173,7 @@ def _calibration(
 
 
 def _runs(quasi: QuasiStatic, wanted: Sequence[str]) -> QuasiStatic:
-    """The readings of the runs that were asked for."""
+    """The readings of the requested runs, all of them by default; UserError for an unknown run."""
     import numpy as np
 
     unknown = [name for name in wanted if name not in quasi.runs]
@@ -183,7 +183,7 @@ def _runs(quasi: QuasiStatic, wanted: Sequence[str]) -> QuasiStatic:
 
 
 def _write_table(rows: TableRows, file: BinaryIO) -> None:
-    """position_mm, error_um, u_um (k = 1)."""
+    """Write the error table: position_mm, error_um, u_um (k = 1)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["position_mm", "error_um", "u_um"])

@@ -1,4 +1,4 @@
-"""`ncomp diagnose`: what the present model does not explain, traced to its cause, and added."""
+"""`ncomp diagnose`: errors that the present model does not explain, traced to their cause, and added."""
 
 from __future__ import annotations
 
@@ -64,10 +64,11 @@ def diagnose(
     form: DataOptions,
     others: ResultOptions,
 ) -> None:
-    """Find what a model of the machine lacks, name the cause, add it, and show the error before and after.
+    """Find the errors that a model lacks, name their cause, add it, and show the error before and after.
 
-    Causes that the data can't show are listed, never named; causes that they can't tell apart are printed as a tie,
-    with the next measurement that does. Effects of the instrument are taken out of the data and not written.
+    Causes that the data can't show are listed, never named. Causes that the data can't distinguish are printed as a
+    tie, with the next measurement that distinguishes them. Effects of the instrument are taken out of the data and not
+    written.
     """
     from postproc.commands.show.diagnosis import show
     from postproc.commands.show.terminal import console

@@ -72,7 +72,7 @@ class FitOptions:
 
 
 MANY = 0.05
-"""Share of outliers beyond which they are none."""
+"""Share of outliers above which they are evidence of an effect missing from the model."""
 EPILOG = (
     "Examples:\n\n"
     "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
@@ -107,10 +107,10 @@ def fit(
     dialect: DialectName = "auto",
     others: ResultOptions,
 ) -> None:
-    """Fit the machine's errors to measured points, with uncertainties, and say what the points can't show.
+    """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points can't show.
 
-    Error motions of all axes that move, the instrument's position and outliers are found jointly. What the data do not
-    determine is listed by name and keeps the uncertainty of what was expected beforehand.
+    Error motions of all axes that move, the instrument's position and outliers are found jointly. Errors that the data
+    do not determine are listed by name and keep their prior uncertainty.
     """
     from calibration.simulation.effect_text import read_effects
     from postproc.commands.show.terminal import console
@@ -251,7 +251,7 @@ def show(found: Calibration, to: Console) -> None:
 
 
 def besides(effects: Iterable[Effect]) -> list[Effect]:
-    """What is neither an error motion nor a location error."""
+    """Effects other than error motions and location errors."""
     from kinematics.effects import ErrorMotion, LocationError
 
     return [effect for effect in effects if not isinstance(effect, (ErrorMotion, LocationError))]
@@ -270,7 +270,7 @@ def _show_besides(effects: Iterable[Effect], to: Console) -> None:
 
 
 def _alike(seen: Identifiability) -> dict[tuple[str, str], list[str]]:
-    """Names of what is not visible, by reason and remedy."""
+    """Names of unidentifiable effects by reason and remedy."""
     found: dict[tuple[str, str], list[str]] = {}
     for unidentifiable in seen.unidentifiable:
         found.setdefault((unidentifiable.reason, unidentifiable.remedy), []).append(" + ".join(unidentifiable.effects))

@@ -49,7 +49,7 @@ def iso230(
     """Evaluate interferometer runs by ISO 230-2: reversal, repeatability, systematic deviation and accuracy of axes.
 
     Deviations are measured minus target, positive where the axis goes too far in its positive direction; the reversal
-    value is forward minus backward. U (k = 2) is what the instrument's sheet makes of each value.
+    value is forward minus backward. U (k = 2) of each value comes from the uncertainty of the instrument.
     """
     from calibration.single_axis.iso230 import evaluate
     from postproc.commands.show.terminal import console, say
@@ -109,7 +109,7 @@ def _show(test: AxisTest, to: Console) -> None:
 
 
 def _cell(value: float) -> str:
-    """A number for people; nothing where there is none."""
+    """A number for people; empty for nan."""
     if isinstance(value, int):
         return str(value)
     return "" if math.isnan(value) else f"{value:z.2f}"

@@ -50,7 +50,7 @@ def three_points(
     tables: Annotated[bool, typer.Option("--tables", help="Print every position of every axis as well.")] = False,
     json: JsonFile = None,
 ) -> None:
-    """Identify the six error motions of each axis from three or more targets on what it moves, one axis at a time."""
+    """Identify the six error motions of each axis from three or more targets on the part it moves, axis by axis."""
     from calibration.fit.acceptance import refuse_uncertain
     from calibration.fit.beyond_measured import calibration_file
     from calibration.single_axis.three_points import Choice, identify
@@ -184,7 +184,7 @@ def show(found: ThreePoints, checked: Check, to: Console, tables: bool = False) 
 
 
 def _axis_summary(axis: AxisResult) -> Any:
-    """One row of each error motion: its range over the positions, its curve and how that holds the points."""
+    """One row for each error motion: its range over the positions, its curve and the misfit of the curve."""
     from rich.table import Table
 
     from calibration.single_axis.three_points_figures import ranges

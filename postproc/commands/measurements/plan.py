@@ -1,4 +1,4 @@
-"""`ncomp plan`: where and in which order to measure; as a table, and as an NC program that goes there."""
+"""`ncomp plan`: positions of a measurement and their order, as a table and as an NC program."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def plan(
 
 
 def _check_program(nc: str | None, output: str, given: Mapping[str, object]) -> None:
-    """UserError where the program goes to the place of the plan, and for its options where there is none."""
+    """UserError where program and plan have the same file, and for options of the program without --nc."""
     if nc is not None and nc == output:
         raise UserError(f"--nc and --output both name {nc}")
     for option, value in given.items():
@@ -138,7 +138,7 @@ def _check_program(nc: str | None, output: str, given: Mapping[str, object]) -> 
 
 
 def _write(made: Plan, manner: Manner, dialect: str, outputs: tuple[str, str | None]) -> None:
-    """The plan, and its program where it is asked for."""
+    """Write the plan, and its program on request."""
     from calibration.measurement.plan_file import write_plan
     from postproc.commands.show.terminal import console
 
@@ -153,7 +153,7 @@ def _write(made: Plan, manner: Manner, dialect: str, outputs: tuple[str, str | N
 def _refuse_of_points(
     points: str | None, spacing: float | None, dwell: float | None, order: str, approach: str, references: int | None
 ) -> None:
-    """UserError for options of positions, of which a path has none."""
+    """UserError for options of positions: a path has none."""
     given = {"points": points, "spacing": spacing, "dwell": dwell, "references": references}
     given |= {"order": None if order == "given" else order, "approach": None if approach == "any" else approach}
     for option, value in given.items():
@@ -171,7 +171,7 @@ def _plan_on_the_fly(
     dialect: str,
     outputs: tuple[str, str | None],
 ) -> None:
-    """A path made or, where a program is given, judged; its corners as a plan, and as a program."""
+    """Plan a path, or evaluate that of a given program; write its corners as a plan, and as a program."""
     from calibration.measurement.plan_file import write_plan
     from calibration.on_the_fly.planning.predicted_fit import judged
     from postproc.commands.options.path import read_path

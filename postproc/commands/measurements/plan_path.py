@@ -1,4 +1,4 @@
-"""`ncomp plan --strategy on-the-fly`: a path along which a tracker sees every error, or what a given path sees."""
+"""`ncomp plan --strategy on-the-fly`: a path along which a tracker sees every error, or evaluation of a given path."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 STRATEGY = "on-the-fly"
 PANEL = "On the fly"
 LENGTH = 12.7
-"""Of a path of which no length is said, in terms of all travels together: 21 m for 600 x 600 x 450 mm."""
+"""Default length of a path, as a multiple of the sum of all travels: 21 m for 600 x 600 x 450 mm."""
 SHOWN = 6
-"""Of what is not visible."""
+"""Largest number of listed errors that are not visible."""
 
 PathLength = Annotated[
     float | None,
@@ -47,15 +47,15 @@ GivenPath = Annotated[
 
 
 class Length(NamedTuple):
-    """How long the path may be; None and None is the default."""
+    """Length of the path, by m or by minutes; the default length where both are None."""
 
     length_m: float | None
     minutes: float | None
     feed: float
-    """mm/min"""
+    """Feed, mm/min."""
 
     def mm(self, travel: float) -> float:
-        """mm; travel: that of all linear axes together, mm."""
+        """Length of the path, mm; travel: sum of the travels of all linear axes, mm."""
         if self.length_m is not None and self.minutes is not None:
             raise UserError("either --length-m or --minutes, not both")
         if self.minutes is not None:
@@ -64,7 +64,7 @@ class Length(NamedTuple):
 
 
 def planned_path(machine: Machine, choices: Choices, length: Length) -> NominalPath:
-    """The best path of a length, shown while it is looked for."""
+    """The best path of a length; the terminal shows the progress of the search."""
     from itertools import pairwise
 
     import numpy as np
@@ -106,7 +106,7 @@ def plan_of_path(path: NominalPath, choices: Choices, feed: float) -> Plan:
 
 
 def sentences(path: NominalPath, judged: Judged, feed: float, targets: int) -> list[str]:
-    """What a path is good for, for people."""
+    """Evaluation of a path, for people."""
     gain = judged.gain
     each = f", once for each of {targets} targets" if targets > 1 else ""
     said = [
@@ -127,7 +127,7 @@ def sentences(path: NominalPath, judged: Judged, feed: float, targets: int) -> l
 
 
 def _ends(machine: Machine, choices: Choices) -> np.ndarray:
-    """Ends `(2, axes)`, mm and rad, that the path stays between; axes that do not move stand."""
+    """Ends `(2, axes)`, mm and rad, of the range of the path; equal for axes that do not move."""
     import numpy as np
 
     from calibration.planning.strategies import limits, need_ends, stand

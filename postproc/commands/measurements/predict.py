@@ -1,4 +1,4 @@
-"""`ncomp predict`: the deviation that a calibration makes of a table of states."""
+"""`ncomp predict`: the deviations that a calibration predicts at a table of states."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def predict(
 ) -> None:
     """Predict the deviation of the tool point, or the target, at each row of a table of states.
 
-    Added are dx_um, dy_um, dz_um, actual minus nominal, tool relative to workpiece, in the workpiece frame, and their
-    standard uncertainties (k = 1) u_dx_um, u_dy_um, u_dz_um. All other columns stay as they are; effects of the
-    measuring instrument are not in it.
+    New columns are dx_um, dy_um, dz_um, actual minus nominal, tool relative to workpiece, in the workpiece frame, and
+    their standard uncertainties (k = 1) u_dx_um, u_dy_um, u_dz_um. All other columns stay as they are; effects of the
+    measuring instrument are excluded.
     """
     from calibration.fit.prediction import read_points
     from postproc.commands.show.prediction import Summary
@@ -80,12 +80,12 @@ def predict(
 
 
 def _identity(model: ErrorModel) -> str:
-    """What names the calibration; that without effects is none."""
+    """Id of the calibration; `none` for one without effects."""
     return model.id if model.effects else "none"
 
 
 def _head(read: Points, model: ErrorModel) -> Iterator[bytes]:
-    """The lines above the rows, as they were, with where the prediction comes from."""
+    """The lines above the rows, unchanged, with the origin of the prediction and the names of its columns."""
     from calibration.fit.prediction import ADDED
 
     *header, names = read.table.above
@@ -96,7 +96,7 @@ def _head(read: Points, model: ErrorModel) -> Iterator[bytes]:
 
 
 def _lines(read: Points, block: Predicted) -> Iterator[str]:
-    """Rows as they were, with the prediction behind them, to 0.1 nm."""
+    """Unchanged rows, each followed by its prediction, to 0.1 nm."""
     columns = zip(read.table.rows[block.rows], block.deviation.tolist(), block.u.tolist(), strict=True)
     for row, deviation, u in columns:
         yield "%s,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f\n" % (row, *deviation, *u)  # noqa: UP031  twice as fast for long tables

@@ -1,4 +1,4 @@
-"""`ncomp simulate`: a virtual machine with known errors, and what an instrument would observe of it."""
+"""`ncomp simulate`: a virtual machine with known errors, and the observations of it by an instrument."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ StrategyName = Annotated[
 ]
 
 LONG = 200_000
-"""Observations from which progress is shown."""
+"""Smallest number of observations for which progress is shown."""
 
 EPILOG = (
     "Examples:\n\n"
@@ -89,7 +89,7 @@ def simulate(
 ) -> None:
     """Simulate a measurement of a machine with known errors, which moves by its exact kinematics.
 
-    At the positions of a strategy, or on the fly, along the path of a program that does not stop.
+    The measurement is at the positions of a strategy, or on the fly, along the path of a program that does not stop.
     """
     from calibration.simulation.effect_text import read_effects
     from calibration.simulation.measure_plan import VirtualInstrument, streams
@@ -131,7 +131,7 @@ def simulate(
 
 
 def _simulate_plan(plan: Plan, simulated: Simulation, virtual_instrument: VirtualInstrument, kind: str) -> None:
-    """Write the observations at the positions of a plan, and the true model where it is asked for."""
+    """Write the observations at the positions of a plan, and the true model on request."""
     from calibration.measurement.file import write_measurement
     from kinematics.error_model.model import encode_model
     from postproc.commands.show.terminal import console, progress_of, say

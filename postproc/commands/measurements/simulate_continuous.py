@@ -129,7 +129,7 @@ def simulate_continuous(
 
 
 def _check_way(machine: Machine, axis: str, start: float, end: float, spacing: float) -> None:
-    """UserError unless the run is one of a linear axis within its travel."""
+    """UserError unless the run is that of a linear axis within its travel, with different ends and positive spacing."""
     own = machine.axes[machine.index(axis)]
     if own.rotary:
         raise UserError(f"--axis {axis}: a laser follows linear axes only")

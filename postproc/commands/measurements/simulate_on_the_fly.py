@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from postproc.commands.options.simulation import Simulation
 
 LONG = 200_000
-"""Readings from which progress is shown."""
+"""Smallest number of readings for which progress is shown."""
 MOST = 20_000_000
-"""Readings; more are a slip of the pen."""
+"""Largest number of readings; more are a mistake in the options."""
 
 DrivenProgram = Annotated[
     str | None,
@@ -45,11 +45,11 @@ VibrationText = Annotated[
 
 
 class Ride(NamedTuple):
-    """How the program is run and watched."""
+    """Motion along the program, and its observation."""
 
     feeds: Sequence[float]
     acceleration: float
-    """m/s2"""
+    """Acceleration, m/s2."""
     rate: float
     vibration: str | None
     targets: list[str]
@@ -57,7 +57,7 @@ class Ride(NamedTuple):
 
 
 def refuse_with_path(options: Mapping[str, object], instrument: str) -> None:
-    """UserError for what says where to measure, or what is no option, on the fly."""
+    """UserError for another instrument than a laser tracker, and for options that do not go with a path."""
     if instrument != "laser-tracker":
         raise UserError(f"--path: it takes a laser tracker to follow, not --instrument {instrument}")
     for name, value in options.items():
@@ -66,7 +66,7 @@ def refuse_with_path(options: Mapping[str, object], instrument: str) -> None:
 
 
 def simulate_on_path(path: NominalPath, ride: Ride, simulated: Simulation) -> None:
-    """Write the readings of a laser tracker, and the truth where it is asked for."""
+    """Write the readings of a laser tracker, and the true model on request."""
     from calibration.measurement.measurement import SPINDLE_NOSE
     from calibration.on_the_fly.drive import Manner, duration
     from calibration.on_the_fly.virtual import Session, readings_of, write_readings

@@ -1,4 +1,4 @@
-"""`ncomp study`: virtual calibrations of many virtual machines, to compare ways to measure."""
+"""`ncomp study`: virtual calibrations of many virtual machines, to compare measuring methods."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from postproc.motion.motions import Motions
 
 MANY = 3000
-"""Moves of a program that are judged, evenly spread."""
+"""Largest number of moves of a program that are evaluated, evenly spread."""
 DOUBTFUL = 0.1
-"""Share of the error that linear and exact fits may differ by before it is said loudly."""
+"""Largest difference between linear and exact fits without a warning, as a share of the error."""
 EPILOG = (
     "Examples:\n\n"
     "`ncomp study examples/studies/trajectory.toml -o trajectory.csv --report trajectory.html`\n\n"
@@ -61,10 +61,10 @@ def study(
     set_up: SetUpOptions,
     others: ResultOptions,
 ) -> None:
-    """Calibrate many virtual machines in each of several ways, and compare what error is left in their volume.
+    """Calibrate many virtual machines by each of several methods, and compare the errors that remain in their volume.
 
-    Machines are drawn at random, measured by a virtual instrument with noise, fitted and judged. The results do not
-    depend on how the work is spread.
+    Machines are drawn at random, measured by a virtual instrument with noise, fitted and evaluated. The results do not
+    depend on the distribution of the work.
     """
     from calibration.study.cases import read_cases, with_volume
     from calibration.study.definition import read_study
@@ -104,7 +104,7 @@ def study(
 
 
 def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
-    """Where the moves of a program end, as a place to judge a machine in."""
+    """The ends of the moves of a program, as a volume in which machines are evaluated."""
     import numpy as np
 
     from calibration.design.volume import Volume, standing
@@ -119,7 +119,7 @@ def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
 
 @contextmanager
 def _progress(draws: Draws, cases: int) -> Iterator[Callable[[int], None]]:
-    """Progress in draws; how many an adaptive study takes is not known."""
+    """Progress in draws; the number that an adaptive study takes is not known."""
     from postproc.commands.show.terminal import console
 
     if not console.is_terminal:

@@ -9,9 +9,9 @@ from typing import Any, get_type_hints
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
-    """The command for Typer: a parameter for each field, in place of the parameters that are dataclasses of options.
+    """The command for Typer: each parameter that is a dataclass of options is replaced by one parameter per field.
 
-    A field is `name: Annotated[type, typer.Option(...)] = default`; without a default the option has to be given.
+    A field is `name: Annotated[type, typer.Option(...)] = default`; without a default the option is required.
     """
     hints = get_type_hints(command, include_extras=True)
     groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}

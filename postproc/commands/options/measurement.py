@@ -1,4 +1,4 @@
-"""How commands read measured data: their common options, and what is noted on the way."""
+"""Common options of commands that read measured data, and the reading itself with its notes."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class DataOptions:
 
 
 def header_of(lines: list[str]) -> dict[str, str]:
-    """`KEY=VALUE` as a header; UserError for what is none, or stands twice."""
+    """Lines `KEY=VALUE` as a header; UserError for another form, and for a key that is given twice."""
     header: dict[str, str] = {}
     for line in lines:
         key, equals, value = (part.strip() for part in line.partition("="))

@@ -1,4 +1,4 @@
-"""The options of `ncomp plan --optimise`, and the plan that they ask for."""
+"""The options of `ncomp plan --optimise`, and the optimised plan."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ Candidates = Annotated[
 
 
 class Asked(NamedTuple):
-    """What the options ask for; None for those that were not given."""
+    """Values of the options; None for those that were not given."""
 
     trackers: list[str] | None
     uncertainties: list[str] | None
@@ -85,7 +85,7 @@ class Asked(NamedTuple):
     candidates: int
 
     def check(self, optimise: bool, **besides: object) -> None:
-        """UserError for options without `--optimise`, and for what an optimised plan decides itself."""
+        """UserError for these options without `--optimise`, and for options that an optimised plan decides itself."""
         names = ("tracker", "uncertainty", "elevation", "incidence", "obstacle", "visible")
         for name, value in zip(names, self, strict=False):
             if value is not None and not optimise:
@@ -99,7 +99,7 @@ class Asked(NamedTuple):
 
 
 def optimised_plan(machine: Machine, choices: Choices, points: str | None, minutes: float | None, asked: Asked) -> Plan:
-    """The plan, and on the screen what it promises."""
+    """The plan; the terminal shows its predicted uncertainty."""
     from calibration.optimal.optimise import Wish, optimised
     from calibration.simulation.effect_text import read_effects
     from postproc.commands.options.virtual_instrument import instrument_of, reach_of, trackers_of

@@ -1,4 +1,4 @@
-"""How commands read the path of a program, and readings that were taken along it."""
+"""Common options of commands that read the path of a program, and readings along it; results of such data."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class OnTheFlyOptions:
     ] = "none"
 
     def check(self, data: DataOptions, set_up: SetUpOptions) -> None:
-        """UserError for options of data taken on the fly without a path, and for a plan beside a path."""
+        """UserError for options of data taken on the fly without a path, and for a plan together with a path."""
         if self.path is not None:
             if data.plan is not None:
                 raise UserError(
@@ -99,7 +99,7 @@ class OnTheFlyOptions:
 
 
 def read_path(program: str, machine: Machine, dialect: str, setup: Setup) -> NominalPath:
-    """The path of a program, whose notes are shown; UserError for what can't be followed."""
+    """The path of a program; shows its notes. UserError for a construct that can't be followed."""
     from calibration.on_the_fly.nominal_path import NominalPath
     from postproc.commands.show.terminal import say
     from postproc.dialects import find_dialect
@@ -114,7 +114,7 @@ def read_path(program: str, machine: Machine, dialect: str, setup: Setup) -> Nom
 
 
 def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
-    """What data taken on the fly add to the result for programs."""
+    """Additional results for programs, of data taken on the fly."""
     if taken is None:
         return {}
     from calibration.on_the_fly.planning.blind_mode import common_odd_mode
@@ -137,7 +137,7 @@ def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]
 
 
 def show_moving(found: Calibration, taken: OnTheFly, to: Console) -> None:
-    """What data taken on the fly add to the result for people."""
+    """Show the additional results for people, of data taken on the fly."""
     from calibration.on_the_fly.planning.blind_mode import common_odd_mode
 
     to.print(f"on the fly   {taken.reduction}")

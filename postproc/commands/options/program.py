@@ -1,4 +1,4 @@
-"""How commands read NC programs: their common options."""
+"""Common options of commands that read NC programs."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class SetUpOptions(ToolOptions, _WorkOffsets):
 
 @dataclass(frozen=True, kw_only=True)
 class DatumOptions(ToolOptions, _Datums):
-    """Work offsets, the way they were obtained, and tools of the control."""
+    """Work offsets, the method by which they were obtained, and tools of the control."""
 
     def setup(self, machine: Machine) -> Setup:
         """The set-up of the control; UserError for an option that can't be used."""

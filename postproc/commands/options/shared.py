@@ -1,4 +1,4 @@
-"""What the commands share: their common options, and how they read and write files."""
+"""Common options of the commands, and the checking and writing of their files."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ T = TypeVar("T", bound=str)
 
 
 def machine_names() -> list[str]:
-    """Of the shipped machines."""
+    """Names of the shipped machines."""
     import machines as shipped
 
     return shipped.names()
@@ -44,7 +44,7 @@ JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Re
 
 @dataclass(frozen=True, kw_only=True)
 class ResultOptions:
-    """Results beside the main output."""
+    """Results in addition to the main output."""
 
     json: JsonFile = None
     report: Annotated[
@@ -53,12 +53,12 @@ class ResultOptions:
 
     @property
     def files(self) -> tuple[str | None, str | None]:
-        """Their names; `-` is standard output, None a result that is not asked for."""
+        """Names of the files; `-` is standard output, None a result without an option."""
         return self.json, self.report
 
 
 def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
-    """UserError when results as JSON and the main output, named `what`, are to go to the same place."""
+    """UserError when results as JSON and the main output, named `what`, have the same file."""
     if json == "-" and output == "-":
         raise UserError(f"--json - and {what} can't both go to standard output; name a file for one")
     if None not in (json, output) and json != "-" and Path(str(json)).resolve() == Path(str(output)).resolve():
@@ -73,7 +73,7 @@ def either(option: str, value: str, names: tuple[T, T]) -> T:
 
 
 def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Path | None]) -> None:
-    """Refuse outputs that can't be written, or that would take the place of an input, before any work is done."""
+    """UserError, before any work is done, for outputs that can't be written, or that would overwrite an input."""
     read = {Path(str(path)).resolve() for path in inputs if path not in (None, "-")}
     for output in outputs:
         if output in (None, "-"):
@@ -89,7 +89,7 @@ def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Pa
 
 
 def check_apart(places: Mapping[str, str | None]) -> None:
-    """UserError where two results, by the names of their options, are to go to one place."""
+    """UserError where two results, by the names of their options, have the same file."""
     seen: dict[str, str] = {}
     for option, place in places.items():
         if place is None:
@@ -101,7 +101,7 @@ def check_apart(places: Mapping[str, str | None]) -> None:
 
 
 class _Spool:
-    """A result for standard output (`-`), a device or a pipe, or one that nobody asked for (None)."""
+    """A result for standard output (`-`), a device or a pipe, or one that is discarded (None)."""
 
     def __init__(self, target: str | None) -> None:
         import os
@@ -114,11 +114,11 @@ class _Spool:
             self.file = named_file(os.dup(spool.fileno()), f"{self._name} (through {tempfile.gettempdir()})")
 
     def complete(self) -> None:
-        """Nothing is sent before all results are whole."""
+        """Write all that is buffered: nothing is sent before all results are complete."""
         self.file.flush()
 
     def publish(self) -> None:
-        """Send it all; BrokenPipeError where the reader of standard output has gone."""
+        """Send the result; BrokenPipeError where the reader of standard output has ended."""
         import shutil
 
         from kinematics.files import writing
@@ -138,17 +138,17 @@ class _Spool:
         return nullcontext(sys.stdout.buffer)
 
     def close(self) -> None:
-        """Give the space back."""
+        """Free the temporary space."""
         with suppress(UserError):
             self.file.close()
 
 
 @contextmanager
 def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
-    """Files for the results of a command, which come out whole or not at all, and all of them or none.
+    """Files for the results of a command: each is written completely or not at all, and all of them or none.
 
-    `-` is standard output; None is a result that nobody asked for. What can't be taken back - standard output, pipes
-    and devices - is sent when the others are complete on the disk, before they replace existing files.
+    `-` is standard output; None is a result that is discarded. Results that can't be withdrawn - standard output, pipes
+    and devices - are sent when the others are complete on the disk, before these replace existing files.
     """
     from kinematics.files import Draft
 
@@ -166,7 +166,7 @@ def whole_results(*targets: str | None) -> Iterator[tuple[BinaryIO, ...]]:
 
 @contextmanager
 def result(target: str | None) -> Iterator[BinaryIO]:
-    """A file for the one result of a command; None is one that nobody asked for."""
+    """A file for the one result of a command; None for a result that is discarded."""
     with whole_results(target) as (file,):
         yield file
 
@@ -199,7 +199,7 @@ def residual_table(before: tuple[float, float], after: Fit, held: CrossValidatio
 
 
 def show_insignificant(share: float, to: Console) -> None:
-    """A first line for people where most of the correction does not exceed its uncertainty."""
+    """Show a first line for people where most of the correction does not exceed its uncertainty."""
     from calibration.fit.acceptance import COVERAGE, MOSTLY
 
     if share < MOSTLY:

@@ -1,4 +1,4 @@
-"""What is simulated, whatever the way through the volume: machine, instrument, faults, and where the results go."""
+"""Data of a simulation, at positions or on the fly: machine, instrument, faults and output files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Simulation(NamedTuple):
 
     model: ErrorModel
     told: Sequence[Effect]
-    """Effects of the model that may name a target or a station."""
+    """Effects from the options, which are part of the model and may name a target or a station."""
     instrument: Instrument
     stands_on: Literal["workpiece", "bed"]
     noise_scale: float
@@ -28,7 +28,7 @@ class Simulation(NamedTuple):
     """Start and end, K from 20 degC."""
     seed: int
     draws: Sequence[np.random.Generator]
-    """Of the truth, the poses, the noise, the faults: one stream each, so that another instrument measures the same
-    machine."""
+    """Random numbers of the true model, the poses, the noise and the faults: one stream each, so that a different
+    instrument measures the same machine."""
     outputs: tuple[str, str | None]
-    """Of the measurement and of the truth."""
+    """Files of the measurement and of the true model."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
 
 DWELL_S, FEED = 3.0, 2000.0
-"""Montavon et al., 5.1; mm/min."""
+"""Default dwell at a point, s, by Montavon et al., 5.1; default feed, mm/min."""
 WHERE, ORDER, TARGETS = "Where", "In which order", "Targets"
 
 Points = Annotated[
@@ -136,7 +136,7 @@ def choices_of(
     dwell: float | None = None,
     feed: float | None = None,
 ) -> Choices:
-    """What the options ask for; names that are none are refused where the plan is laid."""
+    """Choices from the options; the planning itself refuses unknown names."""
     from calibration.measurement.measurement import SPINDLE_NOSE
     from calibration.measurement.plan import Choices, Timing
 
@@ -161,7 +161,7 @@ def choices_of(
 
 
 def plan_of(machine: Machine, strategy: str, points: str | None, spacing: float | None, choices: Choices) -> Plan:
-    """The plan of a strategy, with its notes said."""
+    """The plan of a strategy; shows its notes."""
     from postproc.commands.show.terminal import say
 
     if strategy.lower().endswith(".csv"):
@@ -174,14 +174,14 @@ def plan_of(machine: Machine, strategy: str, points: str | None, spacing: float 
 
 
 def check_finite(**options: float | None) -> None:
-    """UserError for the first option whose number is none (nan, inf)."""
+    """UserError for the first option whose number is not finite (nan, inf)."""
     for name, value in options.items():
         if value is not None and not math.isfinite(value):
             raise UserError(f"--{name.replace('_', '-')} {value}: no number")
 
 
 def numbers(text: str, count: int, where: str, separator: str = ",") -> tuple[float, ...]:
-    """So many finite numbers; UserError, naming the option, when they are not."""
+    """`count` finite numbers in a text; UserError, with the option's name in `where`, for any other text."""
     try:
         values = tuple(float(entry) for entry in text.split(separator))
     except ValueError:
@@ -218,7 +218,7 @@ def targets_of(texts: Sequence[str]) -> dict[str, Target]:
 
 
 def counts(text: str | None) -> int | list[int] | None:
-    """Numbers of positions, one for each strategy."""
+    """Numbers of positions, one for each strategy; a plain number where there is one only."""
     if text is None:
         return None
     try:

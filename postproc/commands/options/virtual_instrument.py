@@ -1,4 +1,4 @@
-"""The options of virtual instruments, which simulations share: what they are, and where a tracker stands."""
+"""The options of virtual instruments, which simulations share: kind, uncertainties, faults and tracker positions."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ Missing = Annotated[
 
 
 def instrument_of(kind: str, uncertainties: list[str], planar: bool) -> Instrument:
-    """An instrument with these uncertainties, or those of its specification; UserError for what it does not have."""
+    """An instrument with these uncertainties, or those of its specification; UserError for unknown ones."""
     import msgspec
 
     from calibration.measurement.file import KINDS, check_uncertainties, uncertainty_keys
@@ -102,7 +102,7 @@ def instrument_of(kind: str, uncertainties: list[str], planar: bool) -> Instrume
 
 
 def error_motions_of(text: str | None, kind: str) -> tuple[str, ...]:
-    """Letters of the error motions in `all` or a list; none without."""
+    """Letters of the error motions in `all` or in a list; empty for None."""
     from kinematics.effects import COMPONENTS
 
     if text is None:
@@ -119,7 +119,7 @@ def error_motions_of(text: str | None, kind: str) -> tuple[str, ...]:
 
 
 def standing_of(text: str) -> Literal["workpiece", "bed"]:
-    """What it stands on."""
+    """The foundation of the tracker, from `workpiece` or `bed`; UserError for another text."""
     from calibration.measurement.states import STANDS_ON
 
     if text not in STANDS_ON:

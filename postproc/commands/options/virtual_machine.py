@@ -1,4 +1,4 @@
-"""The options of virtual machines, which all simulations share: the errors that they have."""
+"""The options of virtual machines, which all simulations share: their errors."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def virtual_model(
     effects: list[Effect],
     rng: np.random.Generator,
 ) -> ErrorModel:
-    """The virtual machine."""
+    """The errors of the virtual machine: from options, from a calibration, and at random."""
     from calibration.simulation.true_model import (
         DEFAULT,
         model_of,
@@ -84,7 +84,7 @@ def virtual_model(
 
 
 def courses_of(texts: list[str]) -> dict[str, tuple[float, float]]:
-    """Start and end of temperatures, K from 20 degC."""
+    """Start and end of temperatures by name, K from 20 degC."""
     from calibration.measurement.states import PLAIN_NAME
     from kinematics.state import REFERENCE
     from postproc.compensation.conditions import degrees

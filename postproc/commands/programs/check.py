@@ -1,4 +1,4 @@
-"""`ncomp check`: what correcting a program would do to it."""
+"""`ncomp check`: the lines of a program that a correction would change, leave or refuse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`ncomp correct`, the main job: a program in, its corrected self out."""
+"""`ncomp correct`, the main command: a program in, the corrected program out."""
 
 from __future__ import annotations
 
@@ -101,9 +101,9 @@ def correct(
 ) -> None:
     """Correct a program: every block ends at its nominal position, by the machine's error model.
 
-    Only coordinate words change; blocks are added where long moves are split and where backlash is taken up, and
-    a comment that names machine and calibration. A program that ncomp does not fully understand is refused: exit status
-    2, no output.
+    Only coordinate words change. Blocks are added where long moves are split and where backlash is taken up, and a
+    comment names machine and calibration. A program that ncomp does not fully understand is refused: exit status 2, no
+    output.
     """
     from postproc.commands.show.terminal import progress_of, show_report
     from postproc.correct.plausibility import parse_accepted

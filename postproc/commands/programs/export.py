@@ -39,7 +39,7 @@ EPILOG = (
 
 
 def format_names() -> list[str]:
-    """Of the formats that can be written."""
+    """Names of the formats that can be written."""
     from postproc.tables.formats import FORMATS
 
     return list(FORMATS)
@@ -82,10 +82,10 @@ def export(
     set_up: SetUpOptions,
     json: JsonFile = None,
 ) -> None:
-    """Write a calibration as compensation tables of a control, with a sheet of what they mean and what they leave.
+    """Write a calibration as compensation tables of a control, with a sheet on their meaning and the remaining errors.
 
-    Tables hold the part of the correction that is a function of what the control knows, with the values and nodes that
-    leave least volumetric error. A program corrected with REST.json does the remainder: nothing is done twice.
+    Tables hold the part of the correction that is a function of quantities in the control, with the values and nodes
+    that leave least volumetric error. A program corrected with REST.json adds the rest: nothing is corrected twice.
     """
     from kinematics.error_model.model import encode_model
     from kinematics.files import whole_folder

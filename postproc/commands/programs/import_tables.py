@@ -47,10 +47,10 @@ def import_tables(
         ),
     ] = None,
 ) -> None:
-    """Read a control's tables as the errors that they take away.
+    """Read a control's tables as the errors that they compensate.
 
-    A calibration measured without them, less what they do, is what is left for programs to correct; one measured with
-    them active, plus what they do, is the machine itself, from which new tables can be made.
+    A calibration measured without the tables, less their errors, is the rest for programs to correct. A calibration
+    measured with the tables active, plus their errors, is the machine itself, from which new tables can be made.
     """
     from kinematics.error_model.model import read_model, write_model
     from postproc.commands.show.terminal import say
@@ -76,7 +76,7 @@ def import_tables(
 
 
 def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
-    """Texts and fingerprints by name; of a folder, all but its sheet."""
+    """Texts and fingerprints by file name; for a folder, of all its files except sheets (.md)."""
     from kinematics.files import fingerprint, read_input
 
     files = [file for path in paths for file in (sorted(path.iterdir()) if path.is_dir() else [path])]
@@ -97,7 +97,7 @@ def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
 def _model(
     machine: Machine, effects: list[Effect], base: ErrorModel | None, sign: float, title: str, prints: dict[str, str]
 ) -> ErrorModel:
-    """The tables as an error model, or `sign` times them joined to another."""
+    """The tables as an error model, or `sign` times the tables joined to the model `base`."""
     import datetime
 
     import msgspec

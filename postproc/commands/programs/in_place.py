@@ -17,7 +17,7 @@ SUFFIX = ".orig"
 
 
 def target_of(program: str, output: str | None, *, in_place: bool) -> str:
-    """The file that the corrected program goes to, `-` for standard output.
+    """The output file of the corrected program, `-` for standard output.
 
     UserError for an output that is the input, by any name, without --in-place, and for --in-place with another output.
     """
@@ -35,9 +35,9 @@ def target_of(program: str, output: str | None, *, in_place: bool) -> str:
 
 @contextmanager
 def backup_of(program: str, known: str) -> Iterator[Path]:
-    """The path of a copy of the program, complete on disk; it goes again when the block fails.
+    """The path of a copy of the program, complete on disk; the copy is removed when the block fails.
 
-    `known` is the fingerprint of the program as it was read; UserError where the file is another by now.
+    `known` is the fingerprint of the program as it was read; UserError where the file has changed since.
     """
     path = Path(program).resolve()
     backup = _written(path, read_input(path, "program"))

@@ -54,7 +54,7 @@ def motion_rows(found: Comparison) -> Iterator[tuple[str, ...]]:
 
 
 def verdict(motion: Motion) -> str:
-    """Whether the largest difference is more than its uncertainty."""
+    """A word on the difference: significant, or known in one calibration only; else empty."""
     if not all(motion.known):
         return "in A only" if motion.known[0] else "in B only"
     return "significant" if motion.significant else ""

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from kinematics.transforms import Array
 
 MOST_WAVES = 6
-"""That are printed; all are in the JSON."""
+"""Largest number of printed waves; the JSON has all."""
 HARMONIC = 2e-3
-"""Relative, by which a harmonic may miss its place."""
+"""Largest relative deviation of a harmonic from a multiple of the basic frequency."""
 HINT = "ncomp diagnose, with the quasi-static data or a finer run of targets, tells which part of the drive it is"
 
 
@@ -85,7 +85,7 @@ def summary(found: Estimate, data: Data) -> dict[str, Any]:
 
 
 def show(found: Estimate, data: Data, to: Console) -> None:
-    """What was found, for people."""
+    """Show the estimate for people."""
     rows, spread = found.table(), found.fused.spread
     low, high = found.segment
     to.print(f"axis         {data.axis}, table {found.direction}: {len(rows.position)} rows")
@@ -160,7 +160,7 @@ def _show_features(direction: str, each: OneWay, to: Console) -> None:
 
 
 def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
-    """Waves, strongest first, each with the numbers of its harmonics, which are then no waves of their own."""
+    """Waves, strongest first, each with the numbers of its harmonics; harmonics are not listed as waves."""
     left, found = list(waves), []
     while left:
         wave = left.pop(0)
@@ -172,7 +172,7 @@ def with_harmonics(waves: Sequence[Wave]) -> list[tuple[Wave, list[int]]]:
 
 
 def vibrations(each: OneWay) -> list[tuple[float, float]]:
-    """Frequency, Hz, and amplitude, um, of what moves with time and not with position."""
+    """Frequency, Hz, and amplitude, um, of vibrations, which depend on time and not on position."""
     return [*each.found.bound_to_time, *(found for noise in each.noises[:1] for found in noise.vibrations)]
 
 
@@ -189,7 +189,7 @@ def _detail(each: OneWay) -> str:
 
 
 def _run(course: Course, noise: Noise, each: OneWay) -> dict[str, Any]:
-    """One continuous run."""
+    """The results of one continuous run, for programs."""
     return {
         "run": course.record.name,
         "direction": WAYS[course.record.direction],
@@ -218,7 +218,7 @@ def _shape(each: OneWay) -> dict[str, Any]:
 
 
 def _reversal(found: Estimate) -> dict[str, float] | None:
-    """Forward minus backward over the segment; None where one direction is not known."""
+    """Reversal error, forward minus backward, over the segment; None where one direction is not known."""
     if not found.both:
         return None
     values, covariance = found.curve("reversal")

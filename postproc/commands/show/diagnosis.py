@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from calibration.diagnosis.verdict import Named
 
 WIDTH = 100
-"""Of what is printed into a pipe."""
+"""Number of characters in a line that is printed into a pipe."""
 
 
 def summary(found: Diagnosis) -> dict[str, Any]:
-    """Contract 4.3; keys beyond it at the end."""
+    """The diagnosis for programs by contract 4.3; further keys at the end."""
     fit, left, seen = found.after.fit, found.unexplained, found.identifiability
     hidden = [entry.name for entry in found.not_visible]
     return {
@@ -61,7 +61,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
 
 
 def figures(stage: Stage) -> dict[str, float | None]:
-    """How well a model explains the data; no held-out residual where rows are too few to hold any out."""
+    """Residuals of a model; the held-out residual is None where there are too few rows to hold any out."""
     return {
         "rms_um": stage.fit.rms_um,
         "max_um": stage.fit.max_um,
@@ -97,7 +97,7 @@ def _tests(tests: Any) -> list[dict[str, Any]]:
 
 
 def show(found: Diagnosis, to: Console) -> None:
-    """The diagnosis for people."""
+    """Show the diagnosis for people."""
     from rich import box
     from rich.table import Table
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 BEFORE, AFTER = "#3465a4", "#cc5500"
 FINE = 200
-"""dpi of paths, which are drawn as pictures: there may be too many pieces for lines of their own."""
+"""dpi of paths, which are drawn as bitmaps: there can be too many segments for vector lines."""
 
 
 def error_figure(bins: Bins) -> str:
@@ -34,7 +34,7 @@ def error_figure(bins: Bins) -> str:
 
 
 def correction_figure(bins: Bins, machine: Machine) -> str:
-    """What was added to each axis that was corrected, or to all linear axes if none was; an SVG."""
+    """Corrections of the linear axes that position the tool, and of each other corrected axis; an SVG."""
     low, high = bins.corrections
     changed = np.nan_to_num(np.maximum(np.abs(low), np.abs(high))).max(axis=0) > 0.0
     shown = [i for i in range(len(machine.axes)) if changed[i] or i in machine.translators]
@@ -54,7 +54,7 @@ def _area(place: Axes, bins: Bins, low: Array, high: Array, colour: str) -> None
 
 
 def plan_figure(ways: Ways) -> str:
-    """X-Y and X-Z of the tool path, to one scale, coloured by the error before; an SVG."""
+    """X-Y and X-Z views of the tool path, to one scale, coloured by the error before correction; an SVG."""
     from matplotlib.collections import LineCollection
 
     pieces = np.stack([ways.points[:, :-1], ways.points[:, 1:]], axis=2).reshape(-1, 2, 3)

@@ -1,4 +1,4 @@
-"""The page of a correction: what was changed, what error it leaves, where on the part, and in which set-up."""
+"""The page of a correction: set-up, errors before and after, corrections, and largest errors on the part."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ DEMONSTRATION = "DEMONSTRATION CALIBRATION: it describes no real machine; don't 
 
 
 def job_page(job: Job, report: Report, trace: Trace, command: str) -> bytes:
-    """The page as one HTML file; `command` is how it was made."""
+    """The page as one HTML file; `command`: the command line of the correction."""
     title = f"Correction of {report.program['name']}"
     lead = f"machine {report.machine['name']} · calibration {report.calibration['id']} · {command}"
     return page(title, lead, list(_sections(job, report, trace)), _verdict(report))
 
 
 def _verdict(report: Report) -> str:
-    """The whole in a few sentences."""
+    """The result in a few sentences."""
     before, after = report.before, report.after
     warning = f"{report.assumption}. " if report.assumption else ""
     warning += f"{DEMONSTRATION} " if report.calibration["demonstration"] else ""
@@ -76,7 +76,7 @@ _WORST = "Ends of moves, in programmed coordinates (mm, degrees)."
 
 
 def _choices(job: Job, report: Report) -> list[tuple[str, str]]:
-    """What was asked for, and what the calibration is."""
+    """Rows on the options and on the calibration."""
     calibration, program = report.calibration, report.program
     rows = [
         ("classes", "all but FOR" if job.classes is None else ", ".join(sorted(job.classes))),
@@ -96,7 +96,7 @@ def _rows(named: Sequence[tuple[str, Statistic]]) -> list[tuple[str, ...]]:
 
 
 def _error_rows(report: Report, trace: Trace) -> list[tuple[str, ...]]:
-    """Statistics, the uncertainty and what of the improvement is significant."""
+    """Rows of statistics, of the uncertainty, and of the significant share of the improvement."""
     what = f"{report.error} between block ends before"
     between = [(what, trace.between_before)] if trace.between_before.count else []
     named = report.errors()
@@ -120,7 +120,7 @@ def _whole_table(report: Report) -> Table:
 
 
 def _figures(trace: Trace, error: str) -> Iterator[Section]:
-    """Along the program, and seen from above and from the front; `error` is the one that is drawn."""
+    """Figures along the program, and of the tool path; `error`: name of the error in the figures."""
     bins, ways = trace.bins, trace.ways
     if not bins.moves:
         return

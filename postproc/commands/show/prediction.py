@@ -1,4 +1,4 @@
-"""The sizes of a prediction, gathered block by block."""
+"""Statistics of a prediction, accumulated block by block."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from postproc.correct.report import Statistic
 
 @dataclass
 class Summary:
-    """Sizes of a prediction, gathered block by block; um."""
+    """Statistics of a prediction, um, accumulated block by block."""
 
     count: int = 0
     significant: int = 0
-    """Points of which a component is larger than COVERAGE times its uncertainty."""
+    """Number of points at which a component is larger than COVERAGE times its uncertainty."""
     point: Statistic = field(default_factory=Statistic)
     components: tuple[Statistic, ...] = field(default_factory=lambda: (Statistic(), Statistic(), Statistic()))
     uncertainties: tuple[Statistic, ...] = field(default_factory=lambda: (Statistic(), Statistic(), Statistic()))
 
     def add(self, block: Predicted) -> None:
-        """Take in a block."""
+        """Add a block."""
         self.count += len(block.deviation)
         self.significant += int(np.any(np.abs(block.deviation) > COVERAGE * block.u, axis=1).sum())
         self.point.add(np.linalg.norm(block.deviation, axis=1))
@@ -33,7 +33,7 @@ class Summary:
             self.uncertainties[i].add(block.u[:, i])
 
     def json(self) -> dict[str, Any]:
-        """For programs."""
+        """The statistics for programs."""
         return {
             "points": self.count,
             "deviation_um": self.point.json(),

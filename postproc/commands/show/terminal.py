@@ -1,4 +1,4 @@
-"""What a person sees: tables, notes and progress on the terminal."""
+"""Output on the terminal: tables, notes and progress."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from postproc.text.line_numbers import ranges
 from postproc.verification.verify import Verdict
 
 console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
-"""For what goes along with a program or JSON, which own the standard output."""
+"""Standard error, for text beside a program or JSON on the standard output."""
 output = Console(highlight=False, markup=False, soft_wrap=True)
-"""For results that a person asked for."""
+"""Standard output, for results of commands."""
 
 LONG = 1_000_000
-"""Bytes of a program from which progress is shown."""
+"""Smallest size of a program, bytes, for which progress is shown."""
 
 
 @contextmanager
 def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[int], None]]:
-    """A function to call with what is done of a total; a bar on a terminal from `long` on, nothing in a pipe."""
+    """A function to call with each amount done of a total; a bar on a terminal from `long` on, nothing in a pipe."""
     if total < long or not console.is_terminal:
         yield lambda _: None
         return
@@ -39,7 +39,7 @@ def progress_of(total: int, what: str, long: int = LONG) -> Iterator[Callable[[i
 
 
 def show_report(report: Report) -> None:
-    """The summary of a correction."""
+    """Show the summary of a correction."""
     say_assumed(report.assumption)
     if report.calibration["demonstration"]:
         say("demonstration calibration", "it describes no real machine; don't cut with it")
@@ -51,7 +51,7 @@ def show_report(report: Report) -> None:
 
 
 def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> None:
-    """What `ncomp check` found."""
+    """Show the findings of `ncomp check`."""
     to = console if to_errors else output
     if findings.assumption:
         to.print(findings.assumption)
@@ -77,7 +77,7 @@ def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> 
 
 
 def show_verdict(verdict: Verdict, to: Console, by: str = "", *, best_fit: bool = False) -> None:
-    """The result of a verification, and by which model; with the errors of the part aligned best fit on request."""
+    """Show the result of a verification; `by`: the model; `best_fit`: also the errors of the part aligned best fit."""
     absolute = verdict.absolute
     title = "; ".join(filter(None, ("relative to the datum" if verdict.relative else "", by)))
     table = Table("tool point error, um", "before max", "before RMS", "after max", "after RMS", "points", title=title)
@@ -99,13 +99,13 @@ def show_verdict(verdict: Verdict, to: Console, by: str = "", *, best_fit: bool 
 
 
 def show_facts(facts: list[tuple[str, str]], to: Console) -> None:
-    """What ran, line by line."""
+    """Show facts, each as a name and a text, one a line."""
     for what, text in facts:
         to.print(f"{what:<12} {text}")
 
 
 def show_classes(rows: list[Left], to: Console) -> None:
-    """What each compensation class would leave."""
+    """Show the errors that each choice of compensation classes would leave."""
     table = Table(
         "classes corrected",
         "tool point max um",
@@ -121,7 +121,7 @@ def show_classes(rows: list[Left], to: Console) -> None:
 
 
 def show_machine(machine: Machine, calibration: str) -> None:
-    """A machine's chain and axes."""
+    """Show a machine's chain and axes."""
     output.print(f"{machine.name}  {machine.description}")
     output.print(f"chain        {machine.chain}   (ISO 10791-6, workpiece to tool)")
     output.print(f"calibration  {calibration}")
@@ -146,13 +146,13 @@ def show_machine(machine: Machine, calibration: str) -> None:
 
 
 def say_assumed(sentence: str) -> None:
-    """Say the part of the set-up that is assumed, the first line of a run; nothing for an empty sentence."""
+    """Show the part of the set-up that is assumed, as the first line of a run; nothing for an empty sentence."""
     if sentence:
         console.print(Text(sentence, "yellow"))
 
 
 def say(what: str, text: str) -> None:
-    """One line that a person should not miss."""
+    """Show one line that a person must notice."""
     console.print(Text.assemble((f"{what}: ", "yellow"), text))
 
 
