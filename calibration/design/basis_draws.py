@@ -61,6 +61,6 @@ def parts_of(fits: Fits, choice: Choice) -> tuple[Part, ...]:
 
 
 def with_besides(columns: Columns, bases: Mapping[str, BasisChoice]) -> tuple[Part, ...]:
-    """The parts of a model with these bases."""
+    """The parts of a model with these bases, and of its additional effects."""
     besides = ((BESIDES, ""),) if columns.besides else ()
     return (*((axis, str(basis)) for axis, basis in bases.items()), *besides)

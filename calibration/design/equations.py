@@ -29,7 +29,7 @@ SEEN = 1e-10
 ROUNDING = 1e-7
 """Share of a column below which its part outside the registration is rounding."""
 BESIDES = ""
-"""Part of the effects that are fitted in addition to the error motions, in place of an axis."""
+"""Entry of a part instead of its axis, for the effects that are fitted in addition to the error motions."""
 
 
 class Made(NamedTuple):

@@ -31,7 +31,7 @@ class TrueModels:
     def of(
         cls, machine: Machine, half_widths: HalfWidths, drawn: Sequence[Effect] = (), fixed: Sequence[Effect] = ()
     ) -> TrueModels:
-        """Error motions within half-widths, `drawn` effects with amplitudes within their own, and `fixed` effects."""
+        """Error motions within half-widths; `drawn` effects within plus and minus their amplitudes; `fixed` ones."""
         motions = largest_truth(machine, half_widths)
         effects = (*motions, *drawn, *fixed)
         model = msgspec.structs.replace(no_errors(machine), effects=effects)

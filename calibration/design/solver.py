@@ -21,7 +21,7 @@ KEPT = 160
 
 @dataclass(frozen=True)
 class Factorised:
-    """Factorised normal equations of one choice of bases, with its priors."""
+    """Factorisation of the normal equations of one choice of bases, with its priors."""
 
     solve: Callable[[Array], Array]
     log_determinant: float
@@ -59,7 +59,7 @@ class Fits:
         return np.concatenate(scales)
 
     def errors(self, parts: Sequence[Part], parameters: Array, coefficients: Array) -> Array:
-        """RMS error `(volumes, draws)`, um, of true models `(t, draws)` minus their fits `(p, draws)`."""
+        """RMS error `(volumes, draws)`, um, of true models `(t, draws)` after correction by fits `(p, draws)`."""
         left = self.true_volume @ coefficients
         left -= np.concatenate([self._of(part).volume for part in parts], axis=1) @ parameters
         return self._rms(left)

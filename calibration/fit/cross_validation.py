@@ -92,7 +92,7 @@ def predicted_by_others(
 
 
 def _nominal(measurement: Measurement) -> Fit:
-    """The nominal machine, registered on its own."""
+    """The fit of the registration alone, with the nominal machine."""
     return fit(measurement, no_errors(measurement.machine), prior=np.zeros(0))
 
 

@@ -57,9 +57,9 @@ class Line(NamedTuple):
     """Mean and slope of a function of position over its interval, as linear functions of its parameters."""
 
     mean: Array
-    """`(size,)`"""
+    """Mean `(size,)`."""
     slope: Array
-    """`(size,)`, per mm or degree."""
+    """Slope `(size,)`, per mm or degree."""
 
 
 def mean_line(basis: Basis) -> Line:
@@ -180,7 +180,7 @@ def _carried_harmonics(machine: Machine, model: ErrorModel) -> Iterator[Array]:
 
 
 def along_own_line(axis: str) -> str:
-    """Shift along and turn about the line of a rotary axis."""
+    """Letters of the components along the line of a rotary axis: the rotation about it, then the shift."""
     own = own_component(axis)
     return own + "XYZ"["ABC".index(own)]
 

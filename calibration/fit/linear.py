@@ -110,7 +110,7 @@ class ColumnSpace(NamedTuple):
     basis: Array
     """Orthonormal columns Q `(N, rank)`."""
     back: Array
-    """`(r, rank)`: A times this is Q."""
+    """Matrix `(r, rank)`: A times this is Q."""
 
     def removed(self, columns: Array) -> Array:
         """The part of columns `(N, k)` that is orthogonal to the space."""

@@ -109,7 +109,7 @@ class Seen(NamedTuple):
     """Deviations at several states relative to their mean, and the shift that all have in common; um."""
 
     deviation: Array
-    """`(n, 3)`, less the mean."""
+    """Deviations `(n, 3)` less their mean."""
     u: Array
     """Standard uncertainties `(n, 3)` of these differences, k = 1."""
     u_shift: Array

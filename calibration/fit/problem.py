@@ -132,7 +132,7 @@ class Problem:
         return float(weights @ self.distances(point)) / factor + float(away @ away)
 
     def descended(self, point: Point, step: Array, weights: Array, factor: float) -> Point:
-        """The point after a step, halved until the objective does not rise; the same point when none helps."""
+        """The point after a step, halved until the objective does not rise; the same point if every halving fails."""
         limit = self.objective(point, weights, factor) * (1.0 + ROUNDING) + ROUNDING
         halves = (self.moved(point, 0.5**k * step) for k in range(HALVINGS))
         return next((moved for moved in halves if self.objective(moved, weights, factor) <= limit), point)

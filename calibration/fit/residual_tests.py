@@ -19,7 +19,7 @@ CLIP = 5.0
 
 
 class Suspect(NamedTuple):
-    """A variable that the residuals depend on."""
+    """A variable on which the residuals depend."""
 
     what: str
     p_value: float

@@ -1,1 +1,1 @@
-"""The observation equations: expected observations of an erring machine, and their derivatives."""
+"""The observation equations: expected observations of a machine with errors, and their derivatives."""

@@ -59,7 +59,7 @@ def width(points: Array) -> float:
 def expected(measurement: Measurement, registration: Registration, effects: Observation) -> Array:
     """Expected observations `(n, d)`, mm and rad, in the components that count, with these effects.
 
-    NaN for runs of an interferometer whose zero the registration does not hold.
+    NaN for runs of an interferometer whose zero is missing in the registration.
     """
     if isinstance(measurement.instrument, Interferometer):
         machine, q = measurement.machine, measurement.state.positions

@@ -27,7 +27,7 @@ class NormalEquations:
 
     @classmethod
     def zero(cls, size: int) -> NormalEquations:
-        """No rows yet."""
+        """The equations of `size` parameters without any rows."""
         return cls(np.zeros((size, size)), np.zeros(size))
 
     def add(self, design: Array, residual: Array) -> None:

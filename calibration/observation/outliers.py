@@ -1,4 +1,4 @@
-"""Outliers: rows that contradict all others are found, listed and left out of the fit.
+"""Outliers: rows that do not agree with the others are found, listed and left out of the fit.
 
 The rule: d2 is the squared Mahalanobis distance of a row's residual by the instrument's covariance, times a robust
 variance factor of the whole (from the median of all d2; at least 1 where the specification holds). A row is an outlier

@@ -16,7 +16,7 @@ from kinematics.transforms import Array, Pose, turn
 
 @dataclass(frozen=True)
 class Reach:
-    """Limits, degrees and mm; None for none."""
+    """Limits of a laser tracker, degrees and mm; None for no limit."""
 
     elevation: tuple[float, float] | None = None
     """Range of the beam's angle to the tracker's x y plane; the virtual calibration paper, Table 3, has -59 ... 79."""

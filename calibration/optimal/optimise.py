@@ -100,7 +100,7 @@ class _Field:
 def optimised(
     machine: Machine, instrument: Instrument, wish: Wish, progress: Callable[[str], None] = lambda _: None
 ) -> Optimised:
-    """The best plan that is found; UserError where nothing can be seen, or not a required effect."""
+    """The best plan that is found; UserError where no target is visible, or where no plan shows a required effect."""
     if not isinstance(instrument, LaserTracker):
         raise UserError("an optimised plan is for a laser tracker")
     if (wish.points is None) == (wish.minutes is None):

@@ -92,7 +92,7 @@ class CaseEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     incidence_deg: Positive | None = None
     """Largest incidence, degrees, in place of the instrument's; 180 for an active reflector."""
     minutes: Positive | None = None
-    """Duration of an optimised measurement, instead of points; candidates, obstacles and visible are for it as well."""
+    """Duration, min, of an optimised plan, instead of points; candidates, obstacles and visible are for it too."""
     candidates: Annotated[int, msgspec.Meta(ge=100, le=20_000)] = 2000
     obstacles: tuple[dict[str, Range], ...] = ()
     """Boxes in the workpiece frame, ranges of x, y, z in mm."""

@@ -31,7 +31,7 @@ class Compared(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """The largest difference, um."""
+        """Largest difference between the two, um."""
         return float(np.abs(self.exact - self.linear).max(initial=0.0))
 
 

@@ -17,7 +17,7 @@ ALONG_PROGRAM = ("program0_rms_um", "program0_p95_um", "program_rms_um", "progra
 
 
 def write_results(results: Sequence[Result], file: BinaryIO) -> None:
-    """One row for each case: means and 95 % quantiles over draws of RMS errors, um."""
+    """Write one row for each case: means and 95 % quantiles over draws of RMS errors, um."""
     with_program = len(results[0].before) > 1
     lines = [",".join((*HEAD, *ALONG_PROGRAM) if with_program else HEAD)]
     for result in results:

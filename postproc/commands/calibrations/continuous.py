@@ -156,7 +156,7 @@ def _check_calibration(write_calibration: str | None, machine: str | None, add_t
 def _calibration(
     found: Estimate, read: Data, quasi: QuasiStatic, name: str, add_to: str | None, header: list[str] | None
 ) -> AxisModel:
-    """The estimate as a calibration of the machine; UserError where the data are of another."""
+    """The estimate as a calibration of the machine; UserError where the data are of another machine or axis."""
     from calibration.continuous.axis_model import axis_model, line_of
     from calibration.measurement.readers import read_any
     from kinematics.error_model.model import read_model

@@ -96,7 +96,7 @@ def diagnose(
 
 
 def _write(found: Diagnosis, output: str, others: ResultOptions, command: str) -> None:
-    """The new calibration where it is accepted, the results for programs and the report, all or none."""
+    """Write the new calibration where it is accepted, the results for programs and the report, all or none."""
     from calibration.fit.beyond_measured import calibration_file
     from postproc.commands.show.diagnosis import summary
 

@@ -150,7 +150,7 @@ def fit(
 
 
 def _write(found: Calibration, taken: OnTheFly | None, output: str, others: ResultOptions, command: str) -> None:
-    """The calibration, the results for programs and the report, all or none."""
+    """Write the calibration, the results for programs and the report, all or none."""
     from calibration.fit.beyond_measured import calibration_file
 
     with whole_results(*others.files, output) as (results, shown, file):
@@ -213,7 +213,7 @@ def summary(found: Calibration) -> dict[str, Any]:
 
 
 def show(found: Calibration, to: Console) -> None:
-    """The result for people."""
+    """Show the result for people."""
     from rich.table import Table
 
     from kinematics.effects import LocationError

@@ -69,7 +69,7 @@ def iso230(
 
 
 def _write_tables(tests: Sequence[AxisTest], file: BinaryIO) -> None:
-    """Rows of axis, direction, position, error, standard uncertainty (k = 1) and number of readings."""
+    """Write rows of axis, direction, position, error, standard uncertainty (k = 1) and number of readings."""
     from calibration.single_axis.iso230 import WAYS
 
     units = list(dict.fromkeys((test.position_unit, test.unit) for test in tests))

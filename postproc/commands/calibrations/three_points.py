@@ -157,7 +157,7 @@ def _straightness(axis: AxisResult) -> dict[str, Any]:
 
 
 def show(found: ThreePoints, checked: Check, to: Console, tables: bool = False) -> None:
-    """The result for people; `tables` with every position of every axis."""
+    """Show the result for people; with `tables` also every position of every axis."""
     from rich.table import Table
 
     from calibration.single_axis.three_points_figures import locations, squarenesses, straightnesses

@@ -133,7 +133,7 @@ def _progress(draws: Draws, cases: int) -> Iterator[Callable[[int], None]]:
 
 
 def _show(found: Sequence[Result], draws: Draws, to: Console) -> None:
-    """The results for people."""
+    """Show the results for people."""
     from rich.table import Table
 
     from calibration.study.results import standard_errors

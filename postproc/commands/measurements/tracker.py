@@ -69,7 +69,7 @@ def _toml(found: Fitted) -> str:
 
 
 def _show(found: Fitted, to: Console) -> None:
-    """The result for people."""
+    """Show the result for people."""
     import numpy as np
     from rich.table import Table
 

@@ -28,7 +28,7 @@ def check(
 ) -> None:
     """List the lines of a program that would be corrected, that pass unchanged, and that are refused, with the reason.
 
-    Needs no calibration. Exit status 2 when the program is refused.
+    No calibration is needed. The exit status is 2 when the program is refused.
     """
     from postproc.commands.show.terminal import show_findings
 

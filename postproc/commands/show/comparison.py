@@ -19,7 +19,7 @@ FIGURES = ("", "", "unit", "A", "B", "B - A", "U (k=2)", "")
 
 
 def show(found: Comparison, names: tuple[str, str], to: Console) -> None:
-    """Tables of error motions and single figures, the volume, and the effects that were left out."""
+    """Show tables of error motions and single figures, the volume, and the effects that were left out."""
     to.print(f"machine      {found.machine.name}  {found.machine.chain}")
     for letter, name in zip("AB", names, strict=True):
         to.print(f"{letter}            {name}")

@@ -58,7 +58,7 @@ def plan_figure(ways: Ways) -> str:
     from matplotlib.collections import LineCollection
 
     pieces = np.stack([ways.points[:, :-1], ways.points[:, 1:]], axis=2).reshape(-1, 2, 3)
-    width = 2.5 if ways.stride > 1 else 1.0  # dots, where only some moves are left
+    width = 2.5 if ways.stride > 1 else 1.0  # dots, where only some moves are drawn
     colours = ((ways.errors[:, :-1] + ways.errors[:, 1:]) / 2.0).reshape(-1)
     with figure(9.0, 4.2) as (canvas, drawn):
         canvas.set_dpi(FINE)
