@@ -40,6 +40,7 @@ class Setup:
     noise: Array
     """Factors `(n, d, d)` from noise of unit variance to the weighted noise of the instrument."""
     minutes: float
+    """Duration of the measurement, min."""
     notes: tuple[str, ...] = ()
 
 

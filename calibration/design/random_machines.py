@@ -22,8 +22,9 @@ class TrueModels:
     model: ErrorModel
     """The error model with all parameters at their largest values."""
     low: Array
-    """Limits `(t,)` of the parameters in the units of the model, as `high`."""
+    """Lower limits `(t,)` of the parameters, in the units of the model."""
     high: Array
+    """Upper limits `(t,)` of the parameters, in the units of the model."""
     linear: Array
     """1 `(t,)` for amplitudes, 0 for parameters of their shape (a period, a time constant)."""
 

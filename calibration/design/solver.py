@@ -24,7 +24,9 @@ class Factorised:
     """Factorisation of the normal equations of one choice of bases, with its priors."""
 
     solve: Callable[[Array], Array]
+    """Parameters `(p, draws)` of right-hand sides `(p, draws)`."""
     log_determinant: float
+    """Log determinant of the matrix in units of the priors; nan without priors."""
 
 
 @dataclass

@@ -42,6 +42,7 @@ class Calibration:
     before_rms_um: float
     """RMS residual per scalar, um, of the nominal machine with a registration of its own."""
     before_max_um: float
+    """Largest length of these residuals in a row, um."""
     suspects: tuple[Suspect, ...]
     """Variables on which the residuals depend."""
     cross_validation: CrossValidation | None

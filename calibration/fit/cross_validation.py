@@ -42,7 +42,9 @@ class CrossValidation(NamedTuple):
     rms_um: float
     """RMS residual per scalar, um; urad on rotary axes of an interferometer."""
     max_um: float
+    """Largest length of the residual of a row, um; urad on rotary axes of an interferometer."""
     blocks: int
+    """Number of blocks."""
     what: str
     """Name of the blocks, plural: runs, lines, cells of space, ..."""
     nominal_rms_um: float

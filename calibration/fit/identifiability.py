@@ -27,6 +27,7 @@ class Unidentifiable:
     effects: tuple[str, ...]
     """Names of the effects they lie in."""
     directions: int
+    """Number of such directions."""
     parameters: int
     """Number of parameters of these effects."""
     reason: str

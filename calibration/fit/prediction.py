@@ -51,12 +51,13 @@ class Points:
 
 
 class Predicted(NamedTuple):
-    """Predicted deviations of a block of rows `(n, 3)`, um."""
+    """Predictions of a block of rows."""
 
     rows: slice
     deviation: Array
+    """Deviations `(n, 3)`, um."""
     u: Array
-    """Standard uncertainties, k = 1."""
+    """Standard uncertainties `(n, 3)`, um, k = 1."""
 
 
 @dataclass(frozen=True)

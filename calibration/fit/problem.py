@@ -33,6 +33,7 @@ class Point:
     """Parameters and registration in an iteration, with the residuals."""
 
     parameters: Array
+    """Parameters `(p,)` of the model, in their units."""
     registration: Registration
     residual: Array
     """Observed minus expected `(n, d)`, mm and rad, of the rows of the problem."""
@@ -86,6 +87,7 @@ class Problem:
     model: ErrorModel
     """The model with its parameters at the start."""
     white: Array
+    """Matrices `(n, d, d)` of `calibration.observation.normal_equations.whiteners`."""
     prior: Array
     """Standard deviations `(p,)` about the start, infinite for none; or a root L `(p, p)` of their covariance L L'."""
 

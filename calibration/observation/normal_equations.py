@@ -20,10 +20,12 @@ CERTAIN = 1e-6
 
 @dataclass
 class NormalEquations:
-    """J' J and J' r over whitened rows; the parameters of the registration first, then those of the model."""
+    """Normal equations over whitened rows; the parameters of the registration first, then those of the model."""
 
     matrix: Array
+    """J'J `(size, size)`."""
     right: Array
+    """J'r `(size,)`."""
 
     @classmethod
     def zero(cls, size: int) -> NormalEquations:

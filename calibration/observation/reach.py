@@ -23,13 +23,16 @@ class Reach:
     incidence: float | None = None
     """Largest angle between the beam and the axis of the reflector: half the opening that its maker states."""
     range_mm: float | None = None
+    """Largest distance of a target from the tracker, mm."""
 
 
 class Seen(NamedTuple):
-    """Mask `(n,)` of the rows in reach, and the reasons why others are not."""
+    """The rows in reach of a tracker."""
 
     rows: np.ndarray
+    """Mask `(n,)` of the rows in reach."""
     notes: tuple[str, ...]
+    """Reasons why others are not, with the numbers of their rows."""
 
 
 def in_reach(measurement: Measurement, poses: Mapping[str, Pose], reach: Reach) -> Seen:

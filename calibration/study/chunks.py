@@ -34,10 +34,12 @@ class Chunk(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """RMS errors `(volumes, draws)`, um, of a chunk."""
+    """RMS errors of the draws of a chunk."""
 
     before: Array
+    """RMS errors `(volumes, draws)`, um, without a correction."""
     after: Array
+    """RMS errors `(volumes, draws)`, um, after correction by the fits."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,9 @@ class Draws:
     number: int | None
     """None where the stopping rule decides."""
     tolerance_um: float = 0.1
+    """Tolerance of the stopping rule, um."""
     most: int = 100_000
+    """Largest number of draws."""
 
     def chunks(self, begun: int) -> list[Chunk]:
         """The next chunks of a case after those already begun."""
@@ -43,15 +45,17 @@ class Result:
 
     case: Case
     before: Array
-    """RMS error `(volumes, draws)`, um, of each draw without a correction; `after`: with it."""
+    """RMS errors `(volumes, draws)`, um, without a correction."""
     after: Array
+    """RMS errors `(volumes, draws)`, um, after correction by the fits."""
     batches: tuple[Array, ...]
-    """RMS errors `(draws,)`, um, with a correction, on the grid, by chunk."""
+    """RMS errors `(draws,)`, um, after correction, on the grid, by chunk."""
     converged: bool
     """False where an adaptive study ended at its largest number of draws."""
     points: int
     """Observations within reach."""
     minutes: float
+    """Duration of the measurement, min."""
     notes: tuple[str, ...]
     check: Compared | None
     """Some draws, by the linear equations and by the exact kinematics."""
