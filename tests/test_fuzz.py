@@ -3,14 +3,17 @@
 import json
 import random
 import re
+import resource
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from postproc.text import flow
 from tests.fuzz import EXAMINERS
 from tests.fuzz.case import FOUND, Case, Outcome, Verdict, examiner, load, save
 from tests.fuzz.gantry import constant, flat
+from tests.fuzz.mutated_programs import limited
 from tests.fuzz.ncomp import correct
 from tests.fuzz.runner import Count, judge, run
 from tests.fuzz.shrink import shrink
@@ -98,3 +101,10 @@ def test_what_is_spoilt_differs(name, old, new, kind, monkeypatch):
         return
     monkeypatch.setattr("tests.fuzz.linuxcnc.correct", lambda _: written._replace(text=spoilt))
     assert judge(module, case).kind in kind
+
+
+def test_limits_of_an_examination_are_undone():
+    before = flow.LONGEST, resource.getrlimit(resource.RLIMIT_AS)
+    with limited(10):
+        assert before[0] > flow.LONGEST
+    assert before == (flow.LONGEST, resource.getrlimit(resource.RLIMIT_AS))

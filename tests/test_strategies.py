@@ -346,7 +346,7 @@ def test_work_offset_is_taken_off():
 
 def test_programs_that_can_not_be():
     made = plan(GANTRY, "random", 3)
-    with pytest.raises(UserError, match="G53 moves in rapid"):
+    with pytest.raises(UserError, match="G53 of this control always moves in rapid"):
         program_of(made, Manner(), "fanuc")
     with pytest.raises(UserError, match="presets by number"):
         program_of(made, Manner(offset=OFFSET), "heidenhain")
@@ -418,7 +418,7 @@ BAD = {
     "target": (["--strategy", "grid", "--target", "t1"], "--target t1: expected t1=x,y,z"),
     "target twice": (["--strategy", "grid", "--target", "t=0,0,0", "--target", "bed.t=1,2,3"], "each name once"),
     "carrier": (["--strategy", "grid", "--target", "wall.t=0,0,0"], "expected t1=x,y,z, table"),
-    "fanuc": (["--strategy", "grid", "--nc", "x.nc", "--dialect", "fanuc"], "G53 moves in rapid"),
+    "fanuc": (["--strategy", "grid", "--nc", "x.nc", "--dialect", "fanuc"], "G53 of this control always moves in rapid"),
     "one file for both": (["--strategy", "grid", "--nc", "plan.csv"], "--nc and --output both name plan.csv"),
     "offset": (["--strategy", "grid", "--nc", "x.nc", "--work-offset", "G54=1,b"], "'b' is no number"),
 }  # fmt: skip

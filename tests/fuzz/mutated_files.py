@@ -22,7 +22,7 @@ import typer.main
 from kinematics.user_error import UserError
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.mutate import Change, files_changes, mutated
-from tests.fuzz.mutated_programs import TESTS, limit_process, limited
+from tests.fuzz.mutated_programs import TESTS, limited
 
 SECONDS = 5
 """Time of the processor for one examination."""
@@ -175,7 +175,6 @@ def draw(seed: int) -> Case:
 
 def judge(case: Case) -> Outcome:
     """Let a command or a reader take the file."""
-    limit_process()
     kind, *more = case.options
     if kind == "continuous":
         _recorded()  # no part of the time of an examination

@@ -105,7 +105,6 @@ def draw(seed: int) -> Case:
 
 def judge(case: Case) -> Outcome:
     """Read and write it back, and perhaps correct it."""
-    limit_process()
     with limited(SECONDS):
         return _judge(case)
 
@@ -171,25 +170,23 @@ def _odd_numbers(text: str) -> int:
 
 @contextmanager
 def limited(seconds: int) -> Iterator[None]:
-    """TimeoutError after so many seconds of the processor, however many processes share it."""
+    """TimeoutError after so many seconds of the processor; less memory; refusal of a long loop. All undone at the end."""
 
     def late(*_: object) -> None:
         raise TimeoutError
 
-    before = signal.signal(signal.SIGVTALRM, late)
+    before, longest = signal.signal(signal.SIGVTALRM, late), flow.LONGEST
+    memory, most = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, most))
+    flow.LONGEST = LONGEST_RUN
     signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         signal.signal(signal.SIGVTALRM, before)
-
-
-@cache
-def limit_process() -> None:
-    """Less memory, and an endless loop is refused soon."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
-    flow.LONGEST = LONGEST_RUN
+        flow.LONGEST = longest
+        resource.setrlimit(resource.RLIMIT_AS, (memory, most))
 
 
 @cache
