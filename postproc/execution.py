@@ -40,14 +40,14 @@ class Part:
     """Indices of blocks of the chunk that run several times with different moves."""
 
 
-def settled(parts: Iterable[Part]) -> Iterator[Part]:
+def joined_before_rotary_moves(parts: Iterable[Part]) -> Iterator[Part]:
     """The parts, joined if one of them decides how the last move before it is written.
 
     Such a part begins with a feed move of rotary axes alone (`postproc/correct/rotary_moves.py`), or has no moves.
     """
     held: list[Part] = []
     for part in parts:
-        if held and len(part.motions) and not part.motions.turning[0]:
+        if held and len(part.motions) and not part.motions.rotary_only[0]:
             yield _joined(held)
             held = []
         held.append(part)

@@ -74,7 +74,7 @@ def test_nothing_is_missed_in_programs(name, tcp, seed):
     machine = load(name)
     motions = read(RandomProgram(machine, seed, tcp=tcp).text(15), machine, **random_setup(machine))
     assert any(frame.tcp for frame in motions.frames) == tcp
-    model, rows = random_model(machine, seed), motions.judged
+    model, rows = random_model(machine, seed), motions.evaluated
     correction = correct(motions, model)
     q = motions.in_machine(correction.target)
     assert q == pytest.approx(correction.corrected, abs=1e-9)

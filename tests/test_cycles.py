@@ -165,7 +165,7 @@ def test_where_a_cycle_ends_unless_the_program_says_so():
     """At the level before it on Fanuc, at R on LinuxCNC: Z is not known until it is said again."""
     text = HEAD.replace(" G98", "") + "G81 X10. Y5. Z-20. R2. F100\nG80\nG0 X5.\nZ5.\n"
     machine = load("gantry")
-    assert read(text, machine).judged.tolist() == [True, True, False, True]
+    assert read(text, machine).evaluated.tolist() == [True, True, False, True]
     assert correct(text, machine, shifted(machine, Z=5.0), travel_check=False).text.splitlines()[-2:] == [
         "G0 X5.",
         "Z4.9950",

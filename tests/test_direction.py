@@ -214,7 +214,9 @@ def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tc
     nominal, commanded = read(text, machine, **setup), read(whole.text, machine, **setup)
     own = like(nominal, commanded)
     away = np.abs(own.machine_target - commanded.machine_target)[:, rotary]
-    inside = np.append(own.begin[1:] > 0.0, False)  # ends of segments inside a move are rounded to the resolution
+    inside = np.append(
+        own.start_fraction[1:] > 0.0, False
+    )  # ends of segments inside a move are rounded to the resolution
     steps = np.radians([axis.resolution for axis in machine.axes if axis.rotary])
     assert (away <= np.where(inside[:, None], 0.5 * steps, 0.0) + 1e-12).all()
     assert np.abs(own.machine_target - commanded.machine_target).max() < 1.0

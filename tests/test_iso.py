@@ -354,8 +354,8 @@ def test_what_is_known_under_tcp():
 def test_positions_before_and_after():
     motions = read("G1 X1 Y1 Z1 F9\nG28 Z0\nZ5\nZ6\n", load("gantry"))
     assert motions.known_start[:, 2].tolist() == [Known.ASSUMED, Known.ASSUMED, Known.PROGRAM]
-    assert motions.judged.tolist() == [True, True, True]
-    assert motions.judged_ways.tolist() == [False, False, True]
+    assert motions.evaluated.tolist() == [True, True, True]
+    assert motions.evaluated_paths.tolist() == [False, False, True]
 
 
 # ---- notes

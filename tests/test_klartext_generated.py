@@ -92,4 +92,4 @@ def test_a_program_comes_back_or_is_refused(body):
         return
     nominal, commanded = read(text), read(written)
     assert (commanded.kind[~commanded.added] == nominal.kind).all()
-    assert abs(commanded.target[~commanded.inner] - nominal.target).max(initial=0.0) < 0.5
+    assert abs(commanded.target[~commanded.intermediate] - nominal.target).max(initial=0.0) < 0.5

@@ -198,7 +198,7 @@ def test_corrected_in_a_tilted_plane(name):
     Pipeline(job).run(out, lambda _: None)
     written = out.getvalue().decode()
     nominal, commanded = (merged(read_motions(source_of(t, "t.h"), KLARTEXT, machine, setup)) for t in (text, written))
-    rows = nominal.judged
+    rows = nominal.evaluated
     assert rows.sum() >= 7
     before, after = (
         missed(machine, model, m.machine_target[rows], nominal.machine_target[rows], nominal.tool[rows]).point_um

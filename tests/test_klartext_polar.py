@@ -32,7 +32,7 @@ def judged(text, model=MODEL):
     text = HEAD + text + TAIL
     written = correct(text, model=model)
     nominal, commanded = read(text), read(written)
-    rows = ~commanded.inner
+    rows = ~commanded.intermediate
     assert rows.sum() == len(nominal)
     left = missed(GANTRY, model, commanded.machine_target[rows], nominal.machine_target, nominal.tool).point_um
     return written, left[1:], verify(nominal, commanded, model)
@@ -287,7 +287,7 @@ FROM_ANYWHERE = "BEGIN PGM A MM\nCC X+10 Y+20\nLP PR+50 PA+30 FMAX\nL Z+20\nLP P
 def test_both_polar_coordinates_need_no_place_before():
     nominal, commanded = read(FROM_ANYWHERE), read(correct(FROM_ANYWHERE, model=MODEL))
     np.testing.assert_allclose(nominal.target[2, :2], [35, 20 + 50 * math.sin(math.radians(60))], atol=1e-9)
-    rows = ~commanded.inner
+    rows = ~commanded.intermediate
     left = missed(GANTRY, MODEL, commanded.machine_target[rows], nominal.machine_target, nominal.tool).point_um
     assert left[1:].max() < 0.2
 

@@ -61,7 +61,7 @@ def test_vectors_stay_and_the_point_is_corrected():
 
 def test_nothing_is_put_between_normals():
     program = run("LN X+0 Y+0 Z+0 NX+0 NY+0 NZ+1 F500\nLN X+400 NX+0 NY+0 NZ+1\nL X+0\n")
-    assert [block.text.split()[0] for block in program.motions.blocks if block.alone] == ["LN", "LN"]
+    assert [block.text.split()[0] for block in program.motions.blocks if block.no_insertion] == ["LN", "LN"]
     assert "surface normals" in " ".join(program.notes.texts())
 
 

@@ -79,7 +79,7 @@ def test_motors_go_where_linuxcnc_s_own_backlash_takes_them(linuxcnc_sim):
     nominal, commanded = read(text, GANTRY), read(corrected, GANTRY)
     matched = like(nominal, commanded)
     ends = nominal.machine_target[1:, columns]
-    last = ~commanded.inner
+    last = ~commanded.intermediate
     at_own = stops(own, ends, columns)
     at_ours = stops(ours, commanded.machine_target[last][1:, columns], columns)
     difference = np.abs(own.motor[at_own] - ours.motor[at_ours])

@@ -115,11 +115,11 @@ def test_a_constant_shift_moves_everything_by_just_that(seed, um):
     model = shifted(machine, **dict(zip("XYZ", um, strict=True)))
     nominal = read(text, machine, **setup)
     commanded = read(correct(text, machine, model, **setup).text, machine, **setup)
-    rows = nominal.judged
+    rows = nominal.evaluated
     moved = (commanded.target - nominal.target)[rows]
     assert moved == pytest.approx(np.tile(np.array(um) * -1e-3, (rows.sum(), 1)), abs=0.5e-4 + 1e-9)
     for row, arc in nominal.arcs.items():
-        if nominal.judged_ways[row]:
+        if nominal.evaluated_paths[row]:
             other = commanded.arcs[row]
             for i, axis in enumerate(arc.plane[:2]):
                 tolerance = 2e-4 if not arc.form.startswith("radius") else 0.1

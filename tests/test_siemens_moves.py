@@ -170,7 +170,7 @@ def test_vectors_stay_and_the_point_is_corrected():
     written, _ = judged(text, random_model(load("trunnion_ac"), 4), "trunnion_ac", tools=["T1=80"])
     assert "A3=0.1 B3=0.2 C3=1 F500" in written
     assert "B3=0.3 C3=1" in written
-    alone = [block.text.split()[0] for block in interpreted(load("trunnion_ac"), text).blocks if block.alone]
+    alone = [block.text.split()[0] for block in interpreted(load("trunnion_ac"), text).blocks if block.no_insertion]
     assert alone == ["G1", "X12"]
 
 
@@ -288,7 +288,7 @@ def test_radius_compensation_and_corners():
     assert any("the corner points are corrected" in note for note in notes)
     assert "RND=2" in written
     blocks = interpreted(load("gantry"), text).blocks
-    assert [block.text.strip() for block in blocks if block.alone] == [*text.splitlines()[2:7], "X-10"]
+    assert [block.text.strip() for block in blocks if block.no_insertion] == [*text.splitlines()[2:7], "X-10"]
 
 
 # ---- axes beside the chain

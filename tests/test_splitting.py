@@ -73,12 +73,12 @@ class Run:
         found, row = {}, -1
         for i in range(len(self.commanded)):
             row += not self.commanded.added[i]
-            found.setdefault(row, []).append((i, float(self.commanded.begin[i])))
+            found.setdefault(row, []).append((i, float(self.commanded.start_fraction[i])))
         return found
 
     def strays(self):
         """Largest error, um, of the tool point along feed moves that begin and end where the program has said."""
-        judged = self.nominal.judged_ways & ~self.nominal.turning
+        judged = self.nominal.evaluated_paths & ~self.nominal.rotary_only
         q, wanted, tools = [], [], []
         for row, pieces in self.pieces().items():
             if not judged[row]:

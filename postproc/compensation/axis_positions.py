@@ -37,7 +37,7 @@ def held_shifts(motions: Motions, correction: Correction, before: Array) -> Arra
 def _placed_anew(motions: Motions) -> NDArrayBool:
     """True `(n, axes)` where a row moves an axis to a new position; all other axes keep their shift."""
     anew = motions.movable | (motions.known_start == Known.ASSUMED)
-    anew[np.ix_(motions.turning & ~motions.tcp, np.array(motions.machine.translators))] = False
+    anew[np.ix_(motions.rotary_only & ~motions.tcp, np.array(motions.machine.translators))] = False
     for row in np.flatnonzero(motions.kind == Kind.MACHINE).tolist():
         anew[row, [word.axis for word in motions.words[row]]] = True
     return np.asarray(anew)

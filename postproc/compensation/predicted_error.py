@@ -18,10 +18,10 @@ from postproc.motion.reversals import (
     INNER,
     Directions,
     axes_with_play,
+    axis_positions_along,
     dead_band,
     known_before,
     turns_inside,
-    ways,
 )
 
 
@@ -69,7 +69,7 @@ class Judge:
         """Directions `(n, shares, axes)` at the shares INNER of the moves, and at their ends; None without backlash."""
         if not self.axes:
             return None
-        return self._follow(motions, ways(motions, (*INNER, 1.0)))
+        return self._follow(motions, axis_positions_along(motions, (*INNER, 1.0)))
 
     def _follow(self, motions: Motions, positions: Array) -> Array:
         """Directions at positions `(n, shares, axes)` along the moves of a chunk; the last share is the end."""

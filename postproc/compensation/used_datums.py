@@ -114,13 +114,13 @@ class UsedDatums:
 
     def _look_at_turned(self, motions: Motions) -> None:
         """Compare the rotary positions in the first move of each work offset with its assumed touch-off."""
-        machine, judged = motions.machine, np.flatnonzero(motions.judged)
-        for index in dict.fromkeys(motions.frame[judged].tolist()):
+        machine, evaluated = motions.machine, np.flatnonzero(motions.evaluated)
+        for index in dict.fromkeys(motions.frame[evaluated].tolist()):
             frame = motions.frames[index]
             there = frame.touch_off
             if there is None or there.name in self._turned:
                 continue
-            row = judged[motions.frame[judged] == index][0]
+            row = evaluated[motions.frame[evaluated] == index][0]
             stands = np.array(there.position)
             known = (motions.known[row] == Known.PROGRAM) & machine.rotary
             q = np.where(known, motions.target[row] + frame.offset, stands)

@@ -23,17 +23,17 @@ from postproc.motion.reversals import (
     INNER,
     Directions,
     axes_with_play,
+    axis_positions_along,
     dead_band,
     feeds,
     known_before,
     needs_direction,
     turns_inside,
-    ways,
 )
 from postproc.motion.segments import split, turning_points, with_take_ups
 from postproc.text.block import Block
 from postproc.text.notes import Notes
-from postproc.write.added_blocks import ALONE, START_M
+from postproc.write.added_blocks import NO_INSERTION, START_M
 
 PRECISION = 0.1
 """Last step of the iteration that finds the directions of moves, as a fraction of the dead band."""
@@ -107,7 +107,7 @@ class TakeUps:
         before, positions = np.vstack([self._shift, shifts[:-1]]), ends[:, None]
         if winding.any():
             share = np.array(INNER)[None, :, None]
-            inner = ways(motions, INNER) + before[:, None] + share * (shifts - before)[:, None]
+            inner = axis_positions_along(motions, INNER) + before[:, None] + share * (shifts - before)[:, None]
             inner[~winding] = np.nan
             positions = np.concatenate([inner, positions], axis=1)
         starts = motions.in_machine(motions.start) + before
@@ -130,8 +130,12 @@ class TakeUps:
         together = coupled[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
         wanted = (asked & linear) | together
         said = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
-        ready = motions.settled & ~motions.turning & ~np.array([b.alone for b in motions.blocks], bool)[motions.block]
-        ready[[*motions.contours, *motions.polars, *motions.still]] = False
+        ready = (
+            motions.frame_unchanged
+            & ~motions.rotary_only
+            & ~np.array([b.no_insertion for b in motions.blocks], bool)[motions.block]
+        )
+        ready[[*motions.cutter_compensated, *motions.polars, *motions.locked_axes]] = False
         for row in np.flatnonzero(motions.timed & wanted.any(axis=1)):
             ready[row] &= _has_feed(motions.blocks[motions.block[row]])
         possible = wanted & said & ready[:, None]
@@ -141,8 +145,8 @@ class TakeUps:
             why = (
                 "not an axis that is corrected"
                 if others[row, axis]
-                else ALONE
-                if block.alone
+                else NO_INSERTION
+                if block.no_insertion
                 else NOT_READY
                 if not ready[row]
                 else "the program has not given its position"
@@ -173,7 +177,7 @@ class TakeUps:
     def _note_unknown(self, motions: Motions, approach: Array) -> None:
         """Note the axes that are assumed in the middle of their backlash."""
         for axis in self.axes:
-            rows = np.flatnonzero(motions.judged & (approach[:, axis] == 0.0))
+            rows = np.flatnonzero(motions.evaluated & (approach[:, axis] == 0.0))
             if rows.size:
                 line = motions.blocks[motions.block[rows[0]]].line
                 name = self.machine.names[axis]
@@ -189,9 +193,9 @@ def _obstacle(motions: Motions, row: int, block: Block) -> str:
     named = [word.axis for word in motions.words[row]]
     codes = {word.value or 0.0 for word in block.words if word.address == "M"}
     obstacles = {
-        ALONE: block.alone,
+        NO_INSERTION: block.no_insertion,
         "under TCP its axes are not those of the machine": motions.frames[motions.frame[row]].tcp,
-        "radius compensation follows all its pieces": row in motions.contours,
+        "radius compensation follows all its pieces": row in motions.cutter_compensated,
         "other axes turn or move with it": any(axis not in motions.machine.translators for axis in named),
         "an increment from an unknown position": (motions.known[row, named] != Known.PROGRAM).any(),
         "an M function in its block may run before or after it": not START_M.issuperset(codes),

@@ -74,13 +74,13 @@ class Findings:
 
     def take(self, motions: Motions) -> None:
         """Add the moves of a chunk."""
-        judged, before = motions.judged.tolist(), -1
+        evaluated, before = motions.evaluated.tolist(), -1
         for row, (index, kind) in enumerate(zip(motions.block.tolist(), motions.kind.tolist(), strict=True)):
             if kind == Kind.PRESET or (kind == Kind.MACHINE and index == before):
                 continue  # the second is the end of a cycle after the move of its block
             before = index
             line = motions.blocks[index].line
-            (self.machine if kind == Kind.MACHINE else self.corrected if judged[row] else self.unsaid).append(line)
+            (self.machine if kind == Kind.MACHINE else self.corrected if evaluated[row] else self.unsaid).append(line)
 
     def take_travel(self, refusals: Iterable[Refusal]) -> None:
         """Note moves outside the travel: each line once for each axis, however often it runs."""
@@ -142,7 +142,7 @@ def _read(
         except Refusal as refusal:
             findings.refuse(refusal)
             take(interpreter.recorder.finish(done))
-            interpreter.recorder.forget(list(range(len(interpreter.recorder.machine.axes))))
+            interpreter.recorder.mark_unknown(list(range(len(interpreter.recorder.machine.axes))))
         else:
             return
 

@@ -27,7 +27,7 @@ from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
 from postproc.compensation.correction import corrected_positions
 from postproc.compensation.datum import datum_shifts
-from postproc.motion.along import places, round_the_circle
+from postproc.motion.along import positions_along, round_the_circle
 from postproc.motion.circles import middle_share, moved_centre
 from postproc.motion.frames import Frame, cartesian
 from postproc.motion.motions import Motions
@@ -57,7 +57,7 @@ class CorrectedWays:
 
     def shifts(self, rows: np.ndarray, shares: Array) -> Array:
         """Corrected minus nominal programmed positions `(k, axes)` at shares `(k,)` of the paths of rows `(k,)`."""
-        program, bare = places(self.motions, rows, shares), self._bare.take(rows)
+        program, bare = positions_along(self.motions, rows, shares), self._bare.take(rows)
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
         machine, movable = self.motions.machine, self._movable[rows]
         corrected = corrected_positions(
@@ -71,7 +71,7 @@ class CorrectedWays:
         In the workpiece frame; where rotary axes turn without TCP, along the linear axes.
         """
         bare, machine = self._bare.take(rows), self.motions.machine
-        q = bare.in_machine(places(self.motions, rows, shares))
+        q = bare.in_machine(positions_along(self.motions, rows, shares))
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
         wanted = tool_point(machine, q, bare.tool)
         missed = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - wanted

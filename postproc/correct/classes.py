@@ -46,11 +46,11 @@ def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = CO
 
     Choices that need rotary axes are omitted on a machine that has none. Directions are those of the nominal moves.
     """
-    machine, judged, model = motions.machine, motions.judged, model.part(in_a_program)
+    machine, evaluated, model = motions.machine, motions.evaluated, model.part(in_a_program)
     judge = Judge(model, machine, conditions, 1.0)
-    states = judge.states(motions, judged)
-    nominal, tool = motions.machine_target[judged], motions.tool[judged]
-    shift = datum_shifts(motions, model, conditions)[judged]
+    states = judge.states(motions, evaluated)
+    nominal, tool = motions.machine_target[evaluated], motions.tool[evaluated]
+    shift = datum_shifts(motions, model, conditions)[evaluated]
     rows = []
     for choice in ("none", *CHOICES):
         classes = frozenset() if choice == "none" else parse_classes(choice)
@@ -59,7 +59,7 @@ def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = CO
             continue
         orientation = model if ORIENTATION in classes else None
         correction = correct(motions, select(model, classes), orientation, conditions, judge.approach)
-        commanded = correction.corrected[judged]
+        commanded = correction.corrected[evaluated]
         left = Left(choice)
         found = missed(machine, model, commanded, nominal, tool, states, shift)
         left.position.add(found.point_um)

@@ -38,7 +38,7 @@ from postproc.correct.trace import Trace
 from postproc.correct.travel import note_outside, refuse_outside
 from postproc.correct.unroll import unrolled
 from postproc.dialects import Dialect
-from postproc.execution import Execution, Part, StoredProgram, execution, settled, turns
+from postproc.execution import Execution, Part, StoredProgram, execution, joined_before_rotary_moves, turns
 from postproc.iso.lines import refuse_lengthened
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known
@@ -152,7 +152,7 @@ class Pipeline:
         program = self._program()
         self.report.program["name"] = program.source.name
         try:
-            for part in settled(program.in_context()):
+            for part in joined_before_rotary_moves(program.in_context()):
                 self._put(out, *program.finished(part, self._correct(part)))
                 progress(part.size)
             self._put(out, *program.rest())
@@ -248,11 +248,11 @@ class Pipeline:
 
     def _judge(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Add the corrections, and the errors that the exact model predicts before and after them, to the report."""
-        job, report, own = self.job, self.report, ~motions.inner
-        machine, judged, correctable = job.machine, motions.judged, motions.programmed & own
+        job, report, own = self.job, self.report, ~motions.intermediate
+        machine, evaluated, correctable = job.machine, motions.evaluated, motions.programmed & own
         moved, said = written.ends - motions.target, motions.correctable & correctable[:, None]
         report.corrected += int(((moved != 0.0) & said).any(axis=1).sum())
-        report.not_judged += int((~judged & own).sum())
+        report.not_judged += int((~evaluated & own).sum())
         for i in machine.translators:
             report.correction.setdefault(machine.names[i], Statistic()).add(moved[said[:, i], i] * 1e3)
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
@@ -261,26 +261,26 @@ class Pipeline:
         self._note_left(motions)
         commanded = written.moves(motions)
         errors = np.full((len(motions), 2), np.nan)
-        errors[judged] = self._judge_ends(motions, commanded, correction.nominal, judged)
-        self.guard.check_ends(motions, np.flatnonzero(judged), errors[judged])
+        errors[evaluated] = self._judge_ends(motions, commanded, correction.nominal, evaluated)
+        self.guard.check_ends(motions, np.flatnonzero(evaluated), errors[evaluated])
         self._judge_between(motions, commanded, errors[:, 0])
-        if judged.any():
+        if evaluated.any():
             self._note_turning(motions, correction, written)
             self._flat_arcs.take(motions, correction, written.ends)
         if self.trace is not None:
             self.trace.add(motions, correctable, np.where(said, moved, np.nan), errors)
             self.trace.add_ways(motions, self.before)
 
-    def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, judged: NDArrayBool) -> Array:
+    def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool) -> Array:
         """Errors `(judged, 2)`, um, before and after at the ends of evaluated rows; nominal `(n, axes)`, mm and rad."""
-        job, report, tool = self.job, self.report, motions.tool[judged]
+        job, report, tool = self.job, self.report, motions.tool[evaluated]
         machine = job.machine
-        states_before = self.before.states(motions, judged)
-        states_after = self.after.states(commanded, judged)
-        if not judged.any():
+        states_before = self.before.states(motions, evaluated)
+        states_after = self.after.states(commanded, evaluated)
+        if not evaluated.any():
             return np.empty((0, 2))
-        nominal, ends = nominal[judged], motions.in_machine(commanded.target)[judged]
-        shift = self.before.datum_shifts(motions)[judged]
+        nominal, ends = nominal[evaluated], motions.in_machine(commanded.target)[evaluated]
+        shift = self.before.datum_shifts(motions)[evaluated]
         before = missed(machine, self.model, nominal, nominal, tool, states_before, shift)
         after = missed(machine, self.model, ends, nominal, tool, states_after, shift)
         numbers = report.before.count + np.arange(len(nominal))
@@ -291,12 +291,12 @@ class Pipeline:
         report.absolute_after.add(after.absolute_um)
         report.tilt_before.add(before.axis_urad)
         report.tilt_after.add(after.axis_urad)
-        looked_at = motions.bare.take(np.flatnonzero(judged)[some])
+        looked_at = motions.bare.take(np.flatnonzero(evaluated)[some])
         datum = datum_prediction(looked_at, self.model, job.conditions)
         whole, along = uncertainties_um(machine, self.model, states_before(nominal).rows(some), tool[some], datum)
         report.uncertainty.add(whole)
         report.significance.add(before.point_um[some], after.point_um[some], along)
-        lines = np.array([motions.blocks[block].line for block in motions.block[judged]])
+        lines = np.array([motions.blocks[block].line for block in motions.block[evaluated]])
         self._outside.add(self.model.excesses(machine, states_before(nominal)), lines)
         return np.stack([before.point_um, after.point_um], axis=1)
 
@@ -311,7 +311,7 @@ class Pipeline:
 
     def _note_left(self, motions: Motions) -> None:
         """Collect the lines of moves that are not corrected in all axes."""
-        left = motions.left
+        left = motions.uncorrected
         for row in np.flatnonzero(left.any(axis=1)).tolist():
             names = " ".join(self.job.machine.names[i] for i in np.flatnonzero(left[row]))
             self.report.left.setdefault(names, []).append(motions.blocks[motions.block[row]].line)
@@ -319,22 +319,22 @@ class Pipeline:
     def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Note the feed moves of rotary axes alone with a residual error that the next move corrects."""
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
-        for row in np.flatnonzero(motions.turning & (behind * 1e3 > self.job.tolerance_um)):
+        for row in np.flatnonzero(motions.rotary_only & (behind * 1e3 > self.job.tolerance_um)):
             line = motions.blocks[motions.block[row]].line
             self.notes.add(TURNED_ALONE, line)
 
     def _judge_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
         """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um."""
-        rows = motions.known_ways
+        rows = motions.known_paths
         if not rows.any():
             return
-        judged = motions.judged_ways[rows]
+        evaluated = motions.evaluated_paths[rows]
         if self.trace is not None:
-            self.trace.between_before.add(self._strayed(motions, motions, self.before, rows)[judged])
+            self.trace.between_before.add(self._strayed(motions, motions, self.before, rows)[evaluated])
         strayed = self._strayed(motions, commanded, self.after, rows)
-        self.report.between_ends.add(strayed[judged])
-        self._guard_between(motions, commanded, before, np.flatnonzero(rows)[judged], strayed[judged])
-        beyond, turning = strayed > self.job.tolerance_um, motions.turning
+        self.report.between_ends.add(strayed[evaluated])
+        self._guard_between(motions, commanded, before, np.flatnonzero(rows)[evaluated], strayed[evaluated])
+        beyond, turning = strayed > self.job.tolerance_um, motions.rotary_only
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
             block = int(motions.block[row])
             reason = TURNED_ALONE if turning[row] else self.splitter.whole.get(block, ERROR_JUMPS)
@@ -348,7 +348,7 @@ class Pipeline:
         In the input the largest error of a path is at least that of its end: moves within that error need no further
         evaluation.
         """
-        ends = np.flatnonzero(~motions.inner)
+        ends = np.flatnonzero(~motions.intermediate)
         move = np.searchsorted(ends, rows)
         doubtful = np.zeros(len(ends), bool)
         doubtful[move[~(strayed <= before[ends[move]])]] = True

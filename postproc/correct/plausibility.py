@@ -196,7 +196,7 @@ class Guard:
             block = motions.blocks[motions.block[row]]
             found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
             if "worse" not in self._plausibility.accepted:
-                hint = TURNING_HINT if motions.turning[row] else hints.get(int(motions.block[row]), "")
+                hint = TURNING_HINT if motions.rotary_only[row] else hints.get(int(motions.block[row]), "")
                 raise block.refuse(f"{found}{hint}; --accept worse continues nevertheless")
             self._add(block.line, float(before[i]), float(after[i]))
 

@@ -36,9 +36,9 @@ def leave_before_turning(
 
     approach `(n, axes)`: direction of each axis at the end of each move.
     """
-    turning = motions.turning
+    turning = motions.rotary_only
     before = np.maximum.accumulate(np.where(turning, -1, np.arange(len(motions))))
-    rows = np.flatnonzero(turning & (before >= 0) & motions.judged)
+    rows = np.flatnonzero(turning & (before >= 0) & motions.evaluated)
     pairs = zip(motions.frame[before[rows]].tolist(), motions.frame[rows].tolist(), strict=True)
     same = np.array([motions.frames[i] == motions.frames[j] for i, j in pairs], bool)
     rows = rows[same & motions.programmed[before[rows]]]

@@ -21,7 +21,7 @@ from postproc.motion.moves import Known
 from postproc.motion.segments import arc_turned, split
 from postproc.text.block import Block
 from postproc.text.number_style import decimals_for
-from postproc.write.added_blocks import ALONE, END_M, LASTING, SINGLE_FEEDS, START_M
+from postproc.write.added_blocks import END_M, LASTING, NO_INSERTION, SINGLE_FEEDS, START_M
 
 QUARTER = math.pi / 2 + 1e-9
 HALF_TURN = math.pi - 1e-6
@@ -57,7 +57,7 @@ class Splitter:
     def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
         """The moves of a chunk, split where necessary; `varied`: blocks that run several times with different moves."""
         self.whole, self.uneven = {}, set()
-        rows = np.flatnonzero(motions.known_ways & ~motions.turning)
+        rows = np.flatnonzero(motions.known_paths & ~motions.rotary_only)
         if not rows.size or not self.models[0].effects:
             return motions
         ways = CorrectedWays(motions, self.models, self.conditions)
@@ -95,12 +95,12 @@ def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset
     said = np.minimum(motions.known_start[row], motions.known[row])[moved]
     turned = ways.extents[row] * machine.rotary
     obstacles = {
-        ALONE: block.alone,
+        NO_INSERTION: block.no_insertion,
         "its block runs several times, in different ways": int(motions.block[row]) in varied,
         "its block makes several moves": np.count_nonzero(motions.block == motions.block[row]) > 1,
-        "the control shifts it by the radius of the tool": row in motions.contours,
+        "the control shifts it by the radius of the tool": row in motions.cutter_compensated,
         "polar coordinates": row in motions.polars or (arc is None and any(w.word < 0 for w in motions.words[row])),
-        "an axis that no word may name": row in motions.still,
+        "an axis that no word may name": row in motions.locked_axes,
         "the program has not given the positions of all its axes before it": (said != Known.PROGRAM).any(),
         "rotary axes turn along an arc": arc is not None and turned.any(),
         "a rotary axis turns by half a turn or more, and which way round depends on the control": (

@@ -14,7 +14,7 @@ from kinematics.transforms import Array
 from postproc.compensation.correction import missed
 from postproc.compensation.predicted_error import Judge
 from postproc.correct.report import Statistic
-from postproc.motion.along import places
+from postproc.motion.along import positions_along
 from postproc.motion.motions import Motions
 
 BINS = 2000
@@ -154,12 +154,12 @@ class Trace:
 
     def add_ways(self, motions: Motions, judge: Judge) -> None:
         """Add some feed moves of a chunk, in the last states of `judge`, which follows the uncorrected program."""
-        rows = self.ways.rows(np.flatnonzero(motions.judged_ways))
+        rows = self.ways.rows(np.flatnonzero(motions.evaluated_paths))
         if not len(rows):
             return
         points = np.repeat(rows, PIECES + 1)
         shares = np.tile(np.linspace(0.0, 1.0, PIECES + 1), len(rows))
-        nominal = motions.bare.take(points).in_machine(places(motions, points, shares))
+        nominal = motions.bare.take(points).in_machine(positions_along(motions, points, shares))
         tool = motions.tool[points]
         states, shift = judge.last_states(points), judge.datum_shifts(motions)[points]
         errors = missed(self.machine, self._model, nominal, nominal, tool, states, shift).point_um

@@ -29,6 +29,6 @@ def approach(control: Control, index: int, block: Block, content: Content) -> No
         target = control.target(block, words)
         control.recorder.move(index, Kind.RAPID, target, control.unit, tuple(word for word, _ in words))
     if block.kind == "departure" and form not in WITH_END:
-        control.forget("XY")
+        control.mark_unknown("XY")
     text = "approaches and departures end at corrected points; the control calculates the path between them"
     control.notes.add(text, block.line)

@@ -120,7 +120,7 @@ class Arcs:
 
     # ---- arcs to a point
 
-    def circle(self, index: int, block: Block, content: Content, settled: bool) -> None:
+    def circle(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
         """C, CR and CT."""
         sense = self._sense(block, content) if block.kind != "tangent" else 0
         words = self.control.axis_words(block, content.axes)
@@ -137,7 +137,9 @@ class Arcs:
             case _:
                 arc = self._by_radius(block, ends)
         named = tuple(word for word, _ in words)
-        self.control.recorder.move(index, Kind.ARC, target, self.control.unit, named, arc, settled=settled)
+        self.control.recorder.move(
+            index, Kind.ARC, target, self.control.unit, named, arc, frame_unchanged=frame_unchanged
+        )
 
     def _sense(self, block: Block, content: Content) -> int:
         senses = DIRECTIONS.keys() & content.other
@@ -184,7 +186,7 @@ class Arcs:
 
     # ---- polar coordinates
 
-    def polar(self, index: int, block: Block, content: Content, settled: bool) -> None:
+    def polar(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
         """LP, CP and CTP."""
         pole = self._pole(block)
         words = self.control.axis_words(block, content.axes)
@@ -206,7 +208,7 @@ class Arcs:
             kind, arc = Kind.ARC, self._polar_arc(block, content, pole, (start, place))
         elif block.kind == "polar_tangent":
             kind, arc = Kind.ARC, self._tangent(block, pole.plane, start, place.at)
-        self._record(index, kind, target, words, (pole, place, arc), settled)
+        self._record(index, kind, target, words, (pole, place, arc), frame_unchanged)
 
     def _record(
         self,
@@ -215,15 +217,15 @@ class Arcs:
         target: list[float],
         words: list[tuple[AxisWord, float]],
         polar: tuple[_Pole, _PolarPosition, Arc | None],
-        settled: bool,
+        frame_unchanged: bool,
     ) -> None:
         pole, place, arc = polar
         recorder = self.control.recorder
         recorder.say_end(index, PolarEnd(pole.plane, pole.at, pole.number, pole.sure, *place.words))
         if not place.programmed and recorder.known[pole.plane[0]] != recorder.known[pole.plane[1]]:
-            recorder.doubt(pole.plane[:2])
+            recorder.mark_uncertain(pole.plane[:2])
         named = [word for word, _ in words] + [AxisWord(axis, -1, not place.programmed) for axis in pole.plane[:2]]
-        recorder.move(index, kind, target, self.control.unit, tuple(named), arc, settled=settled)
+        recorder.move(index, kind, target, self.control.unit, tuple(named), arc, frame_unchanged=frame_unchanged)
 
     def _place(self, block: Block, pole: _Pole, start: Point) -> _PolarPosition:
         x, y = start[0] - pole.at[0], start[1] - pole.at[1]

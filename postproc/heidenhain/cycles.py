@@ -97,9 +97,9 @@ class Cycles:
             self._end_above(z, shifted)
         elif self.cycle in CYCLES_AROUND_POSITION:
             self._end_above(z, shifted)
-            self.control.forget("XY")
+            self.control.mark_unknown("XY")
         elif self.cycle in CONTOUR_CYCLES:
-            self.control.forget("XYZ")
+            self.control.mark_unknown("XYZ")
             text = f"cycle {self.cycle} runs along its contour as programmed: not corrected"
             self.control.notes.add(text, block.line)
             return
@@ -118,7 +118,7 @@ class Cycles:
         try:
             surface, second, first = (control.q(number) for number in (203, 204, 200))
         except NotKnown:
-            control.forget("Z")
+            control.mark_unknown("Z")
             return
         control.recorder.stand_at(z, (surface + shifted + max(second, first)) * control.unit)
 
@@ -147,7 +147,7 @@ class Cycles:
             kind = Kind.RAPID if i == 0 else Kind.PATTERN
             control.recorder.move(index, kind, target, control.unit, named)
         if self.cycle in CYCLES_AROUND_POSITION:
-            control.forget("XY")
+            control.mark_unknown("XY")
         self._note(block)
 
     # ---- frames

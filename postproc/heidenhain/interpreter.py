@@ -115,7 +115,7 @@ class HeidenhainInterpreter:
             self.control_state.use(block, control.recorder.used)
             shifted = control.cornered or compensated or control.compensated or block.kind == "normal_line"
             if shifted and block.kind in MOVING_KINDS:
-                done[-1] = block._replace(alone=True)
+                done[-1] = block._replace(no_insertion=True)
             control.cornered = block.kind in ("rounding", "chamfer")
         return control.recorder.finish(done)
 
@@ -150,30 +150,30 @@ class HeidenhainInterpreter:
         content = sort(block)
         frame = self.recorder.frame
         self._functions_at_start(block, content)
-        settled = frame == self.recorder.frame
+        frame_unchanged = frame == self.recorder.frame
         self._compensate(block, content)
         if content.bare_axes and 94.0 not in content.m:
             raise block.refuse(f"{block.words[content.bare_axes[0]].address} without a number")
         if 91.0 in content.m:
             self._machine_move(index, block, content)
         else:
-            self._move(index, block, content, settled)
+            self._move(index, block, content, frame_unchanged)
         self._functions_at_end(block, content)
 
-    def _move(self, index: int, block: Block, content: Content, settled: bool) -> None:
+    def _move(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
         match block.kind:
             case "circle" | "circle_radius" | "tangent":
-                self.arcs.circle(index, block, content, settled)
+                self.arcs.circle(index, block, content, frame_unchanged)
             case "polar_line" | "polar_circle" | "polar_tangent":
-                self.arcs.polar(index, block, content, settled)
+                self.arcs.polar(index, block, content, frame_unchanged)
             case "approach" | "departure":
                 approach(self.control, index, block, content)
             case "cycle_position":
                 self.cycles.call_at(index, block, content)
             case "normal_line":
-                normal_line(self.control, index, block, content, settled)
+                normal_line(self.control, index, block, content, frame_unchanged)
             case "line" if content.axes:
-                self._line(index, block, content, settled)
+                self._line(index, block, content, frame_unchanged)
             case _ if content.axes:
                 raise block.refuse("coordinates without L")
 
@@ -190,11 +190,13 @@ class HeidenhainInterpreter:
                 end_compensation(control.recorder, "XYZ")
             control.compensated = False
 
-    def _line(self, index: int, block: Block, content: Content, settled: bool) -> None:
+    def _line(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
         words = self.control.axis_words(block, content.axes)
         target = self.control.target(block, words)
         kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
-        self.recorder.move(index, kind, target, self.control.unit, tuple(word for word, _ in words), settled=settled)
+        self.recorder.move(
+            index, kind, target, self.control.unit, tuple(word for word, _ in words), frame_unchanged=frame_unchanged
+        )
 
     def _machine_move(self, index: int, block: Block, content: Content) -> None:
         if block.kind != "line":
@@ -235,7 +237,7 @@ class HeidenhainInterpreter:
         if 129.0 in content.m:
             self.control.switch_tcp(False)
         if 6.0 in content.m:
-            self.control.forget(self.machine.control.tool_change_moves)
+            self.control.mark_unknown(self.machine.control.tool_change_moves)
         if not PROGRAM_END_M.isdisjoint(content.m):
             self.control.ended = True
 
@@ -257,7 +259,7 @@ class HeidenhainInterpreter:
     def _retract(self) -> None:
         """M140: the tool goes off along its axis."""
         leans = self.recorder.frame.tcp or any(axis.rotary and axis.side == "tool" for axis in self.machine.axes)
-        self.control.forget("XYZ" if leans else "Z")
+        self.control.mark_unknown("XYZ" if leans else "Z")
 
     # ---- statements
 
@@ -266,7 +268,7 @@ class HeidenhainInterpreter:
         if not self.machine.control.calls_leave_state:
             reason = "other programs are not followed; if they leave tool, frames and modes unchanged, write"
             raise block.refuse(f"{block.detail}: {reason} calls_leave_state = true in the machine file")
-        self.control.forget(self.machine.names)
+        self.control.mark_unknown(self.machine.names)
         self.arcs.pole = None
         says = f"{block.detail}: taken to leave tool, frames and modes as they are (machine file: calls_leave_state)"
         self.notes.add(says, block.line)

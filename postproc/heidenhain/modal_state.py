@@ -10,7 +10,7 @@ import numpy as np
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from postproc.control.codes import AXES
-from postproc.control.functions import forget_named
+from postproc.control.functions import mark_named_unknown
 from postproc.control.state import ControlState
 from postproc.control.tilted_planes import lean
 from postproc.heidenhain.datum_transformations import DatumTransformations
@@ -191,9 +191,9 @@ class Control:
             self.tcp = on
             self.change_frame(cartesian(self.machine))
 
-    def forget(self, names: Sequence[str]) -> None:
+    def mark_unknown(self, names: Sequence[str]) -> None:
         """The positions of these axes are not known from the program from here on."""
-        forget_named(self.recorder, names)
+        mark_named_unknown(self.recorder, names)
 
     def q(self, number: int) -> float:
         """The value of a Q parameter that holds a number; NotKnown where it is not known."""

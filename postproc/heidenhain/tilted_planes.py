@@ -219,7 +219,7 @@ class Planes:
         control = self.control
         control.recorder.move_to_machine_position(index, angles, tuple(AxisWord(axis, -1, False) for axis in angles))
         if positioning == "MOVE":
-            control.forget("XYZ")
+            control.mark_unknown("XYZ")
 
     def _tell(self, angles: dict[int, float] | None) -> None:
         names, offset = self.control.machine.names, self.control.frame().offset

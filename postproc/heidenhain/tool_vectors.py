@@ -10,7 +10,7 @@ from postproc.text.block import Block
 NORMAL, TOOL_AXIS = "N", "T"
 
 
-def normal_line(control: Control, index: int, block: Block, content: Content, settled: bool) -> None:
+def normal_line(control: Control, index: int, block: Block, content: Content, frame_unchanged: bool) -> None:
     """LN X Y Z with NX NY NZ, along which the control shifts the tool by its oversizes, and with TX TY TZ under M128.
 
     X Y Z are those of the tool point and are corrected; both vectors stay. Where TX TY TZ take the rotary axes is
@@ -32,7 +32,7 @@ def normal_line(control: Control, index: int, block: Block, content: Content, se
     if normal is not None:
         control.notes.add("surface normals: the offset of the tool along them is not corrected", block.line)
     kind = Kind.RAPID if "FMAX" in content.other else Kind.LINE
-    recorder.move(index, kind, target, control.unit, tuple(word for word, _ in words), settled=settled)
+    recorder.move(index, kind, target, control.unit, tuple(word for word, _ in words), frame_unchanged=frame_unchanged)
 
 
 def _vector(block: Block, kind: str) -> list[float] | None:

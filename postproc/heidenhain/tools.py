@@ -54,7 +54,7 @@ class Tools:
         self.key = self._named(block, word)
         self.length = control.state.tool_length(self.key) if self.key != "0" else 0.0
         control.tool_name = self.key if self.key != "0" else ""
-        control.forget(control.machine.control.tool_change_moves)
+        control.mark_unknown(control.machine.control.tool_change_moves)
 
     def define(self, block: Block) -> None:
         """TOOL DEF."""

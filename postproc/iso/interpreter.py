@@ -84,7 +84,7 @@ class IsoInterpreter:
         self.frames = Frames(self.machine, self.control_state, self.notes)
         self.recorder = self.frames.recorder
         self.values = Values(control, self.notes)
-        self.modes = Modes(self.notes, self.recorder.doubt, control.arc_centres == "absolute")
+        self.modes = Modes(self.notes, self.recorder.mark_uncertain, control.arc_centres == "absolute")
         self.modes.to_retract = False if control.family == "fanuc" else None
         self.motion: float | None = None
         self.cycle: CannedCycle | None = None
@@ -93,7 +93,7 @@ class IsoInterpreter:
         self.polar: PolarCoordinates | None = None
         self.compensated = False
         """The control shifts the path by the radius of the tool."""
-        self.alone = False
+        self.no_insertion = False
         """ncomp may insert no block beside the present one."""
         self._last: tuple[Content, float | None] | None = None
         """The last block, and the code that claims its coordinates; None for one without words."""
@@ -112,8 +112,8 @@ class IsoInterpreter:
             if block.kind != "blank":
                 self._read_block(index, block)
                 self.control_state.use(block, self.recorder.used)
-                if self.alone:
-                    done[-1], self.alone = block._replace(alone=True), False
+                if self.no_insertion:
+                    done[-1], self.no_insertion = block._replace(no_insertion=True), False
         return self.recorder.finish(done)
 
     @property
@@ -196,12 +196,12 @@ class IsoInterpreter:
             if code == TOOL_CHANGE:
                 self.frames.change_tool(block)
             elif code == PALLET_CHANGE:
-                self.recorder.forget(list(range(len(self.machine.axes))))
+                self.recorder.mark_unknown(list(range(len(self.machine.axes))))
 
     def _change_behind(self, content: Content) -> None:
         """Some controls change the tool or the pallet after the move of the block, and then the axes have moved."""
         changed = self.machine.control.tool_change_moves if PALLET_CHANGE not in content.m else self.machine.names
-        self.recorder.doubt([self.machine.index(name) for name in changed if name in self.machine.names])
+        self.recorder.mark_uncertain([self.machine.index(name) for name in changed if name in self.machine.names])
 
     def _modes(self, content: Content) -> float | None:
         """Take over the modal G codes; the code that claims the block's axis words for itself, or None."""
@@ -315,8 +315,8 @@ class IsoInterpreter:
         axes = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
         others, polar = places.take(content.block, axes, words)
         if polar is None:
-            self.recorder.keep_still(axes)
-        self.alone = True
+            self.recorder.lock_axes(axes)
+        self.no_insertion = True
         return others, polar
 
     def _go_polar(self, target: list[float], polar: Polar) -> None:
@@ -342,14 +342,14 @@ class IsoInterpreter:
                 self.motion = self.cycle = None
             if self.modes.absolute and words:
                 self.notes.add("G28/G30 passes its intermediate point uncorrected", content.block.line)
-            self.recorder.forget([word.axis for word, _ in words] or list(range(len(self.machine.axes))))
+            self.recorder.mark_unknown([word.axis for word, _ in words] or list(range(len(self.machine.axes))))
             return
         if not self.modes.absolute or self.motion not in (0.0, 1.0):
             raise content.refuse("G53 needs G90 and G0 or G1")
         targets = {word.axis: value for word, value in words}
         self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
 
-    def _move(self, index: int, content: Content, settled: bool) -> None:
+    def _move(self, index: int, content: Content, frame_unchanged: bool) -> None:
         if self.motion is None:
             raise content.refuse("coordinates before any G0, G1, G2 or G3")
         tilted = self.frames.placement_code == TILT
@@ -377,10 +377,10 @@ class IsoInterpreter:
         if self.modes.not_programmed:
             self.modes.note_not_programmed(content.block.line, kind)
         if self.compensated:
-            self.alone = True
+            self.no_insertion = True
             plane = self.machine.index(self.modes.plane[0]), self.machine.index(self.modes.plane[1])
             follow_contour(self.recorder, plane, target, arc)
-        modes = {"incremental": not self.modes.absolute, "timed": self.modes.timed, "settled": settled}
+        modes = {"incremental": not self.modes.absolute, "timed": self.modes.timed, "frame_unchanged": frame_unchanged}
         self.recorder.move(index, kind, target, self.modes.unit, tuple(named), arc, **modes)
 
     def _check_move_words(self, content: Content) -> None:
@@ -405,7 +405,7 @@ class IsoInterpreter:
         places = turned_to(content.block, self.recorder, target, vector)
         for axis, value in places.items():
             target[axis] = value
-        self.alone = True
+        self.no_insertion = True
         return [AxisWord(axis, -1, True) for axis in places]
 
     # ---- canned cycles

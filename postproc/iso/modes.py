@@ -22,7 +22,7 @@ class Modes:
     """The modes in force, and which of them the program has set."""
 
     notes: Notes
-    doubt: Callable[[], None]
+    mark_uncertain: Callable[[], None]
     """Called where a code sets a mode that earlier moves assumed: with another mode, the axes are elsewhere."""
     arc_absolute: bool
     plane: str = "XYZ"
@@ -55,7 +55,7 @@ class Modes:
         if programmed is not None:
             self.not_programmed.pop(programmed, None)
             if programmed in self.taken and code in (21.0, 90.0):
-                self.doubt()
+                self.mark_uncertain()
             self.taken.discard(programmed)
         return True
 

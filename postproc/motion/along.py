@@ -12,7 +12,7 @@ from postproc.motion.motions import Motions
 from postproc.motion.moves import Arc
 
 
-def places(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
+def positions_along(motions: Motions, rows: np.ndarray, shares: Array) -> Array:
     """Programmed positions `(k, axes)` at shares `(k,)` of the paths of rows `(k,)`; equal rows are adjacent.
 
     If the radii at the two ends of an arc differ, the radius changes linearly between them.

@@ -26,7 +26,7 @@ def follow_contour(recorder: Recorder, plane: tuple[int, int], target: list[floa
     i, j = plane
     recorder.follow_contour(plane)
     if arc is None and same((recorder.position[i], recorder.position[j]), (target[i], target[j])):
-        recorder.keep_still(plane)
+        recorder.lock_axes(plane)
 
 
 def check_turned(block: Block, before: tuple[Point, Point], after: tuple[Point, Point]) -> None:

@@ -38,11 +38,11 @@ class Motions:
     """True `(n,)` where the control reads a word added to the block as an increment (G91)."""
     timed: np.ndarray
     """True `(n,)` where F is the inverse time of the move (G93) and not a speed."""
-    settled: np.ndarray
+    frame_unchanged: np.ndarray
     """True `(n,)` where the block does not change the frame before its move."""
     added: np.ndarray
     """True `(n,)` for moves with an added block: backlash take-ups, and all segments of a move except the first."""
-    begin: Array
+    start_fraction: Array
     """Share `(n,)` of the programmed move at which a row begins; nan for a segment that begins at a reversal within an
     arc: the share then follows from the quadrants of the circle."""
     start: Array
@@ -58,9 +58,9 @@ class Motions:
     """Holes of canned cycles by row."""
     polars: Mapping[int, Polar] = field(default_factory=dict)
     """Positions in polar coordinates by row."""
-    contours: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    cutter_compensated: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     """Columns of the plane, by row of a move that the control shifts by the tool radius."""
-    still: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    locked_axes: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     """Columns of axes for which no word may be added to the block, by row."""
     polar_ends: Mapping[int, PolarEnd] = field(default_factory=dict)
     """Polar ends of Klartext blocks by index of the block."""
@@ -73,9 +73,9 @@ class Motions:
         return len(self.block)
 
     @property
-    def judged(self) -> NDArrayBool:
+    def evaluated(self) -> NDArrayBool:
         """Rows `(n,)` that end a programmed move with all linear axes programmed: the moves that are evaluated."""
-        return np.asarray(self._said(self.known) & self.programmed & ~self.inner)
+        return np.asarray(self._said(self.known) & self.programmed & ~self.intermediate)
 
     @property
     def programmed(self) -> NDArrayBool:
@@ -109,15 +109,15 @@ class Motions:
         return np.asarray(np.array([frame.tcp or frame.couples for frame in self.frames], bool)[self.frame])
 
     @property
-    def inner(self) -> NDArrayBool:
+    def intermediate(self) -> NDArrayBool:
         """Rows `(n,)` that end inside a programmed move: backlash take-ups, and all segments except the last."""
-        inner = np.asarray(self.kind == Kind.TAKE_UP)
-        moves = np.flatnonzero(~inner)
-        inner[moves[:-1]] = self.added[moves[1:]]
-        return inner
+        intermediate = np.asarray(self.kind == Kind.TAKE_UP)
+        moves = np.flatnonzero(~intermediate)
+        intermediate[moves[:-1]] = self.added[moves[1:]]
+        return intermediate
 
     @property
-    def turning(self) -> NDArrayBool:
+    def rotary_only(self) -> NDArrayBool:
         """Feed moves `(n,)` of rotary axes alone: the tool keeps its programmed position.
 
         Their F is an angular speed. On controls where F is the speed of X Y Z as soon as one of them moves, a
@@ -147,28 +147,28 @@ class Motions:
         return tuple(getattr(self, name).copy() for name in names)
 
     @property
-    def judged_ways(self) -> NDArrayBool:
+    def evaluated_paths(self) -> NDArrayBool:
         """Feed moves `(n,)`, also segments, whose start and end the program has given."""
-        judged = self._said(self.known_start) & self._said(self.known)
-        return np.asarray(judged & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
+        evaluated = self._said(self.known_start) & self._said(self.known)
+        return np.asarray(evaluated & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
     @property
-    def known_ways(self) -> NDArrayBool:
+    def known_paths(self) -> NDArrayBool:
         """Feed moves `(n,)`, also segments, from a known position to a position that the program has given."""
         known = (self.known_start[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
         return np.asarray(known & self._said(self.known) & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
     @property
-    def left(self) -> NDArrayBool:
+    def uncorrected(self) -> NDArrayBool:
         """Cells `(n, axes)` of feed moves and holes that are not corrected.
 
         The program has not named the axis since a new frame, a move in machine coordinates or an M function that ncomp
         does not know.
         """
-        left = self.known == Known.MACHINE
-        left[:, self.machine.rotary] = False
-        left[~self.programmed | self.inner | (self.kind == Kind.RAPID)] = False
-        return np.asarray(left)
+        uncorrected = self.known == Known.MACHINE
+        uncorrected[:, self.machine.rotary] = False
+        uncorrected[~self.programmed | self.intermediate | (self.kind == Kind.RAPID)] = False
+        return np.asarray(uncorrected)
 
     def _said(self, known: np.ndarray) -> NDArrayBool:
         return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
@@ -226,13 +226,13 @@ class Motions:
 
 
 COLUMNS = (
-    *("block", "kind", "frame", "unit", "incremental", "timed", "settled", "added", "begin"),
+    *("block", "kind", "frame", "unit", "incremental", "timed", "frame_unchanged", "added", "start_fraction"),
     *("start", "target", "known_start", "known"),
 )
 """Fields of Motions with one row per move."""
 LISTS = ("frames", "blocks", "words")
 """List fields of Motions: one entry per frame, block or move."""
-BY_ROW = ("arcs", "cycles", "polars", "contours", "still")
+BY_ROW = ("arcs", "cycles", "polars", "cutter_compensated", "locked_axes")
 """Fields of Motions with entries for some rows."""
 
 

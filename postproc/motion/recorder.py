@@ -63,7 +63,7 @@ class Recorder:
         derives them from the program: two offsets that nobody has entered are both zero here and differ on the
         machine. None for the axes whose offset differs.
         """
-        self.doubt(self._moved_by(frame) if axes is None else axes)
+        self.mark_uncertain(self._moved_by(frame) if axes is None else axes)
         before, self.frame = self.frame, frame
         if frame == before:
             if (frame.work_offset, frame.tool_name) != (before.work_offset, before.tool_name):
@@ -84,12 +84,12 @@ class Recorder:
         *,
         incremental: bool = False,
         timed: bool = False,
-        settled: bool = True,
+        frame_unchanged: bool = True,
     ) -> None:
         """Record a move in the programmed frame to `target`; `words` are the axis words of its block.
 
-        An increment leaves the knowledge of the axis unchanged. `settled` is false if the block itself changes the
-        frame.
+        An increment leaves the knowledge of the axis unchanged. `frame_unchanged` is false for a block that changes
+        the frame.
         """
         if arc is not None:
             self._by_row["arcs"][len(self._rows)] = arc
@@ -100,7 +100,7 @@ class Recorder:
         polar: Polar | None = self._by_row["polars"].get(len(self._rows))
         for axis in () if polar is None else polar.axes:
             self.known[axis] = Known.PROGRAM
-        self._record(block, kind, target, unit, (incremental, timed, settled), words, before)
+        self._record(block, kind, target, unit, (incremental, timed, frame_unchanged), words, before)
         *_, start, end, _, _ = self._rows[-1]
         self._last = (self.frame, start, end, arc)
         self.used = self.frame
@@ -137,11 +137,11 @@ class Recorder:
 
     def follow_contour(self, plane: tuple[int, int]) -> None:
         """Record that the control shifts the next move by the tool radius, in a plane of these columns."""
-        self._by_row["contours"][len(self._rows)] = plane
+        self._by_row["cutter_compensated"][len(self._rows)] = plane
 
-    def keep_still(self, axes: tuple[int, ...]) -> None:
+    def lock_axes(self, axes: tuple[int, ...]) -> None:
         """Record that no word for these axes may be added to the next move."""
-        self._by_row["still"][len(self._rows)] = axes
+        self._by_row["locked_axes"][len(self._rows)] = axes
 
     def call(self, block: int, unit: float, words: tuple[AxisWord, ...]) -> None:
         """Record a preset: its words give the current position in the present frame, which they define."""
@@ -166,7 +166,7 @@ class Recorder:
         for axis, value in targets.items():
             q[axis] = value * self.machine.scale[axis]
             self.known[axis] = Known.MACHINE
-        self.doubt(self._coupled(targets))
+        self.mark_uncertain(self._coupled(targets))
         target = to_program(self.machine, self.frame, q[None])[0].tolist()
         self._record(block, Kind.MACHINE, target, 1.0, (False, False, True), words, before)
         self._last = None
@@ -213,12 +213,12 @@ class Recorder:
         length = math.hypot(x, y)
         return (x / length, y / length) if length > SAME else None
 
-    def doubt(self, axes: Iterable[int] | None = None) -> None:
+    def mark_uncertain(self, axes: Iterable[int] | None = None) -> None:
         """Mark these axes, or all, uncertain: no word is added for them until the program gives their position."""
         for axis in range(len(self.known)) if axes is None else axes:
             self.known[axis] = min(self.known[axis], Known.MACHINE)
 
-    def forget(self, axes: list[int]) -> None:
+    def mark_unknown(self, axes: list[int]) -> None:
         """Mark the positions of these axes unknown; they are assumed at home."""
         self._last = None
         q = to_machine(self.machine, self.frame, np.array([self.position]))[0]
@@ -237,7 +237,7 @@ class Recorder:
         frames = self._with_probes(frames, rows)
         n, axes = len(rows), len(self.machine.axes)
         columns = zip(*rows, strict=True) if rows else ((),) * 11
-        block, kind, frame, unit, incremental, timed, settled, start, target, known_start, known = columns
+        block, kind, frame, unit, incremental, timed, frame_unchanged, start, target, known_start, known = columns
         return Motions(
             self.machine,
             blocks,
@@ -248,7 +248,7 @@ class Recorder:
             np.array(unit, float),
             np.array(incremental, bool),
             np.array(timed, bool),
-            np.array(settled, bool),
+            np.array(frame_unchanged, bool),
             np.zeros(n, bool),
             np.zeros(n),
             np.array(start, float).reshape(n, axes),

@@ -64,9 +64,9 @@ class Directions:
         self._behind_cycle = bool(behind[-1])
         self.returned = np.full_like(starts, np.nan)
         if not behind[:-1].any():
-            return follow_ways(self, positions, certain)
+            return _follow_paths(self, positions, certain)
         returned = np.where(behind[:-1, None], starts, np.nan)
-        found = follow_ways(self, np.concatenate([returned[:, None], positions], axis=1), certain)
+        found = _follow_paths(self, np.concatenate([returned[:, None], positions], axis=1), certain)
         self.returned[behind[:-1]] = found[behind[:-1], 0]
         return found[:, 1:]
 
@@ -108,12 +108,12 @@ def known_before(motions: Motions) -> NDArrayBool:
     return np.asarray(known)
 
 
-def ways(motions: Motions, shares: Iterable[float]) -> Array:
+def axis_positions_along(motions: Motions, shares: Iterable[float]) -> Array:
     """Axis positions `(n, shares, axes)`, mm and rad, at shares of the paths of all moves."""
     return np.stack([motions.in_machine(motions.along(share)) for share in shares], axis=1)
 
 
-def follow_ways(directions: Directions, positions: Array, certain: NDArrayBool) -> Array:
+def _follow_paths(directions: Directions, positions: Array, certain: NDArrayBool) -> Array:
     """Directions `(n, shares, axes)` at positions of this shape along moves; `certain` `(n, axes)`: as in `follow`."""
     n, shares, axes = positions.shape
     return directions.follow(positions.reshape(-1, axes), np.repeat(certain, shares, axis=0)).reshape(n, shares, axes)

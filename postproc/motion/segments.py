@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kinematics.machine import NDArrayBool
-from postproc.motion.along import places
+from postproc.motion.along import positions_along
 from postproc.motion.circles import Point, crossings, same, sweep
 from postproc.motion.frames import cartesian
 from postproc.motion.motions import BY_ROW, Motions
@@ -75,18 +75,18 @@ def split(motions: Motions, cuts: Mapping[int, Sequence[float]], *, at_quadrants
     rows = np.repeat(np.arange(len(motions)), pieces - 1)
     shares = np.array([share for row in sorted(cuts) for share in cuts[row]], float)
     added = np.flatnonzero(later)
-    start, target, begin, known_start = result.copies("start", "target", "begin", "known_start")
-    start[added] = target[added - 1] = places(motions, rows, shares)
-    begin[added] = np.nan if at_quadrants else shares
+    start, target, start_fraction, known_start = result.copies("start", "target", "start_fraction", "known_start")
+    start[added] = target[added - 1] = positions_along(motions, rows, shares)
+    start_fraction[added] = np.nan if at_quadrants else shares
     known_start[added] = motions.known[rows]
     result = replace(
         result,
         start=start,
         target=target,
-        begin=begin,
+        start_fraction=start_fraction,
         known_start=known_start,
         added=result.added | later,
-        settled=result.settled | later,
+        frame_unchanged=result.frame_unchanged | later,
         words=[() if later[row] else words for row, words in enumerate(result.words)],
     )
     arcs = dict(result.arcs)
@@ -129,7 +129,7 @@ def _cuts_of(nominal: Motions, commanded: Motions, pieces: NDArrayBool) -> dict[
     move = np.cumsum(~commanded.added) - 1
     cuts: dict[int, list[float]] = {}
     for row in np.flatnonzero(pieces).tolist():
-        origin, share = int(move[row]), float(commanded.begin[row])
+        origin, share = int(move[row]), float(commanded.start_fraction[row])
         done = cuts.setdefault(origin, [])
         if math.isnan(share):
             found = _quadrant(nominal, origin, commanded, row, done[-1] if done else 0.0)

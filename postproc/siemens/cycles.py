@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from postproc.control.functions import forget_named
+from postproc.control.functions import mark_named_unknown
 from postproc.motion.recorder import Recorder
 from postproc.siemens.codes import CYCLES, CYCLES_AT_POSITION
 from postproc.siemens.words import Content
@@ -65,13 +65,13 @@ class Cycles:
             raise block.refuse(f"{cycle.name} while TRAORI is on")
         machine = recorder.machine
         if cycle.name not in CYCLES_AT_POSITION:
-            forget_named(recorder, "XYZ")
+            mark_named_unknown(recorder, "XYZ")
             text = f"{cycle.name}: its positions are arguments, which stay as programmed: not corrected"
             self.notes.add(text, block.line)
             return
         self.notes.add(f"{cycle.name} runs from the corrected position; its arguments stay as programmed", block.line)
         axis = machine.index(normal)
         if cycle.retraction is None:
-            recorder.forget([axis])
+            recorder.mark_unknown([axis])
         else:
             recorder.leave_at(index, axis, cycle.retraction * unit)

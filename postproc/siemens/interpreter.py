@@ -143,18 +143,18 @@ class SiemensInterpreter:
         elif claimed in POLES:
             self.polar.set_pole(block, content, self.recorder, self._turn, claimed or 0.0)
         elif claimed in REFERENCE:
-            self.recorder.forget(list(range(len(self.machine.axes))))
+            self.recorder.mark_unknown(list(range(len(self.machine.axes))))
         elif claimed in MACHINE or "SUPA" in content.names:
             self._machine_move(index, block, content)
         elif "CYCLE800" in content.names:
             self._tilt(index, block, content)
         elif self.cycles.read(index, block, content, self.recorder, self.unit, self.plane[2]):
-            self.polar.forget()
+            self.polar.mark_unknown()
         elif content.moves and claimed not in STANDING:
             drills, points = self.cycles.modal is not None, not VECTOR_WORDS.isdisjoint(content.other)
             block = self._move(index, block, content, frame == self.recorder.frame and not drills)
             if corner or self.compensated or drills or points:
-                block = block._replace(alone=True)
+                block = block._replace(no_insertion=True)
             self.cycles.run_modal(index, block, self.recorder, self.unit, self.plane[2])
         self.ended = bool(content.m or content.names) and ends(block) and not self.scope.depth
         return block
@@ -336,7 +336,7 @@ class SiemensInterpreter:
         tilt = read_tilted_plane(block, block.words[content.names["CYCLE800"]], self.scope, self.unit)
         if content.axes or content.g or len(content.names) > 1 or self.tcp:
             raise block.refuse("CYCLE800 must be alone in its block, and TRAORI must be off: write TRAFOOF before it")
-        self.polar.forget()
+        self.polar.mark_unknown()
         if tilt is None:
             self.transformations.tilt(None)
             self.notes.add("CYCLE800(): rotary axes taken to keep their positions", block.line)
@@ -351,7 +351,7 @@ class SiemensInterpreter:
             tilts = tilt.plane != Placement() or any(positions.values())
             self.transformations.tilt(tilt.plane if tilts else None)
         self.recorder.set_frame(self._frame(), range(len(self.machine.axes)))
-        self.recorder.forget(list(cartesian(self.machine)))
+        self.recorder.mark_unknown(list(cartesian(self.machine)))
 
     def _frame(self) -> Frame:
         shifts = {self.machine.index(axis): shift for axis, shift in self.transformations.rotary_shifts.items()}
@@ -403,9 +403,9 @@ class SiemensInterpreter:
             length = self.length
             targets = {w.axis: value + (length if w.axis == x_y_z[2] else 0.0) for w, value in words}
             self.recorder.move_to_machine_position(index, targets, tuple(word for word, _ in words))
-            self.polar.forget()
+            self.polar.mark_unknown()
 
-    def _move(self, index: int, block: Block, content: Content, settled: bool) -> Block:
+    def _move(self, index: int, block: Block, content: Content, frame_unchanged: bool) -> Block:
         """Record a move; its block comes back with the words that a correction may change."""
         if self.motion is None:
             self.notes.add("no G0 or G1 before it: coordinates taken for straight lines", block.line)
@@ -424,7 +424,7 @@ class SiemensInterpreter:
         if polar:
             programmed = self.polar.coordinates(block, content, self.recorder, turn, programmed, self.absolute)
         elif self.polar.radius is not None and any(block.words[i].address in self.plane[:2] for i in content.axes):
-            self.polar.forget()
+            self.polar.mark_unknown()
         if kind is not Kind.ARC and content.other.keys() & ARC_WORDS:
             raise block.refuse("a centre, a radius or turns without an arc")
         if kind is Kind.ARC and "AR" in content.other:
@@ -436,7 +436,7 @@ class SiemensInterpreter:
         if self.compensated:
             follow_contour(self.recorder, turn.columns(self.recorder)[:2], target, arc)
         named = tuple(word for word, _ in programmed.words)
-        modes = {"incremental": not self.absolute, "timed": self.timed, "settled": settled}
+        modes = {"incremental": not self.absolute, "timed": self.timed, "frame_unchanged": frame_unchanged}
         self.recorder.move(index, kind, target, self.unit, named, arc, **modes)
         return programmed.block
 

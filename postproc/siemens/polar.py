@@ -31,7 +31,7 @@ class Polar:
     angle: float | None = None
     """Degrees."""
 
-    def forget(self) -> None:
+    def mark_unknown(self) -> None:
         """The tool moves without these coordinates."""
         self.radius = self.angle = None
 
@@ -50,7 +50,7 @@ class Polar:
                 raise block.refuse("a pole has AP and RP or Cartesian coordinates: write one kind")
             shift = self._shift(block, content, turn)
         self.pole = (base[0] + shift[0], base[1] + shift[1])
-        self.forget()
+        self.mark_unknown()
 
     @staticmethod
     def _shift(block: Block, content: Content, turn: Turn) -> Point:

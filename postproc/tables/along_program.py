@@ -17,8 +17,8 @@ def places_of(motions: Motions, model: ErrorModel, tolerance_um: float = 1.0) ->
     machine = motions.machine
     directions = Judge(model, machine, COLD, tolerance_um).along(motions)
     q, approach, tool = [], [], []
-    shares = [(share, i, motions.judged_ways) for i, share in enumerate(INNER)]
-    for share, i, rows in [*shares, (1.0, -1, motions.judged)]:
+    shares = [(share, i, motions.evaluated_paths) for i, share in enumerate(INNER)]
+    for share, i, rows in [*shares, (1.0, -1, motions.evaluated)]:
         q.append(motions.in_machine(motions.along(share))[rows])
         approach.append(np.zeros_like(q[-1]) if directions is None else directions[rows, i])
         tool.append(motions.tool[rows])

@@ -63,7 +63,7 @@ class Block(NamedTuple):
     """True when the operator's block-skip switch decides whether it runs."""
     code: Code | None = None
     """Its statements; a block whose words hold formulas has one too, be it empty."""
-    alone: bool = False
+    no_insertion: bool = False
     """True if a jump leads to it or away from it: a block added before or behind it may not run."""
 
     def refuse(self, reason: str) -> Refusal:

@@ -180,13 +180,13 @@ class WordEditor:
 
     def lines_before(self, lines: list[str]) -> None:
         """Put lines before the block, ended as the block is."""
-        self._refuse_alone()
+        self._refuse_insertion()
         end = self._end or self.layout.end
         self.edits.append(Edit(0, 0, "".join(line + end for line in lines)))
 
     def lines_after(self, lines: list[str]) -> None:
         """Put lines behind the block, ended as the block is; the last block of a file may have no end."""
-        self._refuse_alone()
+        self._refuse_insertion()
         at = len(self.block.text)
         text = "".join(line + self._end if self._end else self.layout.end + line for line in lines)
         self.edits.append(Edit(at, at, text))
@@ -212,8 +212,8 @@ class WordEditor:
         self.lines_before([f"FN 1: {name} ={said} + {style.write(shift, decimals)}"])
         self.edits.append(Edit(word.start, word.end, f"+{name}"))
 
-    def _refuse_alone(self) -> None:
-        if self.block.alone:
+    def _refuse_insertion(self) -> None:
+        if self.block.no_insertion:
             raise self.block.refuse(
                 "needs an added block beside it, which is not possible here: a jump would skip it, a "
                 "modal macro or radius compensation would act on it, or its coordinates would be of another kind"

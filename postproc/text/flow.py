@@ -155,8 +155,8 @@ class Flow:
             if then is None:
                 modal = self._modal_call()
                 turning = block.code is not None and any(map(turns, block.code.after))
-                alone = jumped or turning or modal is not None
-                yield at, with_values(block._replace(alone=True) if alone else block, self.scope)
+                no_insertion = jumped or turning or modal is not None
+                yield at, with_values(block._replace(no_insertion=True) if no_insertion else block, self.scope)
                 if modal is not None and reader.moved:
                     if reader.ended or (block.code is not None and block.code.after):
                         raise block.refuse("a move beside a jump, a call or an end while G66 is active")

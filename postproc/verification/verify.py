@@ -32,7 +32,7 @@ from postproc.motion.segments import like
 from postproc.text.notes import Notes
 from postproc.text.source import CHUNK, Source
 from postproc.verification.best_fit import BestFit
-from postproc.write.added_blocks import Tag, begin_of, tag_of
+from postproc.write.added_blocks import Tag, start_fraction_of, tag_of
 
 CONTRIBUTION_ROWS = 2000
 """Approximate number of moves, evenly spaced, from which the contributions of error motions are computed."""
@@ -107,9 +107,11 @@ def _with_tags(motions: Motions) -> Motions:
         return motions
     own = np.array([tag is not None for tag in tags])[motions.block]
     takes_up = np.array([tag is Tag.TAKE_UP for tag in tags])[motions.block] & (motions.kind == Kind.LINE)
-    begin = np.array([begin_of(block.text) if tag else 0.0 for block, tag in zip(motions.blocks, tags, strict=True)])
+    start_fraction = np.array(
+        [start_fraction_of(block.text) if tag else 0.0 for block, tag in zip(motions.blocks, tags, strict=True)]
+    )
     kind = np.where(takes_up, Kind.TAKE_UP, motions.kind)
-    return replace(motions, kind=kind, added=own, begin=begin[motions.block])
+    return replace(motions, kind=kind, added=own, start_fraction=start_fraction[motions.block])
 
 
 def verify(
@@ -135,11 +137,11 @@ def verify(
         _judge((matched.take(rows), commanded.take(rows)), (before, after), model, conditions, verdict)
         if before.approach is not None:
             ends.append(before.approach)
-    judged = matched.judged
-    approach = np.concatenate(ends)[judged] if before.axes else None
-    some = np.arange(int(judged.sum()))[:: max(1, int(judged.sum()) // CONTRIBUTION_ROWS)]
-    state = conditions.state(matched.machine_target[judged], approach).rows(some)
-    _contributions(model, conditions, matched.bare.take(np.flatnonzero(judged)[some]), state, verdict.contributions)
+    evaluated = matched.evaluated
+    approach = np.concatenate(ends)[evaluated] if before.axes else None
+    some = np.arange(int(evaluated.sum()))[:: max(1, int(evaluated.sum()) // CONTRIBUTION_ROWS)]
+    state = conditions.state(matched.machine_target[evaluated], approach).rows(some)
+    _contributions(model, conditions, matched.bare.take(np.flatnonzero(evaluated)[some]), state, verdict.contributions)
     return verdict
 
 
@@ -155,10 +157,10 @@ def _judge(
     machine, tool, absolute = nominal.machine, nominal.tool, verdict.absolute
     shift = datum_shifts(nominal, model, conditions)
     directions = [judge.along(motions) for judge, motions in zip(judges, texts, strict=True)]
-    feed = nominal.judged_ways
+    feed = nominal.evaluated_paths
     along = ((verdict.path_before, absolute.path_before), (verdict.path_after, absolute.path_after))
     ends = ((verdict.before, absolute.before), (verdict.after, absolute.after))
-    places = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.judged, ends)]
+    places = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.evaluated, ends)]
     for share, i, rows, statistics in places:
         wanted = nominal.in_machine(nominal.along(share))[rows]
         columns = zip(texts, directions, statistics, verdict.best_fit, strict=True)

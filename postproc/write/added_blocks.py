@@ -15,7 +15,9 @@ from postproc.text.editing import Iterations, Layout, place
 
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
-ALONE = "no block may stand beside it: a jump, a call, radius compensation, a rounded corner, a cycle or a tool axis"
+NO_INSERTION = (
+    "no block may stand beside it: a jump, a call, radius compensation, a rounded corner, a cycle or a tool axis"
+)
 """Reason why no block may be added beside a block."""
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
 """M functions that every control runs before the move of their block: they stay with its first segment."""
@@ -50,15 +52,15 @@ def tag_of(text: str) -> Tag | None:
     return next((tag for tag in Tag if tag in text), None) if "NCOMP" in text else None
 
 
-def begin_of(text: str) -> float:
+def start_fraction_of(text: str) -> float:
     """Share of its programmed move at which an added block begins; nan if its comment has no share."""
     match = _SHARE.search(text)
     return int(match[1]) / max(int(match[2]), 1) if match else math.nan
 
 
-def part(begin: float) -> str:
+def part(start_fraction: float) -> str:
     """Comment of a block that begins at a share of its programmed move."""
-    count, of = begin.as_integer_ratio()
+    count, of = start_fraction.as_integer_ratio()
     return f"{Tag.PART} {count}/{of}"
 
 

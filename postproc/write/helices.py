@@ -47,7 +47,7 @@ def replaced_by_angle(
     replaced = [word.word for word in motions.words[row] if word.axis in arc.plane[:2] and word.word >= 0]
     replaced += [index for index in arc.words[:1] if arc.form == "radius" and index is not None]
     replaced += [i for i, word in enumerate(block.words) if word.address.removeprefix("I") in ("PR", "PA")]
-    movable = block.kind in BY_ANGLE and not block.alone
+    movable = block.kind in BY_ANGLE and not block.no_insertion
     return replaced if movable and not any(block.words[i].formula for i in replaced) else None
 
 

@@ -110,10 +110,10 @@ class Writer:
         self._places = places
         self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
-        turning = motions.turning
+        turning = motions.rotary_only
         assumed = (motions.known_start == Known.ASSUMED).tolist()
         self._said = motions.correctable.tolist()
-        self._ours, self._inner = motions.added.tolist(), motions.inner.tolist()
+        self._ours, self._inner = motions.added.tolist(), motions.intermediate.tolist()
         for row in range(len(motions)):
             held = self._before(motions, row, assumed[row])
             starts[row] = held
@@ -291,8 +291,8 @@ class Writer:
                 self._pole_editor(motions, row),
                 dropped,
             )
-        if row in motions.contours:
-            i, j = motions.contours[row]
+        if row in motions.cutter_compensated:
+            i, j = motions.cutter_compensated[row]
             nominal = motions.start[row].tolist(), motions.target[row].tolist()
             before, after = (((a[i], a[j]), (b[i], b[j])) for a, b in (nominal, (start, held)))
             check_turned(motions.blocks[motions.block[row]], before, after)
@@ -320,7 +320,7 @@ class Writer:
 
     def _kept(self, motions: Motions, row: int, turning: bool) -> tuple[int, ...]:
         """Columns of the axes whose end must equal their start to the last digit."""
-        arc, still = motions.arcs.get(row), motions.still.get(row, ())
+        arc, still = motions.arcs.get(row), motions.locked_axes.get(row, ())
         if turning:
             return (*self.machine.translators, *still)
         if arc is not None and arc.full:
@@ -375,9 +375,9 @@ class Writer:
     # ---- added blocks
 
     def _added_block(self, motions: Motions, row: int) -> AddedBlock:
-        arc, begin = motions.arcs.get(row), float(motions.begin[row])
+        arc, start_fraction = motions.arcs.get(row), float(motions.start_fraction[row])
         takes_up = motions.kind[row] == Kind.TAKE_UP
-        tag = Tag.TAKE_UP if takes_up else Tag.PIECE if math.isnan(begin) else part(begin)
+        tag = Tag.TAKE_UP if takes_up else Tag.PIECE if math.isnan(start_fraction) else part(start_fraction)
         block = motions.blocks[motions.block[row]]
         iterations = self._iterations_of(motions, int(motions.block[row]))
         layout = (self._layout if iterations is None else iterations.layout).after(block)

@@ -144,7 +144,7 @@ def _judge_corrected(job: Job, model: ErrorModel) -> Outcome:
     matched = like(before, after)
     if matched is None:
         return Outcome(Verdict.DIFFERS, "other moves: the corrected program does not make the same moves")
-    rows = matched.judged & matched.programmed & ~matched.added
+    rows = matched.evaluated & matched.programmed & ~matched.added
     apart = np.abs(after.machine_target - matched.machine_target)[rows][:, machine.translators]
     if not (apart <= LARGEST_MM).all():
         return Outcome(Verdict.DIFFERS, f"far off: an axis is {apart.max():.3g} mm from where it was")

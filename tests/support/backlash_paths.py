@@ -50,7 +50,7 @@ def largest_error(text, corrected, machine, widths, **setup):
     shares, places = physical(commanded, widths)
     # the first two blocks go to a known place, from a known side
     rows = np.arange(len(matched)) >= 2
-    ends = np.abs(places[:, -1] - matched.machine_target)[rows & ~matched.inner].max(initial=0.0) * 1e3
+    ends = np.abs(places[:, -1] - matched.machine_target)[rows & ~matched.intermediate].max(initial=0.0) * 1e3
     feed = rows & np.isin(matched.kind, (Kind.LINE, Kind.ARC))
     along = [
         np.abs(places[feed, i] - matched.in_machine(matched.along(share))[feed]).max(initial=0.0)

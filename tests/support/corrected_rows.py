@@ -28,7 +28,7 @@ def exact_rows(motions):
 
     Nor circles that are full or nearly so, which end where they start.
     """
-    rows, turning = motions.judged.copy(), turns(motions)
+    rows, turning = motions.evaluated.copy(), turns(motions)
     for row, arc in motions.arcs.items():
         i, j, _ = arc.plane
         ends = [(float(at[row, i]), float(at[row, j])) for at in (motions.start, motions.target)]

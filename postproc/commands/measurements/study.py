@@ -109,7 +109,7 @@ def _ends(motions: Motions, program: str, sensors: Iterable[str]) -> Volume:
 
     from calibration.design.volume import Volume, standing
 
-    rows = np.flatnonzero(motions.judged)
+    rows = np.flatnonzero(motions.evaluated)
     if not len(rows):
         raise UserError(f"{program}: no move says all axes that place the tool: there is nothing to judge")
     if len(rows) > MANY:
