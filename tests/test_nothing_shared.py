@@ -2,9 +2,11 @@
 
 import dataclasses
 import io
+import pickle
 import sys
 from collections.abc import Mapping
 from enum import StrEnum
+from functools import cached_property
 from types import MappingProxyType, ModuleType
 
 import msgspec
@@ -220,4 +222,10 @@ def test_moves_are_read_only():
     job = job_of(Program("gantry", "iso", BEGINS["iso"] + MOVES["iso"]), 1)
     motions = read_motions(job.source, job.dialect, job.machine, job.setup)[0]
     for name in COLUMNS:
+        assert not getattr(motions, name).flags.writeable
+        assert not getattr(pickle.loads(pickle.dumps(motions)), name).flags.writeable
+    derived = [name for name, value in vars(type(motions)).items() if isinstance(value, cached_property)]
+    assert {"programmed", "machine_target", "tool"} <= {*derived}
+    for name in derived:
+        assert getattr(motions, name) is getattr(motions, name)
         assert not getattr(motions, name).flags.writeable

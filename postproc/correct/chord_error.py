@@ -115,7 +115,7 @@ class CorrectedWays:
         lengths = np.linalg.norm(way[:, linear], axis=1)
         for row in motions.arcs:
             lengths[row] += way_round(motions, row)
-        curved = motions.coupled
+        curved = motions.coupled.copy()
         curved[list(motions.arcs)] = True
         extents[np.ix_(curved, linear)] += lengths[curved, None]
         return np.asarray(extents)

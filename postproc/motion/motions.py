@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, wraps
 from typing import Any
 
 import numpy as np
 
 from kinematics.machine import Machine, NDArrayBool
-from kinematics.transforms import Array, read_only
+from kinematics.transforms import AnyArray, Array, read_only
 from postproc.motion.circles import SAME, point_along, sweep
 from postproc.motion.frames import Frame, cartesian, to_machine, to_program
 from postproc.motion.moves import Arc, AxisWord, Cycle, Kind, Known, Polar, PolarEnd
 from postproc.text.block import Block
+
+
+def column(compute: Callable[[Motions], AnyArray]) -> cached_property[AnyArray]:
+    """A column derived from Motions: computed once, read-only."""
+    return cached_property(wraps(compute)(lambda motions: read_only(compute(motions))))
 
 
 @dataclass(frozen=True)
@@ -69,25 +75,28 @@ class Motions:
         for name in COLUMNS:
             read_only(getattr(self, name))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Motions, tuple(getattr(self, field.name) for field in fields(self))
+
     def __len__(self) -> int:
         return len(self.block)
 
-    @property
+    @column
     def evaluated(self) -> NDArrayBool:
         """Rows `(n,)` that end a programmed move with all linear axes programmed: the moves that are evaluated."""
         return np.asarray(self._said(self.known) & self.programmed & ~self.intermediate)
 
-    @property
+    @column
     def programmed(self) -> NDArrayBool:
         """Rows `(n,)` that move to programmed coordinates."""
         return ~np.isin(self.kind, (Kind.MACHINE, Kind.PRESET))
 
-    @property
+    @column
     def correctable(self) -> NDArrayBool:
         """True `(n, axes)` where the program has given the position, so that a word may change it."""
         return np.asarray(self.known == Known.PROGRAM)
 
-    @property
+    @column
     def movable(self) -> NDArrayBool:
         """True `(n, axes)` for machine axes that a position given by the program moves."""
         movable: NDArrayBool = self.correctable & self.programmed[:, None]
@@ -98,17 +107,17 @@ class Motions:
                 movable[cells] = movable[cells] @ frame.shares.T
         return movable
 
-    @property
+    @column
     def tcp(self) -> NDArrayBool:
         """Rows `(n,)` under TCP."""
         return np.asarray(np.array([frame.tcp for frame in self.frames], bool)[self.frame])
 
-    @property
+    @column
     def coupled(self) -> NDArrayBool:
         """Rows `(n,)` in which a programmed coordinate may move several axes of the machine."""
         return np.asarray(np.array([frame.tcp or frame.couples for frame in self.frames], bool)[self.frame])
 
-    @property
+    @column
     def intermediate(self) -> NDArrayBool:
         """Rows `(n,)` that end inside a programmed move: backlash take-ups, and all segments except the last."""
         intermediate = np.asarray(self.kind == Kind.TAKE_UP)
@@ -116,7 +125,7 @@ class Motions:
         intermediate[moves[:-1]] = self.added[moves[1:]]
         return intermediate
 
-    @property
+    @column
     def rotary_only(self) -> NDArrayBool:
         """Feed moves `(n,)` of rotary axes alone: the tool keeps its programmed position.
 
@@ -146,19 +155,19 @@ class Motions:
         """Writable copies of columns, for new Motions."""
         return tuple(getattr(self, name).copy() for name in names)
 
-    @property
+    @column
     def evaluated_paths(self) -> NDArrayBool:
         """Feed moves `(n,)`, also segments, whose start and end the program has given."""
         evaluated = self._said(self.known_start) & self._said(self.known)
         return np.asarray(evaluated & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
-    @property
+    @column
     def known_paths(self) -> NDArrayBool:
         """Feed moves `(n,)`, also segments, from a known position to a position that the program has given."""
         known = (self.known_start[:, self.machine.translators] != Known.ASSUMED).all(axis=1)
         return np.asarray(known & self._said(self.known) & np.isin(self.kind, (Kind.LINE, Kind.ARC)))
 
-    @property
+    @column
     def uncorrected(self) -> NDArrayBool:
         """Cells `(n, axes)` of feed moves and holes that are not corrected.
 
@@ -173,12 +182,12 @@ class Motions:
     def _said(self, known: np.ndarray) -> NDArrayBool:
         return np.asarray((known[:, self.machine.translators] == Known.PROGRAM).all(axis=1))
 
-    @property
+    @column
     def machine_target(self) -> Array:
         """Nominal axis positions at the ends of the moves `(n, axes)`, mm and rad."""
         return self.in_machine(self.target)
 
-    @property
+    @column
     def tool(self) -> Array:
         """Tool tips seen from the tool reference point `(n, 3)`, mm."""
         tools = np.array([frame.tool for frame in self.frames], float)
