@@ -9,6 +9,9 @@ PROGRAMS := 20000
 SEED := 1
 SETUP := --work-offset G54=-30,-20,150 --tool-length T1=80
 
+# Tests start many processes: without bytecode files each of them compiles the whole package.
+export PYTHONDONTWRITEBYTECODE :=
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .PHONY: help setup demo test test-unit test-statistical test-all fuzz lint lock clean

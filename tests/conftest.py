@@ -1,12 +1,10 @@
 """Fixtures shared by all tests, and what needs a program or data that may be absent."""
 
-import io
 import os
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 os.environ["COLUMNS"] = "200"  # consoles take their width once, when they are imported
 
@@ -14,12 +12,12 @@ import hypothesis
 import pytest
 from clients import linuxcnc_sim as simulator
 from clients import rs274
+from support.command import Done, run_command
 from support.file_examples import PROGRAM
 from support.programs import load, shifted
 from support.real_data import NC_DATA, REAL_DATA
 
 from kinematics.error_model.model import write_model
-from postproc import cli
 
 hypothesis.settings.register_profile("default", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True)
@@ -108,34 +106,11 @@ def slit_log() -> Path:
     return path.resolve()
 
 
-class Done(NamedTuple):
-    """How a command ended."""
-
-    status: int
-    out: bytes
-    err: str
-
-
 @pytest.fixture
-def command(
-    monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes], tmp_path: Path
-) -> Callable[..., Done]:
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Done]:
     """Runs the command line in this process, in a folder of its own; `stdin=` is its standard input."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: object, stdin: bytes = b"") -> Done:
-        monkeypatch.setattr(sys, "argv", ["ncomp", *map(str, arguments)])
-        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(stdin)))
-        status = 0
-        try:
-            cli.run()
-        except SystemExit as end:
-            status = end.code if isinstance(end.code, int) else int(end.code is not None)
-        sys.stdout.flush()
-        captured = capfdbinary.readouterr()
-        return Done(status, captured.out, captured.err.decode())
-
-    return run
+    return run_command
 
 
 @pytest.fixture

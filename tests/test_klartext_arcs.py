@@ -3,10 +3,10 @@
 import re
 
 import pytest
-from typer.testing import CliRunner
+from support.command import succeed
 
 import machines
-from postproc.cli import app
+from kinematics.user_error import UserError
 
 PROGRAM = """\
 BEGIN PGM A MM
@@ -53,9 +53,8 @@ def corrected(tmp_path, how, program=PROGRAM):
         "--work-offset",
         "0=0,0,0",
     ]
-    result = CliRunner().invoke(app, [str(part) for part in (source, *options, "-o", out)], env={"COLUMNS": "400"})
-    assert result.exit_code == 0, result.exception
-    return out.read_text(encoding="utf-8").splitlines(), result.output
+    done = succeed(source, *options, "-o", out)
+    return out.read_text(encoding="utf-8").splitlines(), done.shown
 
 
 def after_um(output):
@@ -102,5 +101,5 @@ def test_a_helix_leaves_the_pole_for_what_follows(tmp_path):
 
 
 def test_other_values_are_refused(tmp_path):
-    with pytest.raises(AssertionError, match="klartext_arcs"):
+    with pytest.raises(UserError, match="klartext_arcs"):
         corrected(tmp_path, "cartesian")

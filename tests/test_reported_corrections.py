@@ -6,11 +6,10 @@ import json
 import re
 from pathlib import Path
 
+from support.command import succeed
 from support.programs import load, shifted
-from typer.testing import CliRunner
 
 from kinematics.error_model.model import encode_model
-from postproc.cli import app
 
 DRILLING = """\
 BEGIN PGM DRILLING MM
@@ -39,9 +38,7 @@ def run(folder: Path, machine: str, name: str, program: str, *options: str, datu
     (folder / "cal.json").write_bytes(encode_model(shifted(load(machine), X=100.0, Y=-200.0, Z=300.0)))
     datums = ("--datum", f"0={datum}", "--datum", f"G54={datum}")
     given = ("-m", machine, "-c", str(folder / "cal.json"), *datums, "-o", str(folder / "out"), *options)
-    result = CliRunner(env={"COLUMNS": "400"}).invoke(app, ["correct", str(folder / name), *given])
-    assert result.exit_code == 0, result.output or repr(result.exception)
-    return result.output
+    return succeed("correct", folder / name, *given).shown
 
 
 def test_where_a_drilling_cycle_leaves_z_is_no_correction(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from support.command import succeed
 
 import machines
 from calibration.measurement.file import read_measurement, write_measurement
@@ -18,7 +18,6 @@ from kinematics.error_model.model import Observation, read_model
 from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.cli import app
 
 CFRAME = machines.load("cframe")
 HEAD = "# machine: cframe\n# instrument: interferometer\n# u_um: 0.3\n# u_straightness_um: 0.5\n# u_angle_urad: 1\n"
@@ -29,13 +28,6 @@ def written(folder: Path, text: str) -> Path:
     path = folder / "data.csv"
     path.write_text(text)
     return path
-
-
-def command(*arguments: str) -> None:
-    result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == 0, result.output
 
 
 @pytest.mark.parametrize("name", ["cframe", "gantry", "bzt_pfu", "dmu50", "head_head"])
@@ -62,7 +54,7 @@ def test_every_error_motion_is_read_with_its_own_sign(tmp_path: Path, name: str)
 
 def simulated(folder: Path, *options: str) -> Path:
     data = folder / "data.csv"
-    command(
+    succeed(
         "simulate", "--machine", "cframe", "--strategy", "axes", "--spacing", "30", "--runs", "2", "--target", "t=0,0,-90",
         "--instrument", "interferometer", "--error-motions", "all", *options, "-o", str(data),
         "--truth", str(folder / "truth.json"),
@@ -85,7 +77,7 @@ def without_line(values: Array, x: Array, degree: int) -> Array:
 
 
 def test_fit_finds_all_six_error_motions_of_an_axis(tmp_path: Path) -> None:
-    command(
+    succeed(
         "fit", str(simulated(tmp_path)), "--machine", "cframe", "--basis", "cubic:9", "-o", str(tmp_path / "cal.json")
     )
     x = np.linspace(*CFRAME.axes[CFRAME.index("X")].travel, 50)
@@ -99,7 +91,7 @@ def test_fit_finds_all_six_error_motions_of_an_axis(tmp_path: Path) -> None:
 @pytest.mark.statistical
 def test_slope_and_offset_of_a_straightness_are_the_lasers_not_the_machines(tmp_path: Path) -> None:
     data = simulated(tmp_path)
-    command("fit", str(data), "--machine", "cframe", "--basis", "cubic:6", "-o", str(tmp_path / "one.json"))
+    succeed("fit", str(data), "--machine", "cframe", "--basis", "cubic:6", "-o", str(tmp_path / "one.json"))
     lines = data.read_text().splitlines()
     top = next(i for i, line in enumerate(lines) if not line.startswith("#"))
     names = lines[top].split(",")
@@ -114,7 +106,7 @@ def test_slope_and_offset_of_a_straightness_are_the_lasers_not_the_machines(tmp_
             cells[reading] = f"{float(cells[reading]) + 25.0 + 0.3 * float(cells[target]):.4f}"
         lines[i] = ",".join(cells)
     written(tmp_path, "\n".join(lines) + "\n")
-    command("fit", str(data), "--machine", "cframe", "--basis", "cubic:6", "-o", str(tmp_path / "two.json"))
+    succeed("fit", str(data), "--machine", "cframe", "--basis", "cubic:6", "-o", str(tmp_path / "two.json"))
     x = np.linspace(*CFRAME.axes[CFRAME.index("X")].travel, 30)
     one, two = curves(tmp_path / "one.json", x), curves(tmp_path / "two.json", x)
     for letter in "XYZABC":
@@ -191,6 +183,6 @@ def test_a_rotary_axis_has_no_such_columns(tmp_path: Path) -> None:
 def test_diagnose_finds_backlash_in_six_degree_data(tmp_path: Path) -> None:
     data = simulated(tmp_path, "--effect", "backlash:axis=Y,width=9")
     found = tmp_path / "found.json"
-    command("diagnose", str(data), "--machine", "cframe", "-o", str(tmp_path / "new.json"), "--json", str(found))
+    succeed("diagnose", str(data), "--machine", "cframe", "-o", str(tmp_path / "new.json"), "--json", str(found))
     effects = json.loads(found.read_text())["effects"]
     assert [(e["kind"], e["axis"]) for e in effects if e["verdict"] == "strong"] == [("backlash", "Y")]

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.command import refusal, succeed
 from support.three_points_cases import TARGETS, locations, model, random_effects, rows, station
 from support.tracker_logs import Log, Stop, header, log_of, write
-from typer.testing import CliRunner
 
 import machines
 from calibration.measurement.file import read_measurement, write_measurement
@@ -24,7 +24,6 @@ from calibration.simulation.true_model import random_truth
 from kinematics.machine import Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.cli import app
 
 BZT = machines.load("bzt_pfu")
 DMU50 = machines.load("dmu50")
@@ -33,8 +32,7 @@ DMU50 = machines.load("dmu50")
 def planned(folder: Path, machine: Machine, *options: str) -> Plan:
     """A plan as the command writes it, read again."""
     path = folder / "plan.csv"
-    result = CliRunner().invoke(app, ["plan", "--machine", machine.name, *options, "-o", str(path)])
-    assert result.exit_code == 0, result.output
+    succeed("plan", "--machine", machine.name, *options, "-o", path)
     return read_plan(path, machine)
 
 
@@ -189,9 +187,8 @@ def test_fit_takes_a_log_and_its_plan(tmp_path: Path) -> None:
     ))  # fmt: skip
     command = ["fit", str(log), "--machine", "bzt_pfu", "--plan", str(tmp_path / "plan.csv"), "--basis", "legendre:2"]
     command += ["-o", str(tmp_path / "cal.json"), "--json", str(tmp_path / "fit.json"), "--no-hold-out"]
-    result = CliRunner().invoke(app, command)
-    assert result.exit_code == 0, result.output
-    assert "60 of 60 positions of the plan found" in " ".join(result.output.split())
+    done = succeed(*command)
+    assert "60 of 60 positions of the plan found" in " ".join(done.shown.split())
     found = json.loads((tmp_path / "fit.json").read_text())
     assert found["after"]["rms_um"] < 0.5 * found["before"]["rms_um"]
 
@@ -218,9 +215,8 @@ def test_three_points_takes_a_log_and_its_plan(tmp_path: Path) -> None:
     taken = log_of(DMU50, truth, stops, TARGETS, pose, rng, speed=400.0, stands_on="bed", reading_um=1.0)
     log = write(tmp_path / "log.csv", taken.text(header(DMU50, "bed")))
     command = ["three-points", str(log), "--machine", "dmu50", "--plan", str(tmp_path / "plan.csv")]
-    result = CliRunner().invoke(app, [*command, "-o", str(tmp_path / "cal.json"), "--json", str(tmp_path / "r.json")])
-    assert result.exit_code == 0, result.output
-    assert f"{len(stops)} of {len(stops)} positions of the plan found" in " ".join(result.output.split())
+    done = succeed(*command, "-o", tmp_path / "cal.json", "--json", tmp_path / "r.json")
+    assert f"{len(stops)} of {len(stops)} positions of the plan found" in " ".join(done.shown.split())
 
 
 def test_scatter_counts_as_far_as_it_exceeds_the_sheet(tmp_path: Path) -> None:
@@ -261,14 +257,8 @@ def test_a_plan_goes_with_a_log_and_not_with_a_path_or_positions(tmp_path: Path)
     log = write(tmp_path / "log.csv", recorded(plan, stops_of(plan, np.random.default_rng(1))).text(header(BZT)))
     given = ["--machine", "bzt_pfu", "--plan", str(tmp_path / "plan.csv"), "-o", str(tmp_path / "cal.json")]
     path = write(tmp_path / "path.nc", "G53 G1 X0 Y0 Z0 F1000\nG53 G1 X100\nM2\n")
-    result = CliRunner().invoke(app, ["fit", str(log), *given, "--path", str(path)])
-    assert isinstance(result.exception, UserError)
-    assert "--plan is for measurements at standstill" in str(result.exception)
+    assert "--plan is for measurements at standstill" in refusal("fit", log, *given, "--path", path)
     head = "\n".join(f"# {key}: {value}" for key, value in header(BZT).items())
     data = write(tmp_path / "data.csv", f"{head}\nX,Y,Z,x,y,z\n0,0,0,1000,0,0\n")
-    result = CliRunner().invoke(app, ["fit", str(data), *given])
-    assert isinstance(result.exception, UserError)
-    assert "columns of a tracker's log" in str(result.exception)
-    result = CliRunner().invoke(app, ["fit", str(log), *given[:2], *given[4:]])
-    assert isinstance(result.exception, UserError)
-    assert "--plan PLAN.csv" in str(result.exception)
+    assert "columns of a tracker's log" in refusal("fit", data, *given)
+    assert "--plan PLAN.csv" in refusal("fit", log, *given[:2], *given[4:])

@@ -7,23 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from support.command import succeed
 from virtual_machine import strange
 
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.cli import app
 
 CLAIMED_TOO_MUCH = 2.0
 """Remaining error in standard uncertainties, RMS over the measured volume."""
-
-
-def command(*arguments: str) -> None:
-    """UserError of a refusal; any other exception is a fault."""
-    result = CliRunner().invoke(app, list(arguments))
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    assert result.exit_code == 0, result.output
 
 
 def length(vectors: Array) -> float:
@@ -48,11 +39,11 @@ def examined(
     (folder / "strange.toml").write_text(toml)
     (folder / "data.csv").write_text(strange.sheet(design, strange.readings(design, truth, rng)))
     machine, calibration = ("--machine", str(folder / "strange.toml")), str(folder / "cal.json")
-    command(*fitted, str(folder / "data.csv"), *machine, "-o", calibration)
+    succeed(*fitted, str(folder / "data.csv"), *machine, "-o", calibration)
     positions = strange.scattered(design.chain, rng, design.ranges, 200)
     (folder / "points.csv").write_text(strange.points_file(design, positions))
     predicted = folder / "predicted.csv"
-    command("predict", str(folder / "points.csv"), *machine, "--calibration", calibration, "-o", str(predicted))
+    succeed("predict", str(folder / "points.csv"), *machine, "--calibration", calibration, "-o", str(predicted))
     found, u = predictions(predicted)
     points, true = strange.deviations(design, truth, positions, strange.TARGETS["t1"])
     before, after = strange.left_over(points, true * 1e3), strange.left_over(points, true * 1e3 - found)
@@ -113,9 +104,9 @@ def test_three_points_scatter_as_they_claim(tmp_path: Path, seed: int, basis: st
     for _ in range(8):
         (tmp_path / "data.csv").write_text(strange.sheet(design, strange.readings(design, truth, rng)))
         calibration = str(tmp_path / "cal.json")
-        command("three-points", str(tmp_path / "data.csv"), *machine, "--basis", basis, "-o", calibration)
+        succeed("three-points", str(tmp_path / "data.csv"), *machine, "--basis", basis, "-o", calibration)
         predicted = tmp_path / "predicted.csv"
-        command(
+        succeed(
             "predict", str(tmp_path / "points.csv"), *machine, "--calibration", calibration, "-o", str(predicted)
         )  # fmt: skip
         deviation, own = predictions(predicted)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
-
-from postproc.cli import app
+from support.command import run_command, succeed
 
 TO_ZERO = 'CYCLE800(0,"TC1",200000,57,0,0,0,0,0,0,0,0,0,-1,,0)\n'
 HEAD = "G17 G90 G94 G71 G54\nT1 D1 M6\nG0 X0 Y0 Z150 B0 C0\n"
@@ -24,8 +22,7 @@ def corrected(tmp_path: Path):
         """Lines of the corrected program without ncomp's mark; an error for a refusal."""
         source, out = tmp_path / "part.mpf", tmp_path / "out.mpf"
         source.write_text(program)
-        result = CliRunner().invoke(app, ["correct", str(source), "-m", "dmu50", "-o", str(out)])
-        assert result.exit_code == 0, result.output or repr(result.exception)
+        succeed("correct", source, "-m", "dmu50", "-o", out)
         return [line for line in out.read_text().splitlines() if "NCOMP 0" not in line]
 
     return correct
@@ -50,5 +47,5 @@ def test_a_plane_is_taken_back_by_one_without_a_tilt(corrected) -> None:
 def test_a_shifted_plane_stays_one(tmp_path: Path, shift: str) -> None:
     program = HEAD + TO_ZERO.replace("57,0,0,0", f"57,{shift}") + BEHIND["rotary words"]
     (tmp_path / "part.mpf").write_text(program)
-    result = CliRunner().invoke(app, ["check", str(tmp_path / "part.mpf"), "-m", "dmu50"])
-    assert "a rotary axis moves in a tilted plane of CYCLE800" in result.output
+    done = run_command("check", tmp_path / "part.mpf", "-m", "dmu50")
+    assert "a rotary axis moves in a tilted plane of CYCLE800" in done.shown

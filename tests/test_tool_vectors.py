@@ -4,11 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
+from support.command import succeed
 from support.programs import load, random_model
-from typer.testing import CliRunner
 
 from kinematics.error_model.model import write_model
-from postproc.cli import app
 
 PROGRAMS = {
     "v.mpf": "G17 G90 G71 G94\nT1 M6 D1\nG54\nG0 X0 Y0 Z100 {0}=0 C=0\nTRAORI\n"
@@ -29,8 +28,7 @@ def test_the_figures_of_a_run_count_with_the_turned_axes(name, machine, tilt, tm
     write_model(random_model(load(machine), 3, 30.0), Path("cal.json"))
     options = ["--machine", machine, "--calibration", "cal.json", "--set-up-zero", "--no-travel-check"]
     accepted = ["--accept", "outside,insignificant", "-o", "out", "--json", "run.json"]
-    done = CliRunner().invoke(app, ["correct", name, *options, *accepted])
-    assert done.exit_code == 0, done.output
+    succeed("correct", name, *options, *accepted)
     found = json.loads(Path("run.json").read_text())
     before, after = found["predicted_error_um"]["before"], found["predicted_error_um"]["after"]
     assert before["max"] > 5.0

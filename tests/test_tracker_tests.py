@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from support.command import succeed
 
 from calibration.measurement.instruments import LaserTracker
 from calibration.measurement.tracker_tests import PARAMETERS, fit_tests, read_tests
@@ -15,7 +15,6 @@ from calibration.study.cases import read_cases
 from calibration.study.definition import study_of
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.cli import app
 
 TRUE = LaserTracker(0.4, 0.3, 6.0, 2.5)
 BAR = 2300.0
@@ -76,8 +75,7 @@ def test_stated_values_of_a_data_sheet(tmp_path: Path) -> None:
 def test_the_command_and_the_study_take_the_tests(tmp_path: Path) -> None:
     data = written(tmp_path, drawn(np.random.default_rng(1), 20))
     out = tmp_path / "tracker.toml"
-    result = CliRunner().invoke(app, ["tracker", str(data), "-o", str(out), "--json", str(tmp_path / "t.json")])
-    assert result.exit_code == 0, result.output
+    succeed("tracker", data, "-o", out, "--json", tmp_path / "t.json")
     parameters = json.loads((tmp_path / "t.json").read_text())["parameters"]
     assert f"u_angle_um = {parameters['u_angle_um']:.4g}  # u = " in out.read_text()
     case = {"name": "a", "strategy": "random", "points": 20, "tracker": [-1500.0, 1500.0, 300.0]}

@@ -14,15 +14,13 @@ import tempfile
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import click
-import typer.main
+from typing import NamedTuple
 
 from kinematics.user_error import UserError
 from tests.fuzz.case import Case, Outcome, Verdict
 from tests.fuzz.mutate import Change, files_changes, mutated
 from tests.fuzz.mutated_programs import TESTS, limited
+from tests.support.command import run_raising
 
 SECONDS = 5
 """Time of the processor for one examination."""
@@ -298,24 +296,8 @@ READERS: dict[str, Callable[[Path, list[str]], None]] = {
 
 
 def _command(*arguments: str) -> str:
-    """What a command prints; UserError where it refuses."""
-    out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="")
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(io.StringIO()) as err:
-        try:
-            _program().main(list(arguments), prog_name="ncomp", standalone_mode=False)
-        except click.ClickException as fault:
-            raise UserError(fault.format_message()) from None
-        out.flush()
-    if "internal" in err.getvalue():
-        raise AssertionError(err.getvalue()[:80])
-    return out.buffer.getvalue().decode("utf-8", "replace")  # type: ignore[attr-defined]
-
-
-@cache
-def _program() -> Any:
-    from postproc.cli import app
-
-    return typer.main.get_command(app)
+    """Text that a command prints; UserError where it refuses."""
+    return run_raising(*arguments).out.decode("utf-8", "replace")
 
 
 @cache

@@ -8,11 +8,9 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from typer.testing import CliRunner
-
 from kinematics.user_error import UserError
-from postproc.cli import app
 from tests.fuzz.case import Case
+from tests.support.command import run_raising
 
 ENCODING = "latin-1"
 
@@ -52,14 +50,14 @@ def command(name: str, case: Case, *options: str) -> Run:
         arguments = arguments_of(case, place)
         output, report = place / "out.nc", place / "report.json"
         given = [str(place / option) if option in {"out.nc", "report.json"} else option for option in options]
-        done = CliRunner().invoke(app, [name, *arguments, *given])
+        try:
+            done = run_raising(name, *arguments, *given)
+            status, shown = done.status, done.shown
+        except UserError as refusal:
+            status, shown = 2, str(refusal)
         text = output.read_bytes().decode(ENCODING) if output.exists() else None
         content = json.loads(report.read_text(encoding="utf-8")) if report.exists() else {}
-        if isinstance(done.exception, UserError):
-            return Run(2, text, str(done.exception).replace(folder + "/", ""), content)
-        if done.exception is not None and not isinstance(done.exception, SystemExit):
-            raise done.exception
-        return Run(done.exit_code, text, done.output.replace(folder + "/", ""), content)
+        return Run(status, text, shown.replace(folder + "/", ""), content)
 
 
 def arguments_of(case: Case, place: Path) -> list[str]:
