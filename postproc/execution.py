@@ -34,7 +34,7 @@ class Part:
     motions: Motions
     size: int
     """Number of characters that were read for it."""
-    places: Sequence[int] | None = None
+    indices: Sequence[int] | None = None
     """Index in the program of every block that ran; None if every block runs once."""
     varied: frozenset[int] = frozenset()
     """Indices of blocks of the chunk that run several times with different moves."""
@@ -58,12 +58,12 @@ def joined_before_rotary_moves(parts: Iterable[Part]) -> Iterator[Part]:
 def _joined(parts: list[Part]) -> Part:
     if len(parts) == 1:
         return parts[0]
-    places = [place for part in parts for place in part.places or ()]
+    indices = [index for part in parts for index in part.indices or ()]
     firsts = itertools.accumulate((len(part.motions.blocks) for part in parts), initial=0)
     return Part(
         merged([part.motions for part in parts]),
         sum(part.size for part in parts),
-        None if parts[0].places is None else places,
+        None if parts[0].indices is None else indices,
         frozenset(first + i for first, part in zip(firsts, parts, strict=False) for i in part.varied),
     )
 
@@ -163,11 +163,11 @@ class StoredProgram:
             size = sum(len(block.text) for block in self.blocks)
             more = True
             while more:
-                places: list[int] = []
+                indices: list[int] = []
                 chunk = _chunk(runs, lambda run: self.dialect.leads(run[1]))
-                motions = self.interpreter.read(_noting(chunk, places.append))
-                more = len(places) >= CHUNK
-                yield Part(motions, size, places)
+                motions = self.interpreter.read(_noting(chunk, indices.append))
+                more = len(indices) >= CHUNK
+                yield Part(motions, size, indices)
                 size = 0
         except Refusal as refusal:
             raise refusal.located(self.source.name, self.dialect.evidence) from None
@@ -191,11 +191,11 @@ class StoredProgram:
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
         """No blocks before the end; Refusal for a block that runs more than once with different texts."""
-        for place, text in zip(part.places or (), texts, strict=True):
-            first = self.texts.setdefault(place, text)
+        for index, text in zip(part.indices or (), texts, strict=True):
+            first = self.texts.setdefault(index, text)
             if first != text:
                 shown = " and ".join(repr(part.strip()) for part in (first, text))
-                raise self.blocks[place].refuse(
+                raise self.blocks[index].refuse(
                     f"this block runs more than once and needs a different correction each time ({shown}); "
                     "--unroll writes it out"
                 )
@@ -216,17 +216,17 @@ class _Contexts:
 
     def add(self, part: Part) -> None:
         """Add the moves of a chunk."""
-        motions, places = part.motions, part.places or ()
+        motions, indices = part.motions, part.indices or ()
         columns = (np.round(motions.start, 9), np.round(motions.target, 9), motions.known_start, motions.known)
         moves = np.hstack([motions.machine_target.round(9), *columns]) + 0.0
         for row, block in enumerate(motions.block.tolist()):
             move = moves[row].tobytes()
-            if self._first.setdefault(places[block], move) != move:
-                self._varied.add(places[block])
+            if self._first.setdefault(indices[block], move) != move:
+                self._varied.add(indices[block])
 
     def marked(self, part: Part) -> Part:
         """The chunk with its blocks that run several times with different moves."""
-        return replace(part, varied=frozenset(i for i, place in enumerate(part.places or ()) if place in self._varied))
+        return replace(part, varied=frozenset(i for i, index in enumerate(part.indices or ()) if index in self._varied))
 
 
 def _chunk(items: Iterator[Item], leads: Callable[[Item], bool]) -> Iterator[Item]:
@@ -238,6 +238,6 @@ def _chunk(items: Iterator[Item], leads: Callable[[Item], bool]) -> Iterator[Ite
 
 
 def _noting(steps: Iterator[tuple[int, Block]], note: Callable[[int], None]) -> Iterator[Block]:
-    for place, block in steps:
-        note(place)
+    for index, block in steps:
+        note(index)
         yield block

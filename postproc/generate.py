@@ -27,7 +27,7 @@ PATH_DWELL_S = 3.0
 
 
 @dataclass(frozen=True)
-class Visits:
+class MeasuringSequence:
     """Measuring sequence, one row per observation; mm and degrees."""
 
     machine: Machine
@@ -40,7 +40,7 @@ class Visits:
 
 
 @dataclass(frozen=True)
-class Manner:
+class ProgramSettings:
     """Feed, dwell, stops and coordinates of a measuring program."""
 
     feed: float = 2000.0
@@ -52,8 +52,13 @@ class Manner:
     offset: tuple[str, Mapping[str, float]] | None = None
     """Name of the work offset or preset, and its values by axis, mm and degrees; None for machine coordinates."""
 
+    def offset_of(self, machine: Machine) -> Array:
+        """Values `(axes,)` of the work offset, mm and degrees; 0 for machine coordinates."""
+        values = self.offset[1] if self.offset else {}
+        return np.array([values.get(name, 0.0) for name in machine.names])
 
-class Speech(Protocol):
+
+class ProgramFormat(Protocol):
     """The form of the program in a dialect."""
 
     def head(self, remarks: Sequence[str]) -> list[str]:
@@ -72,80 +77,84 @@ class Speech(Protocol):
         """The lines at the end of the program."""
 
 
-def measuring_program(visits: Visits, manner: Manner, dialect: str, title: str) -> Iterator[str]:
-    """The lines of the program of a measuring sequence; UserError as by `speech_of`."""
-    speech = speech_of(visits.machine, manner, dialect)
-    offset = np.array([(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in visits.machine.names])
-    yield from speech.head([*_remarks(visits, manner, title), *assumptions(dialect, manner)])
-    target = None
-    for i, (name, wanted) in enumerate(zip(visits.names, visits.targets, strict=True)):
-        if wanted != target:
-            code = "M0" if target is None else manner.target_change
-            way = " AND THE WAY TO THE FIRST POSITION IS FREE" if target is None else ""
-            yield from speech.stop(code, f"GO ON WHEN TARGET {wanted} IS READY{way}")
-            target = wanted
-        if visits.before is not None and not np.isnan(visits.before[i, 0]):
-            yield speech.move(words_of(visits.machine, visits.before[i] - offset), "")
-        if i == 0 or name != visits.names[i - 1] or not np.array_equal(visits.positions[i], visits.positions[i - 1]):
-            yield speech.move(words_of(visits.machine, visits.positions[i] - offset), name)
-        yield from speech.dwell()
-    yield from speech.end()
+def measuring_program(
+    sequence: MeasuringSequence, settings: ProgramSettings, dialect: str, title: str
+) -> Iterator[str]:
+    """The lines of the program of a measuring sequence; UserError as by `program_format`."""
+    machine, positions = sequence.machine, sequence.positions
+    form, offset = program_format(machine, settings, dialect), settings.offset_of(machine)
+    yield from form.head([*_remarks(sequence, settings, title), *assumptions(dialect, settings)])
+    mounted = None
+    for i, (name, target) in enumerate(zip(sequence.names, sequence.targets, strict=True)):
+        if target != mounted:
+            code = "M0" if mounted is None else settings.target_change
+            path = " AND THE WAY TO THE FIRST POSITION IS FREE" if mounted is None else ""
+            yield from form.stop(code, f"GO ON WHEN TARGET {target} IS READY{path}")
+            mounted = target
+        if sequence.before is not None and not np.isnan(sequence.before[i, 0]):
+            yield form.move(axis_words(machine, sequence.before[i] - offset), "")
+        if i == 0 or name != sequence.names[i - 1] or not np.array_equal(positions[i], positions[i - 1]):
+            yield form.move(axis_words(machine, positions[i] - offset), name)
+        yield from form.dwell()
+    yield from form.end()
 
 
-def path_program(machine: Machine, corners: Array, manner: Manner, dialect: str, title: str) -> Iterator[str]:
-    """The lines of the program along corners `(m, axes)`, mm and degrees; UserError as by `speech_of`."""
-    manner = replace(manner, dwell_s=PATH_DWELL_S)
-    speech = speech_of(machine, manner, dialect)
-    offset = [(manner.offset[1] if manner.offset else {}).get(name, 0.0) for name in machine.names]
-    yield from speech.head(
+def path_program(
+    machine: Machine, corners: Array, settings: ProgramSettings, dialect: str, title: str
+) -> Iterator[str]:
+    """The lines of the program along corners `(m, axes)`, mm and degrees; UserError as by `program_format`."""
+    settings = replace(settings, dwell_s=PATH_DWELL_S)
+    form, offset = program_format(machine, settings, dialect), settings.offset_of(machine)
+    yield from form.head(
         [
-            f"{title} - MACHINE {machine.name} - {len(corners)} CORNERS - FEED {manner.feed:g} MM/MIN",
+            f"{title} - MACHINE {machine.name} - {len(corners)} CORNERS - FEED {settings.feed:g} MM/MIN",
             "RUN IT FROM START TO END ONCE FOR EACH TARGET - STATION AND FEED - RECORDING ALL THE TIME",
             "SPINDLE OFF - MOVES ARE STRAIGHT LINES FROM CORNER TO CORNER: TRY IT AT LOW OVERRIDE",
-            *assumptions(dialect, manner),
+            *assumptions(dialect, settings),
         ]
     )
-    yield from speech.stop("M0", "GO ON WHEN THE WAY TO THE FIRST CORNER IS FREE")
-    yield speech.move(words_of(machine, corners[0] - offset), "START")
-    yield from speech.stop("M0", "START RECORDING AND GO ON")
-    yield from speech.dwell()
+    yield from form.stop("M0", "GO ON WHEN THE WAY TO THE FIRST CORNER IS FREE")
+    yield form.move(axis_words(machine, corners[0] - offset), "START")
+    yield from form.stop("M0", "START RECORDING AND GO ON")
+    yield from form.dwell()
     for number, corner in enumerate(corners[1:], start=2):
-        yield speech.move(words_of(machine, corner - offset), f"C{number}")
-    yield from speech.dwell()
-    yield from speech.end()
+        yield form.move(axis_words(machine, corner - offset), f"C{number}")
+    yield from form.dwell()
+    yield from form.end()
 
 
-def assumptions(dialect: str, manner: Manner) -> list[str]:
+def assumptions(dialect: str, settings: ProgramSettings) -> list[str]:
     """Conditions that the program assumes of the control."""
-    if manner.offset is None:
+    if settings.offset is None:
         code = "M91" if dialect == "heidenhain" else "G53 ON EVERY BLOCK"
         return [f"POSITIONS ARE MACHINE COORDINATES: {code}", "NCOMP DOES NOT CORRECT SUCH MOVES"]
-    name, values = manner.offset
-    said = " ".join(f"{axis}{value:g}" for axis, value in values.items()) or "0"
+    name, values = settings.offset
+    numbers = " ".join(f"{axis}{value:g}" for axis, value in values.items()) or "0"
     which = f"PRESET {name}" if name.isdigit() else name
     return [
-        f"POSITIONS COUNT FROM {which}, WHICH MUST BE {said}",
+        f"POSITIONS COUNT FROM {which}, WHICH MUST BE {numbers}",
         "TOOL LENGTH MUST BE 0: POSITIONS ARE THOSE OF THE AXES",
     ]
 
 
-def _remarks(visits: Visits, manner: Manner, title: str) -> list[str]:
-    machine = visits.machine
+def _remarks(sequence: MeasuringSequence, settings: ProgramSettings, title: str) -> list[str]:
+    machine = sequence.machine
     turns = " - DEG/MIN WHERE ONLY ROTARY AXES MOVE" if machine.rotary.any() else ""
+    feed = "RAPID" if settings.rapid else f"FEED {settings.feed:g} MM/MIN{turns}"
     return [
-        f"{title} - MACHINE {machine.name} - {len(visits.positions)} OBSERVATIONS",
-        f"{'RAPID' if manner.rapid else f'FEED {manner.feed:g} MM/MIN{turns}'} - DWELL {manner.dwell_s:g} S AT EACH",
+        f"{title} - MACHINE {machine.name} - {len(sequence.positions)} OBSERVATIONS",
+        f"{feed} - DWELL {settings.dwell_s:g} S AT EACH",
         "SPINDLE OFF - MOVES ARE STRAIGHT LINES FROM POINT TO POINT: TRY IT AT LOW OVERRIDE",
     ]
 
 
-def words_of(machine: Machine, positions: Array) -> dict[str, float]:
+def axis_words(machine: Machine, positions: Array) -> dict[str, float]:
     """Positions `(axes,)`, mm and degrees, by axis, rounded as they are written."""
     return dict(zip(machine.names, (np.round(positions, 4) + 0.0).tolist(), strict=True))
 
 
-def speech_of(machine: Machine, manner: Manner, dialect: str) -> Speech:
-    """The form of the program in a dialect; UserError if machine, dialect or `manner` do not allow a program."""
+def program_format(machine: Machine, settings: ProgramSettings, dialect: str) -> ProgramFormat:
+    """The form of the program in a dialect; UserError if machine, dialect or `settings` do not allow a program."""
     for name in machine.names:
         if len(name) > 1:
             raise UserError(f"--nc: axis {name} has no word of its own in NC programs that ncomp writes")
@@ -155,48 +164,48 @@ def speech_of(machine: Machine, manner: Manner, dialect: str) -> Speech:
             "a plan gives positions of axes"
         )
     if dialect == "heidenhain":
-        return _Klartext(manner)
+        return _Klartext(settings)
     if dialect not in DIALECTS:
         raise UserError(f"--dialect {dialect}: expected one of {', '.join(DIALECTS)}")
-    if dialect == "fanuc" and manner.offset is None:
+    if dialect == "fanuc" and settings.offset is None:
         raise UserError(
             "--dialect fanuc: G53 of this control always moves in rapid; "
             "give the work offset that is active, --work-offset G54=x,y,z"
         )
-    return _Iso(manner, dwell_word="X" if dialect == "fanuc" else "P")
+    return _Iso(settings, dwell_word="X" if dialect == "fanuc" else "P")
 
 
 @dataclass
 class _Iso:
     """LinuxCNC, Fanuc."""
 
-    manner: Manner
+    settings: ProgramSettings
     dwell_word: str
     """P counts in s on LinuxCNC and in ms on Fanuc, where X counts in s."""
 
     def head(self, remarks: Sequence[str]) -> list[str]:
-        """See `Speech`."""
-        offset = [self.manner.offset[0]] if self.manner.offset else []
+        """See `ProgramFormat`."""
+        offset = [self.settings.offset[0]] if self.settings.offset else []
         return ["%", *(f"({_plain(text)})" for text in remarks), "G21 G17 G90 G94", "G40 G49 G80", *offset, "M5"]
 
     def move(self, words: Mapping[str, float], remark: str) -> str:
-        """See `Speech`."""
-        code = "G0" if self.manner.rapid else "G1"
-        frame = "" if self.manner.offset else "G53 "
+        """See `ProgramFormat`."""
+        code = "G0" if self.settings.rapid else "G1"
+        frame = "" if self.settings.offset else "G53 "
         targets = " ".join(f"{name}{value:.4f}" for name, value in words.items())
-        feed = "" if self.manner.rapid else f" F{_number(self.manner.feed)}"
+        feed = "" if self.settings.rapid else f" F{_number(self.settings.feed)}"
         return f"{frame}{code} {targets}{feed}" + (f" ({_plain(remark)})" if remark else "")
 
     def dwell(self) -> list[str]:
-        """See `Speech`."""
-        return [f"G4 {self.dwell_word}{_number(self.manner.dwell_s)}"]
+        """See `ProgramFormat`."""
+        return [f"G4 {self.dwell_word}{_number(self.settings.dwell_s)}"]
 
     def stop(self, code: str, remark: str) -> list[str]:
-        """See `Speech`."""
+        """See `ProgramFormat`."""
         return [f"({_plain(remark)})", code]
 
     def end(self) -> list[str]:
-        """See `Speech`."""
+        """See `ProgramFormat`."""
         return ["M30", "%"]
 
 
@@ -204,43 +213,43 @@ class _Iso:
 class _Klartext:
     """Heidenhain Klartext with numbered blocks."""
 
-    manner: Manner
+    settings: ProgramSettings
     name: str = "PLAN"
     block: int = -1
 
     def head(self, remarks: Sequence[str]) -> list[str]:
-        """See `Speech`."""
+        """See `ProgramFormat`."""
         start = [
             self._numbered(f"BEGIN PGM {self.name} MM"),
             *(self._numbered(f"; {_plain(text)}") for text in remarks),
         ]
-        if self.manner.offset:
-            preset = self.manner.offset[0]
+        if self.settings.offset:
+            preset = self.settings.offset[0]
             if not preset.isdigit():
                 raise UserError(f"--work-offset {preset}=...: a Heidenhain control has presets by number, e.g. 1=x,y,z")
             start.append(self._numbered(f"CYCL DEF 247 DATUM SETTING ~\n  Q339=+{preset} ;DATUM NUMBER"))
         return [*start, self._numbered("M5")]
 
     def move(self, words: Mapping[str, float], remark: str) -> str:
-        """See `Speech`."""
+        """See `ProgramFormat`."""
         targets = " ".join(f"{name}{value:+.4f}" for name, value in words.items())
-        feed = "FMAX" if self.manner.rapid else f"F{self.manner.feed:g}"
-        frame = "" if self.manner.offset else " M91"
+        feed = "FMAX" if self.settings.rapid else f"F{self.settings.feed:g}"
+        frame = "" if self.settings.offset else " M91"
         return self._numbered(f"L {targets} R0 {feed}{frame}" + (f" ; {_plain(remark)}" if remark else ""))
 
     def dwell(self) -> list[str]:
-        """See `Speech`."""
+        """See `ProgramFormat`."""
         return [
             self._numbered("CYCL DEF 9.0 DWELL TIME"),
-            self._numbered(f"CYCL DEF 9.1 DWELL {_number(self.manner.dwell_s)}"),
+            self._numbered(f"CYCL DEF 9.1 DWELL {_number(self.settings.dwell_s)}"),
         ]
 
     def stop(self, code: str, remark: str) -> list[str]:
-        """See `Speech`."""
+        """See `ProgramFormat`."""
         return [self._numbered(f"; {_plain(remark)}"), self._numbered("STOP" if code == "M0" else code)]
 
     def end(self) -> list[str]:
-        """See `Speech`."""
+        """See `ProgramFormat`."""
         return [self._numbered("M30"), self._numbered(f"END PGM {self.name} MM")]
 
     def _numbered(self, text: str) -> str:

@@ -73,7 +73,7 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
             counts.append(feeds[row])
     if not positions or len(np.concatenate(lengths)) < 2:
         raise UserError(f"{source.name}: the program says no path: two positions of all linear axes at least")
-    names = [axis.name for axis, unsaid in zip(machine.axes, assumed, strict=True) if unsaid]
+    names = [axis.name for axis, not_programmed in zip(machine.axes, assumed, strict=True) if not_programmed]
     home = f"{source.name} gives no position of {', '.join(names)}: assumed at home" if names else ""
     notes = tuple(note for note in (interpreter.control_state.assumption(), home) if note)
     return ProgramPath(np.concatenate(positions), np.cumsum(np.concatenate(lengths)), np.concatenate(counts), notes)
@@ -82,11 +82,11 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
 def _path_rows(motions: Motions, *, begun: bool) -> np.ndarray:
     """Rows of a chunk that are part of the path; Refusal for a canned cycle or an unknown linear position."""
     linear = [i for i, axis in enumerate(motions.machine.axes) if not axis.rotary]
-    said = (motions.known[:, linear] != Known.ASSUMED).all(axis=1)
+    programmed = (motions.known[:, linear] != Known.ASSUMED).all(axis=1)
     for row in np.flatnonzero(motions.kind == Kind.CYCLE):
         raise motions.blocks[motions.block[row]].refuse("a canned cycle is no path that can be followed")
-    first = 0 if begun else int(np.argmax(said)) if said.any() else len(said)
-    for row in np.flatnonzero(~said[first:]):
+    first = 0 if begun else int(np.argmax(programmed)) if programmed.any() else len(programmed)
+    for row in np.flatnonzero(~programmed[first:]):
         raise motions.blocks[motions.block[first + row]].refuse(
             "where a linear axis stands, the program does not say here: a path that is measured must say it all along"
         )

@@ -23,7 +23,7 @@ from kinematics.error_model.model import no_errors
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.user_error import UserError
-from postproc.compensation.correction import correct, missed
+from postproc.compensation.correction import correct, pose_errors
 from postproc.motion.moves import Kind, Known
 
 ALL = (*FIVE_AXES, *THREE_AXES)
@@ -62,7 +62,7 @@ def test_nothing_is_missed_at_block_ends(name, seed):
     assert (q[:, machine.rotary] == nominal[:, machine.rotary]).all()
     before = missed_by_hand(machine, model, nominal, nominal, tool)
     assert before.max() > 0.02, "the model is no test"
-    assert missed(machine, model, nominal, nominal, tool).point_um == pytest.approx(before * 1e3)
+    assert pose_errors(machine, model, nominal, nominal, tool).point_um == pytest.approx(before * 1e3)
 
 
 @pytest.mark.parametrize("name", FIVE_AXES)
@@ -79,8 +79,8 @@ def test_nothing_is_missed_in_programs(name, tcp, seed):
     q = motions.in_machine(correction.target)
     assert q == pytest.approx(correction.corrected, abs=1e-9)
     assert rows.sum() > 3
-    missed = missed_by_hand(machine, model, q[rows], motions.machine_target[rows], motions.tool[rows])
-    assert missed.max() <= EXACT_UM * 1e-3
+    pose_errors = missed_by_hand(machine, model, q[rows], motions.machine_target[rows], motions.tool[rows])
+    assert pose_errors.max() <= EXACT_UM * 1e-3
     turned = (correction.target - motions.target)[:, machine.rotary]
     assert turned == pytest.approx(np.zeros_like(turned), abs=1e-9)
 

@@ -21,7 +21,7 @@ from kinematics.effects import (
 )
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions, make_conditions
-from postproc.compensation.predicted_error import in_a_program, standing_notes
+from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.control.setup import make_setup
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
@@ -128,7 +128,7 @@ def test_what_is_needed_and_not_given(effect, given, message):
 
 def test_notes():
     settled = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0, lag_s=900.0)
-    notes = standing_notes(
+    notes = model_notes(
         model_of(GANTRY, settled, Settling("X", 20.0), FollowingError("Y", 1.0)),
         make_conditions(["spindle=25", "bed=22"]),
     )
@@ -226,4 +226,4 @@ def test_json_of_conditions_is_json():
 
 
 def test_backlash_alone_needs_no_conditions():
-    assert standing_notes(model_of(GANTRY, Backlash("X", 5.0)), Conditions()) == []
+    assert model_notes(model_of(GANTRY, Backlash("X", 5.0)), Conditions()) == []

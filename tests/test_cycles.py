@@ -10,7 +10,7 @@ from support.programs import WHOLE, correct, load, model_of, random_model, read,
 from kinematics.effects import Backlash
 from kinematics.error_model.model import ErrorModel
 from kinematics.user_error import UserError
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 from postproc.motion.moves import Kind
 from postproc.verification.verify import verify
 
@@ -95,7 +95,7 @@ def test_holes_are_put_right(name):
 
 
 def error(machine, model: ErrorModel, nominal, commanded, rows):
-    return missed(
+    return pose_errors(
         machine, model, commanded.machine_target[rows], nominal.machine_target[rows], nominal.tool[rows]
     ).point_um
 

@@ -10,7 +10,7 @@ from support.programs import correct, load, random_model, read, shifted
 
 import machines
 from kinematics.user_error import UserError
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 
 HEAD = "G21 G90 G17 G54 G94\nG0 X1000. Y1000. Z-500.\nG1 X1100. F500\n"
 MACHINES = Path(machines.__file__).parent
@@ -235,7 +235,7 @@ def test_increments_between_holes_keep_their_depth_on_fanuc():
     commanded = read(result.text, machine)
     assert len(re.findall(r"R-?[0-9]", result.text)) == 4
     np.testing.assert_allclose(nominal.machine_target[1:5, 2], -20.0)
-    errors = missed(machine, model, commanded.machine_target, nominal.machine_target, nominal.tool).point_um
+    errors = pose_errors(machine, model, commanded.machine_target, nominal.machine_target, nominal.tool).point_um
     assert errors[1:5].max() < 0.5
     assert (np.diff(commanded.machine_target[1:5, 2]) != 0.0).any()
 

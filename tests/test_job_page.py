@@ -123,7 +123,7 @@ def test_the_program_is_the_same_without_a_page(ncomp):
 
 def test_long_programs_are_drawn_in_steps(ncomp, monkeypatch):
     monkeypatch.setattr(trace, "BINS", 16)
-    monkeypatch.setattr(trace, "WAYS", 20)
+    monkeypatch.setattr(trace, "PATHS", 20)
     assert ncomp("in.nc", *GANTRY, "-o", "out.nc", "--json", "out.json", "--report", "out.html").status == 0
     page = Path("out.html").read_text()
     assert "Each step stands for 16 moves" in page
@@ -229,11 +229,11 @@ def test_stretches_hold_the_extremes_and_rms_of_their_moves(chunks, half, seed):
 @given(sizes, st.integers(1, 9))
 def test_ways_are_thinned_evenly(chunks, most):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trace, "WAYS", most)
-        ways = trace.Ways()
+        patch.setattr(trace, "PATHS", most)
+        ways = trace.DrawnPaths()
         for first, last in itertools.pairwise(np.cumsum([0, *chunks]).tolist()):
             kept = ways.rows(np.arange(first, last))
-            one = np.broadcast_to(kept[:, None], (len(kept), trace.PIECES + 1)).astype(float)
+            one = np.broadcast_to(kept[:, None], (len(kept), trace.SEGMENTS + 1)).astype(float)
             ways.add(np.repeat(one[:, :, None], 3, axis=2), one)
     assert len(ways.points) <= most
     np.testing.assert_array_equal(ways.errors[:, 0], np.arange(0, sum(chunks), ways.stride))

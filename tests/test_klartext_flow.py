@@ -9,7 +9,7 @@ from support.programs import load, random_model, shifted
 
 from kinematics.machine import Machine
 from kinematics.user_error import UserError
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 from postproc.verification.verify import verify
 
 RUNS = {
@@ -87,7 +87,7 @@ def test_changed_coordinates(name):
     commanded = read(written)
     assert re.findall("CYCL DEF.*", written) == re.findall("CYCL DEF.*", text)
     rows = [1, 2, 4]
-    left = missed(machine, model, commanded.machine_target[rows], motions.machine_target[rows], motions.tool[rows])
+    left = pose_errors(machine, model, commanded.machine_target[rows], motions.machine_target[rows], motions.tool[rows])
     assert left.point_um.max() < 0.2
     verdict = verify(motions, commanded, model)
     assert verdict.before.largest > 20.0

@@ -12,7 +12,7 @@ from support.programs import WHOLE, load, random_model, setup_of, source_of
 
 from kinematics.forward import forward
 from kinematics.user_error import UserError
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
 from postproc.heidenhain.tilted_planes import by_axes
@@ -201,7 +201,7 @@ def test_corrected_in_a_tilted_plane(name):
     rows = nominal.evaluated
     assert rows.sum() >= 7
     before, after = (
-        missed(machine, model, m.machine_target[rows], nominal.machine_target[rows], nominal.tool[rows]).point_um
+        pose_errors(machine, model, m.machine_target[rows], nominal.machine_target[rows], nominal.tool[rows]).point_um
         for m in (nominal, commanded)
     )
     assert before.max() > 20.0

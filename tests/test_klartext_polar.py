@@ -12,7 +12,7 @@ from support.programs import load, model_of, random_model, shifted
 
 from kinematics.effects import Backlash
 from kinematics.user_error import UserError
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 from postproc.motion.moves import Kind
 from postproc.motion.segments import arc_turned
 from postproc.verification.verify import verify
@@ -34,7 +34,7 @@ def judged(text, model=MODEL):
     nominal, commanded = read(text), read(written)
     rows = ~commanded.intermediate
     assert rows.sum() == len(nominal)
-    left = missed(GANTRY, model, commanded.machine_target[rows], nominal.machine_target, nominal.tool).point_um
+    left = pose_errors(GANTRY, model, commanded.machine_target[rows], nominal.machine_target, nominal.tool).point_um
     return written, left[1:], verify(nominal, commanded, model)
 
 
@@ -288,7 +288,7 @@ def test_both_polar_coordinates_need_no_place_before():
     nominal, commanded = read(FROM_ANYWHERE), read(correct(FROM_ANYWHERE, model=MODEL))
     np.testing.assert_allclose(nominal.target[2, :2], [35, 20 + 50 * math.sin(math.radians(60))], atol=1e-9)
     rows = ~commanded.intermediate
-    left = missed(GANTRY, MODEL, commanded.machine_target[rows], nominal.machine_target, nominal.tool).point_um
+    left = pose_errors(GANTRY, MODEL, commanded.machine_target[rows], nominal.machine_target, nominal.tool).point_um
     assert left[1:].max() < 0.2
 
 

@@ -25,7 +25,7 @@ from support.real_programs import ACCEPTED, machine_for, real_programs, run
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
 from kinematics.user_error import UserError
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 from postproc.control.setup import make_setup
 from postproc.control.state import ControlState
 from postproc.correct.mark import mark_in
@@ -68,7 +68,7 @@ def test_random_programs(name, seed, tcp, blocks):
     assert not kept.any() or any("would be worse with this correction" in note for note in report.notes)
     rows = exact_rows(nominal) & ~kept
     q, target = commanded.machine_target[rows], nominal.machine_target[rows]
-    assert missed(machine, model, q, target, nominal.tool[rows]).point_um.max(initial=0.0) < ROUNDING_UM
+    assert pose_errors(machine, model, q, target, nominal.tool[rows]).point_um.max(initial=0.0) < ROUNDING_UM
     assert (commanded.target[:, machine.rotary] == nominal.target[:, machine.rotary]).all()
     # nothing else is touched
     before, after = (re.split(r"(?<=\n)", part) for part in (text, corrected))
@@ -199,7 +199,7 @@ def test_real_programs(nc_data):
         nominal, commanded = read(data.decode(ENCODING), machine), read(text, machine)
         rows = exact_rows(nominal)
         q, target = commanded.machine_target[rows], nominal.machine_target[rows]
-        assert missed(machine, model, q, target, nominal.tool[rows]).point_um.max() < ROUNDING_UM
+        assert pose_errors(machine, model, q, target, nominal.tool[rows]).point_um.max() < ROUNDING_UM
         assert verify(nominal, commanded, model).moves == report.moves
         before, after = (re.split(r"(?<=\n)", part) for part in (data.decode(ENCODING), text))
         assert [others(line) for line in before] == [others(line) for line in after]
@@ -456,5 +456,5 @@ def test_real_programs_with_absolute_centres(nc_data, name):
     commanded = read(without_mark(data.decode(ENCODING)), machine)
     rows = exact_rows(nominal)
     q, target = commanded.machine_target[rows], nominal.machine_target[rows]
-    assert missed(machine, model, q, target, nominal.tool[rows]).point_um.max() < ROUNDING_UM
+    assert pose_errors(machine, model, q, target, nominal.tool[rows]).point_um.max() < ROUNDING_UM
     assert report.moves == len(nominal) > 15

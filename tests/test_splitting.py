@@ -25,7 +25,7 @@ from support.programs import (
 from kinematics.basis import BSpline, Polynomial
 from kinematics.effects import Backlash, Cyclic, ErrorMotion, LocationError
 from kinematics.error_model.classes import parse_classes
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 from postproc.correct.mark import mark_in
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
@@ -90,7 +90,7 @@ class Run:
                 wanted.append(in_machine(self.nominal, row, along(self.nominal, row, begin + shares * (end - begin))))
                 tools.append(np.tile(self.nominal.tool[row], (SAMPLES, 1)))
         parts = (np.concatenate(part) for part in (q, wanted, tools))
-        return float(missed(self.machine, self.model, *parts).point_um.max())
+        return float(pose_errors(self.machine, self.model, *parts).point_um.max())
 
 
 def in_machine(motions, row, program):

@@ -19,7 +19,7 @@ from calibration.measurement.plan_file import read_plan, write_plan
 from calibration.planning import patterns
 from calibration.planning.strategies import STRATEGIES, evaluation_grid, plan
 from kinematics.user_error import UserError
-from postproc.generate import Manner, Visits, measuring_program
+from postproc.generate import MeasuringSequence, ProgramSettings, measuring_program
 
 GANTRY, DMU50 = machines.load("gantry"), machines.load("dmu50")
 ENDLESS = {"C": (0.0, 360.0)}
@@ -295,9 +295,9 @@ def test_plans_are_read_as_they_were_written(tmp_path, strategy, choices):
     assert read.state.time == pytest.approx(made.state.time, abs=0.05)
 
 
-def program_of(made: Plan, manner: Manner, dialect: str) -> str:
+def program_of(made: Plan, manner: ProgramSettings, dialect: str) -> str:
     before = None if made.before is None else made.before / made.machine.scale
-    visits = Visits(made.machine, in_units(made), before, made.names.tolist(), made.state.target.tolist())
+    visits = MeasuringSequence(made.machine, in_units(made), before, made.names.tolist(), made.state.target.tolist())
     return "\n".join(measuring_program(visits, manner, dialect, "test")) + "\n"
 
 
@@ -308,7 +308,12 @@ OFFSET = ("G54", {"X": 10.0, "Z": -5.0})
 @pytest.mark.parametrize("name", ["gantry", "cframe", "dmu50", "head_table"])
 @pytest.mark.parametrize(
     ("manner", "dialect"),
-    [(Manner(), "iso"), (Manner(rapid=True), "iso"), (Manner(offset=OFFSET), "iso"), (Manner(offset=OFFSET), "fanuc")],
+    [
+        (ProgramSettings(), "iso"),
+        (ProgramSettings(rapid=True), "iso"),
+        (ProgramSettings(offset=OFFSET), "iso"),
+        (ProgramSettings(offset=OFFSET), "fanuc"),
+    ],
 )
 def test_ncomp_reads_its_own_programs(name, manner, dialect):
     machine = machines.load(name)
@@ -326,7 +331,7 @@ def test_ncomp_reads_its_own_programs(name, manner, dialect):
 
 def test_a_move_and_a_dwell_for_each_point():
     made = plan(GANTRY, "random", 5, choices=Choices(targets=TWO, target_order="alternating"))
-    text = program_of(made, Manner(target_change="M1", dwell_s=2.5, feed=750.0), "iso")
+    text = program_of(made, ProgramSettings(target_change="M1", dwell_s=2.5, feed=750.0), "iso")
     assert text.count("G4 P2.5\n") == 10
     assert text.count("G53 G1 ") == 5  # the second target is at the same place
     assert text.count("\nM1\n") == 9
@@ -337,7 +342,7 @@ def test_a_move_and_a_dwell_for_each_point():
 
 def test_work_offset_is_taken_off():
     made = plan(GANTRY, "random", 3)
-    text = program_of(made, Manner(offset=("G55", {"Y": 100.0})), "iso")
+    text = program_of(made, ProgramSettings(offset=("G55", {"Y": 100.0})), "iso")
     x, y, z = in_units(made)[0]
     assert f"\nG1 X{x:.4f} Y{y - 100:.4f} Z{z:.4f} F2000.0 (R1)\n" in text
     assert "\nG55\n" in text
@@ -347,23 +352,23 @@ def test_work_offset_is_taken_off():
 def test_programs_that_can_not_be():
     made = plan(GANTRY, "random", 3)
     with pytest.raises(UserError, match="G53 of this control always moves in rapid"):
-        program_of(made, Manner(), "fanuc")
+        program_of(made, ProgramSettings(), "fanuc")
     with pytest.raises(UserError, match="presets by number"):
-        program_of(made, Manner(offset=OFFSET), "heidenhain")
+        program_of(made, ProgramSettings(offset=OFFSET), "heidenhain")
     with pytest.raises(UserError, match="expected one of iso"):
-        program_of(made, Manner(), "siemens")
+        program_of(made, ProgramSettings(), "siemens")
     toml = Path(machines.__file__).with_name("gantry.toml").read_text()
     twin = machines.parse(
         toml.replace("X Y Z", "X2 Y Z").replace("axes.X", "axes.X2").replace("{ X =", "{ X2 ="), "twin"
     )
     with pytest.raises(UserError, match="axis X2 has no word"):
-        program_of(plan(twin, "random", 3), Manner(), "iso")
+        program_of(plan(twin, "random", 3), ProgramSettings(), "iso")
 
 
 @pytest.mark.parametrize("name", ["gantry", "cframe"])
 def test_linuxcnc_goes_where_the_plan_says(linuxcnc, name):
     made = plan(machines.load(name), "hexahedron", 60, choices=Choices(targets=TWO, order="shuffled"))
-    for manner in (Manner(), Manner(offset=OFFSET)):
+    for manner in (ProgramSettings(), ProgramSettings(offset=OFFSET)):
         result = linuxcnc.run(program_of(made, manner, "iso"), work_offsets={"G54": (10.0, 0.0, -5.0)})
         assert (result.exit_status, result.message) == (0, "")
         places = np.array([move.machine[:3] for move in result.moves])

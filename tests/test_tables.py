@@ -23,7 +23,7 @@ from postproc.tables.formats import FORMATS, find_format
 from postproc.tables.probe import SIZE, probe
 from postproc.tables.readers import READERS, read_tables
 from postproc.tables.readers.source import Source
-from postproc.tables.remaining_error import in_the_volume
+from postproc.tables.remaining_error import volume_points
 
 every_case = pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
 
@@ -47,7 +47,7 @@ def read_back(case: Case, exported, sign=None):
 def commanded(exported, tables, q, approach):
     """Where a control that holds these tables sends the axes, worked out without the writers' code."""
     machine = exported.target.machine
-    if exported.format.carries is None:
+    if exported.format.capabilities is None:
         tool, movable = np.tile(TOOL, (len(q), 1)), np.ones(q.shape, bool)
         return correct_position(machine, lambda p: tables.errors(machine, State(p, approach)), q, tool, movable)
     errors = tables.errors(machine, State(q, approach))
@@ -83,14 +83,14 @@ def test_the_reader_finds_what_was_written(case: Case):
     written, found = (model.errors(machine, state) for model in (exported.taken, read_back(case, exported)))
     assert np.abs(written - found).max() <= case.exact
     assert np.abs(found).max() > 10 * UM
-    if exported.format.carries is not None:
+    if exported.format.capabilities is not None:
         assert commanded(exported, exported.taken, q, approach) == pytest.approx(exported.moves(q, approach), abs=1e-12)
 
 
 @every_case
 def test_the_right_sign_leaves_what_was_predicted_and_the_wrong_one_doubles_it(case: Case):
     exported = case.exported()
-    places = in_the_volume(exported.target)
+    places = volume_points(exported.target)
     predicted = exported.errors_in_the_volume()["tool_point_um"]
     found = read_back(case, exported)
     right = commanded(exported, found, places.q, places.approach)
@@ -151,7 +151,7 @@ def test_the_probe_is_one_node(case: Case):
     """Of the axis' own table, or of its positioning error; the reader finds it with the size that was said."""
     form, machine = find_format(case.format), load(case.machine)
     settings = parse_settings(form.settings, case.settings)
-    if form.carries is not None and not form.carries(settings).own and form.sign is not None:
+    if form.capabilities is not None and not form.capabilities(settings).own and form.sign is not None:
         with pytest.raises(UserError, match="no table that shows the sign of X"):
             probe(machine, "X", form, settings)
         return
@@ -163,7 +163,7 @@ def test_the_probe_is_one_node(case: Case):
     model = model_of(machine, *tables)
     i = machine.index("X")
     q = np.tile(np.mean([a.travel if np.isfinite(a.travel).all() else (0, 0) for a in machine.axes], axis=1), (2001, 1))
-    over = machine.index("X" if form.carries is None or form.carries(settings).own else "Y")
+    over = machine.index("X" if form.capabilities is None or form.capabilities(settings).own else "Y")
     q[:, over] = np.linspace(*machine.axes[over].travel, 2001)
     errors = model.errors(machine, State(q * machine.scale, np.ones(q.shape)))[:, i, 0]
     assert np.abs(errors).max() == pytest.approx(SIZE, rel=0.06)
@@ -177,7 +177,7 @@ def test_axes_that_run_against_their_letters():
     effects += [Backlash("X", 20.0), Backlash("C", 60.0)]
     form = find_format("linuxcnc")
     exported = export(BACKWARD, model_of(BACKWARD, *effects), form, parse_settings(form.settings, []), form.sign, TOOL)
-    places = in_the_volume(exported.target)
+    places = volume_points(exported.target)
     tables = msgspec.structs.replace(
         no_errors(BACKWARD),
         effects=tuple(read_tables("linuxcnc", Source(BACKWARD, exported.files, "correction", {}))),

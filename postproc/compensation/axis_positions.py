@@ -22,10 +22,10 @@ def held_shifts(motions: Motions, correction: Correction, before: Array) -> Arra
     before `(axes,)`: the shifts before the first row.
     """
     held = np.empty_like(correction.nominal)
-    anew = _placed_anew(motions)
+    anew = _moved(motions)
     shifts = np.where(motions.movable, correction.corrected - correction.nominal, 0.0)
     first, last = 0, before
-    for row in [*_partly_said(motions).tolist(), len(motions)]:
+    for row in [*_partly_programmed(motions).tolist(), len(motions)]:
         held[first:row] = _carried(anew[first:row], shifts[first:row], last)
         last = held[row - 1] if row > first else last
         if row < len(motions):
@@ -34,7 +34,7 @@ def held_shifts(motions: Motions, correction: Correction, before: Array) -> Arra
     return held
 
 
-def _placed_anew(motions: Motions) -> NDArrayBool:
+def _moved(motions: Motions) -> NDArrayBool:
     """True `(n, axes)` where a row moves an axis to a new position; all other axes keep their shift."""
     anew = motions.movable | (motions.known_start == Known.ASSUMED)
     anew[np.ix_(motions.rotary_only & ~motions.tcp, np.array(motions.machine.translators))] = False
@@ -49,18 +49,18 @@ def _carried(anew: NDArrayBool, shifts: Array, before: Array) -> Array:
     return np.where(last >= 0, np.take_along_axis(shifts, np.maximum(last, 0), axis=0), before)
 
 
-def _partly_said(motions: Motions) -> np.ndarray:
+def _partly_programmed(motions: Motions) -> np.ndarray:
     """Rows in rotated coordinates with some, but not all, of X Y Z given by the program."""
-    said = motions.correctable[:, list(cartesian(motions.machine))]
+    programmed = motions.correctable[:, list(cartesian(motions.machine))]
     turned = np.array([frame.couples for frame in motions.frames], bool)[motions.frame]
-    return np.flatnonzero(turned & motions.programmed & said.any(axis=1) & ~said.all(axis=1))
+    return np.flatnonzero(turned & motions.programmed & programmed.any(axis=1) & ~programmed.all(axis=1))
 
 
 def _partly(motions: Motions, correction: Correction, row: int, before: Array) -> Array:
-    """The shifts `(axes,)` after a row of `_partly_said`: coordinates that are not given keep their position."""
+    """The shifts `(axes,)` after a row of `_partly_programmed`: coordinates that are not given keep their position."""
     machine, frame = motions.machine, motions.frames[motions.frame[row]]
     nominal = correction.nominal[row]
     program = to_program(machine, frame, (nominal + before)[None])[0]
-    said = motions.correctable[row]
-    program[said] = correction.target[row, said]
+    programmed = motions.correctable[row]
+    program[programmed] = correction.target[row, programmed]
     return np.asarray(to_machine(machine, frame, program[None])[0] - nominal)

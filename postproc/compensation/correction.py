@@ -102,7 +102,7 @@ def corrected_positions(
     return correct_position(machine, errors_of(model), nominal, tool, movable, start, shift, precision)
 
 
-class Missed(NamedTuple):
+class PoseErrors(NamedTuple):
     """Pose errors `(n,)`: distance of the actual from the nominal tool point, um; angle of the tool axis, urad."""
 
     point_um: Array
@@ -116,7 +116,7 @@ class Missed(NamedTuple):
     """The absolute error as a vector `(n, 3)`, mm."""
 
 
-def missed(
+def pose_errors(
     machine: Machine,
     model: ErrorModel,
     q: Array,
@@ -124,7 +124,7 @@ def missed(
     tool: Array,
     states: States = State,
     shift: Array | float = 0.0,
-) -> Missed:
+) -> PoseErrors:
     """Pose errors of the machine at `q` against the nominal pose at `nominal`, both `(n, axes)`, mm and rad.
 
     By the exact matrix product. tool `(n, 3)`, mm. shift `(n, 3)`, mm, workpiece frame: displacement of the part from
@@ -135,7 +135,7 @@ def missed(
     apart = actual.apply(tool) - there
     leaning = np.linalg.norm(actual.rotation[:, :, 2] - wanted.rotation[:, :, 2], axis=1)
     point, absolute = (np.linalg.norm(vector, axis=1) for vector in (apart - shift, apart))
-    return Missed(point * 1e3, leaning * 1e6, absolute * 1e3, there, apart)
+    return PoseErrors(point * 1e3, leaning * 1e6, absolute * 1e3, there, apart)
 
 
 def _arc_middles(

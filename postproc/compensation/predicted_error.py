@@ -30,14 +30,14 @@ def in_a_program(effect: Effect) -> bool:
     return effect.ACTS_ON != "instrument" and effect.REMEDY != "none"
 
 
-def standing_notes(model: ErrorModel, conditions: Conditions) -> list[str]:
+def model_notes(model: ErrorModel, conditions: Conditions) -> list[str]:
     """Notes for the user on a model under these conditions; UserError if a condition that it needs is missing."""
     beyond = [e.name for e in model.effects if e.ACTS_ON != "instrument" and not in_a_program(e)]
     left = [f"{', '.join(beyond)}: no program can put that right; left out, of what is predicted too"] if beyond else []
     return left + conditions.notes(model.part(in_a_program))
 
 
-class Judge:
+class MachineStates:
     """Follows the moves of one program text, chunk after chunk, and gives the state of the machine at their ends."""
 
     def __init__(
@@ -95,6 +95,6 @@ class Judge:
         return self._conditions.states(None if self.approach is None else self.approach[rows])
 
 
-def where(approach: Array | None, share: int, rows: np.ndarray) -> Array | None:
+def directions_at(approach: Array | None, share: int, rows: np.ndarray) -> Array | None:
     """Directions at these rows and the share with this index, from directions along moves; None for None."""
     return None if approach is None else np.asarray(approach[rows, share])

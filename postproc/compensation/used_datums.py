@@ -95,14 +95,14 @@ class UsedDatums:
     setup: Setup
     used: list[UsedDatum] = field(default_factory=list)
     _known: set[TouchOff] = field(default_factory=set)
-    _turned: dict[str, str] = field(default_factory=dict)
+    _turned_notes: dict[str, str] = field(default_factory=dict)
     """Note, by work offset, on rotary axes whose position in its first move differs from its touch-off; or empty."""
     _outside: list[str] = field(default_factory=list)
     """Notes on touch-offs outside the travel, or outside the range of the calibration."""
 
     def add(self, motions: Motions) -> None:
         """Add the moves of a chunk with programmed coordinates."""
-        self._look_at_turned(motions)
+        self._compare_rotary_positions(motions)
         for index in dict.fromkeys(motions.frame[motions.programmed].tolist()):
             frame = motions.frames[index]
             there = frame.touch_off
@@ -112,28 +112,28 @@ class UsedDatums:
             given, by_default = self.setup.datum(there.name), self.setup.datum_by_default(there.name)
             self.used.append(UsedDatum(there, motions.machine, frame.tcp, given, by_default))
 
-    def _look_at_turned(self, motions: Motions) -> None:
+    def _compare_rotary_positions(self, motions: Motions) -> None:
         """Compare the rotary positions in the first move of each work offset with its assumed touch-off."""
         machine, evaluated = motions.machine, np.flatnonzero(motions.evaluated)
         for index in dict.fromkeys(motions.frame[evaluated].tolist()):
             frame = motions.frames[index]
             there = frame.touch_off
-            if there is None or there.name in self._turned:
+            if there is None or there.name in self._turned_notes:
                 continue
             row = evaluated[motions.frame[evaluated] == index][0]
-            stands = np.array(there.position)
+            positions = np.array(there.position)
             known = (motions.known[row] == Known.PROGRAM) & machine.rotary
-            q = np.where(known, motions.target[row] + frame.offset, stands)
-            away = np.flatnonzero(np.abs(q - stands) > TURNED)
+            q = np.where(known, motions.target[row] + frame.offset, positions)
+            away = np.flatnonzero(np.abs(q - positions) > TURNED)
             given = any(machine.names[i] in self.setup.datum(there.name).at for i in np.flatnonzero(machine.rotary))
             at = ",".join(f"{machine.names[i]}{q[i]:g}" for i in away)
-            self._turned[there.name] = (
+            self._turned_notes[there.name] = (
                 "" if given or frame.tcp or not at else NOTE_TURNED.format(name=there.name, at=at)
             )
 
     def notes(self) -> list[str]:
         """Notes on doubtful touch-offs."""
-        return [*filter(None, self._turned.values()), *self._outside]
+        return [*filter(None, self._turned_notes.values()), *self._outside]
 
     def predict(self, machine: Machine, model: ErrorModel, conditions: Conditions) -> None:
         """Compute the true datums; without effects they remain unknown.

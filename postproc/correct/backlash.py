@@ -30,7 +30,7 @@ from postproc.motion.reversals import (
     needs_direction,
     turns_inside,
 )
-from postproc.motion.segments import split, turning_points, with_take_ups
+from postproc.motion.segments import split, turning_points, with_backlash_take_ups
 from postproc.text.block import Block
 from postproc.text.notes import Notes
 from postproc.write.added_blocks import NO_INSERTION, START_M
@@ -47,7 +47,7 @@ class Directed(NamedTuple):
     approach: Array | None
 
 
-class TakeUps:
+class BacklashTakeUps:
     """Cuts arcs at reversals and inserts backlash take-ups, chunk after chunk."""
 
     def __init__(
@@ -75,7 +75,7 @@ class TakeUps:
         motions = split(motions, self._cuts(motions), at_quadrants=True)
         before = self._directions.last
         first, last = self._directions_of(motions)
-        return self._with_take_ups(motions, np.vstack([before, last[:-1]]), first, last)
+        return self._with_backlash_take_ups(motions, np.vstack([before, last[:-1]]), first, last)
 
     def _cuts(self, motions: Motions) -> dict[int, list[float]]:
         """Shares at which arcs are cut, by row."""
@@ -119,7 +119,7 @@ class TakeUps:
         self._shift = shifts[-1]
         return found[:, 0], found[:, -1]
 
-    def _with_take_ups(self, motions: Motions, before: Array, first: Array, last: Array) -> Directed:
+    def _with_backlash_take_ups(self, motions: Motions, before: Array, first: Array, last: Array) -> Directed:
         self._note_unknown(motions, last)
         asked = (first != before) & feeds(motions)[:, None]
         linear = np.zeros(len(self.machine.axes), bool)
@@ -156,7 +156,7 @@ class TakeUps:
         rows = np.flatnonzero(possible.any(axis=1))
         taken_up = np.where(possible & asked, first, before)[rows]
         approach = np.insert(last, rows, taken_up, axis=0)
-        return Directed(with_take_ups(motions, rows, possible[rows]), approach)
+        return Directed(with_backlash_take_ups(motions, rows, possible[rows]), approach)
 
     def _note_inside(self, motions: Motions, found: Array, winding: NDArrayBool) -> None:
         turns = winding[:, None] & (found[:, 1:] != found[:, :-1]).any(axis=1)

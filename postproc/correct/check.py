@@ -35,7 +35,7 @@ class Findings:
     blocks: int = 0
     corrected: list[int] = field(default_factory=list)
     """Lines of moves whose end is corrected."""
-    unsaid: list[int] = field(default_factory=list)
+    not_programmed: list[int] = field(default_factory=list)
     """Lines of moves at whose end the program has not yet given all linear axes in its frame."""
     machine: list[int] = field(default_factory=list)
     """Lines of moves to machine coordinates, which are not changed."""
@@ -52,7 +52,7 @@ class Findings:
     @property
     def repeated(self) -> list[int]:
         """Lines of moves that run more than once."""
-        runs = Counter(self.corrected + self.unsaid + self.machine)
+        runs = Counter(self.corrected + self.not_programmed + self.machine)
         return sorted(line for line, times in runs.items() if times > 1)
 
     def json(self) -> dict[str, Any]:
@@ -61,9 +61,9 @@ class Findings:
             "dialect": self.dialect,
             "dialect_evidence": self.evidence,
             "blocks": self.blocks,
-            "moves": len(self.corrected) + len(self.unsaid) + len(self.machine),
+            "moves": len(self.corrected) + len(self.not_programmed) + len(self.machine),
             "corrected_lines": ranges(self.corrected),
-            "unsaid_lines": ranges(self.unsaid),
+            "unsaid_lines": ranges(self.not_programmed),
             "machine_coordinate_lines": ranges(self.machine),
             "repeated_lines": ranges(self.repeated),
             "not_run_lines": ranges(self.not_run),
@@ -80,7 +80,9 @@ class Findings:
                 continue  # the second is the end of a cycle after the move of its block
             before = index
             line = motions.blocks[index].line
-            (self.machine if kind == Kind.MACHINE else self.corrected if evaluated[row] else self.unsaid).append(line)
+            (
+                self.machine if kind == Kind.MACHINE else self.corrected if evaluated[row] else self.not_programmed
+            ).append(line)
 
     def take_travel(self, refusals: Iterable[Refusal]) -> None:
         """Note moves outside the travel: each line once for each axis, however often it runs."""
@@ -110,7 +112,7 @@ def check(source: Source, dialect: Dialect, machine: Machine, setup: Setup, *, t
             note_outside(motions, motions.machine_target, notes)
 
     if turns(source, dialect):
-        _walk(source, dialect, interpreter, findings, take)
+        _run(source, dialect, interpreter, findings, take)
     else:
         for lines in chunks(dialect.join_lines(source.lines()), CHUNK):
             findings.blocks += len(lines)
@@ -153,7 +155,7 @@ def _noted(blocks: Iterable[Block], done: list[Block]) -> Iterator[Block]:
         yield block
 
 
-def _walk(
+def _run(
     source: Source,
     dialect: Dialect,
     interpreter: Interpreter,

@@ -47,7 +47,7 @@ SHORTEST_MM, SHORTEST_DEG = 0.2, 0.05
 
 
 @dataclass(frozen=True)
-class CorrectedWays:
+class CorrectedPaths:
     """Corrected paths of a chunk of moves, at any position along them."""
 
     motions: Motions
@@ -65,7 +65,7 @@ class CorrectedWays:
         )
         return np.asarray(bare.in_program(corrected) - program)
 
-    def misses(self, rows: np.ndarray, shares: Array) -> Array:
+    def tool_point_errors(self, rows: np.ndarray, shares: Array) -> Array:
         """Tool point errors `(k, 3)` of the uncorrected machine, mm: approximately minus the shifts.
 
         In the workpiece frame; where rotary axes turn without TCP, along the linear axes.
@@ -74,13 +74,13 @@ class CorrectedWays:
         q = bare.in_machine(positions_along(self.motions, rows, shares))
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
         wanted = tool_point(machine, q, bare.tool)
-        missed = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - wanted
-        missed -= self._datum[rows]
+        errors = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - wanted
+        errors -= self._datum[rows]
         turned = self.turned[rows]
         if turned.any():
-            there = linear_positions(machine, q[turned], wanted[turned] + missed[turned], bare.tool[turned])
-            missed[turned] = (there - q[turned])[:, machine.translators]
-        return np.asarray(missed)
+            there = linear_positions(machine, q[turned], wanted[turned] + errors[turned], bare.tool[turned])
+            errors[turned] = (there - q[turned])[:, machine.translators]
+        return np.asarray(errors)
 
     @cached_property
     def turned(self) -> NDArrayBool:
@@ -109,12 +109,12 @@ class CorrectedWays:
     def extents(self) -> Array:
         """Upper bound of the travel of the axes along the moves `(n, axes)`, mm and rad, except for rounding."""
         motions, machine = self.motions, self.motions.machine
-        way = np.abs(motions.target - motions.start)
+        travel = np.abs(motions.target - motions.start)
         extents = np.abs(motions.machine_target - motions.in_machine(motions.start))
         linear = ~machine.rotary
-        lengths = np.linalg.norm(way[:, linear], axis=1)
+        lengths = np.linalg.norm(travel[:, linear], axis=1)
         for row in motions.arcs:
-            lengths[row] += way_round(motions, row)
+            lengths[row] += arc_length(motions, row)
         curved = motions.coupled.copy()
         curved[list(motions.arcs)] = True
         extents[np.ix_(curved, linear)] += lengths[curved, None]
@@ -122,7 +122,7 @@ class CorrectedWays:
 
     @cached_property
     def steps(self) -> Array:
-        """Number of steps `(n,)`, not rounded, in which a move must be evaluated so that no feature is missed."""
+        """Number of steps `(n,)`, not rounded, in which a move must be evaluated so that no feature is errors."""
         steps = 4.0 * (self.extents / self.models[0].feature_lengths(self.motions.machine)).max(axis=1, initial=0.0)
         for row in self.motions.arcs:
             if self.motions.arcs[row].turns:
@@ -163,7 +163,7 @@ class CorrectedWays:
         return np.asarray(heading)
 
 
-def way_round(motions: Motions, row: int) -> float:
+def arc_length(motions: Motions, row: int) -> float:
     """Length of an arc in its plane, mm."""
     start, _ = arc_ends(motions, row)
     return math.dist(start, motions.arcs[row].centre) * abs(arc_turned(motions, row))
@@ -182,7 +182,7 @@ class Limits(NamedTuple):
         return np.minimum(errors + self.rounding, self.tolerance)
 
 
-class _Piece(NamedTuple):
+class Segment(NamedTuple):
     """Segment of a move, by shares of its path."""
 
     row: int
@@ -195,32 +195,32 @@ class Cuts(NamedTuple):
 
     shares: dict[int, list[float]]
     """Shares of the cuts by row; rows that need no cut are left out."""
-    steep: list[_Piece]
+    steep: list[Segment]
     """Segments of the shortest length that deviate by more than their limits."""
 
 
-def find_cuts(ways: CorrectedWays, rows: np.ndarray, limits: Limits) -> Cuts:
+def find_cuts(paths: CorrectedPaths, rows: np.ndarray, limits: Limits) -> Cuts:
     """Cuts of rows `(k,)` so that all segments stay within their limits.
 
     Segments are halved, so that all shares are sums of powers of 1/2.
     """
     found = Cuts(defaultdict(list), [])
     most: dict[int, float] = {}
-    pieces = [_Piece(row, 0.0, 1.0) for row in rows.tolist()]
-    while pieces:
-        following: list[_Piece] = []
-        for some in _batches(ways, pieces):
-            for piece, shifts in some:
-                row = piece.row
+    segments = [Segment(row, 0.0, 1.0) for row in rows.tolist()]
+    while segments:
+        following: list[Segment] = []
+        for some in _batches(paths, segments):
+            for segment, shifts in some:
+                row = segment.row
                 if row not in most:  # the whole move
-                    most[row] = float(np.linalg.norm(shifts * ways.weights[row], axis=1).max()) + limits.rounding
-                _cut(ways, piece, shifts, (limits.tolerance, most[row]), found, following)
-        pieces = following
-    _cross_jumps(ways, found, limits)
+                    most[row] = float(np.linalg.norm(shifts * paths.weights[row], axis=1).max()) + limits.rounding
+                _cut(paths, segment, shifts, (limits.tolerance, most[row]), found, following)
+        segments = following
+    _cross_jumps(paths, found, limits)
     return found._replace(shares={row: sorted(shares) for row, shares in sorted(found.shares.items()) if shares})
 
 
-def _cross_jumps(ways: CorrectedWays, found: Cuts, limits: Limits) -> None:
+def _cross_jumps(paths: CorrectedPaths, found: Cuts, limits: Limits) -> None:
     """Move the cuts of steep segments so that the error jumps in the middle of a segment of the shortest length.
 
     A straight line across the middle of a jump deviates by half of the jump on either side; on one side the error of
@@ -230,66 +230,66 @@ def _cross_jumps(ways: CorrectedWays, found: Cuts, limits: Limits) -> None:
         return
     found.steep.sort()
     rows, low, high = (np.array(column) for column in zip(*found.steep, strict=True))
-    before, after = ways.misses(rows, low), ways.misses(rows, high)
+    before, after = paths.tool_point_errors(rows, low), paths.tool_point_errors(rows, high)
     whole = np.linalg.norm(after - before, axis=1)
     for _ in range(JUMP_STEPS):
         middle = (low + high) / 2
-        there = ways.misses(rows, middle)
+        there = paths.tool_point_errors(rows, middle)
         first = np.linalg.norm(there - before, axis=1) > np.linalg.norm(after - there, axis=1)
         low, high = np.where(first, low, middle), np.where(first, middle, high)
         before = np.where(first[:, None], before, there)
         after = np.where(first[:, None], there, after)
     jumps = np.linalg.norm(after - before, axis=1) > whole / 4
-    for row, place in zip(rows[jumps].tolist(), ((low + high) / 2)[jumps].tolist(), strict=True):
-        _cross(found.shares[row], place, float(ways.shortest[row]))
+    for row, jump in zip(rows[jumps].tolist(), ((low + high) / 2)[jumps].tolist(), strict=True):
+        _cross(found.shares[row], jump, float(paths.shortest[row]))
 
 
-def _cross(shares: list[float], place: float, length: float) -> None:
-    """Replace the cuts near the share `place` by a segment of this length about it, if the move has room for it."""
-    half = min(length / 2, place, 1.0 - place)
+def _cross(shares: list[float], jump: float, length: float) -> None:
+    """Replace the cuts near the share `jump` by a segment of this length about it, if the move has room for it."""
+    half = min(length / 2, jump, 1.0 - jump)
     if half < length / 20:
         return
     grid = 2.0 ** math.ceil(math.log2(64.0 / half))
-    shares[:] = [share for share in shares if abs(share - place) > half + length]
-    shares += [end for share in (place - half, place + half) if 0.0 < (end := round(share * grid) / grid) < 1.0]
+    shares[:] = [share for share in shares if abs(share - jump) > half + length]
+    shares += [end for share in (jump - half, jump + half) if 0.0 < (end := round(share * grid) / grid) < 1.0]
 
 
-def _batches(ways: CorrectedWays, pieces: list[_Piece]) -> Iterator[list[tuple[_Piece, Array]]]:
+def _batches(paths: CorrectedPaths, segments: list[Segment]) -> Iterator[list[tuple[Segment, Array]]]:
     """The segments with the shifts `(steps + 1, axes)` along them, in batches."""
-    rows, low, high = (np.array(column) for column in zip(*pieces, strict=True))
-    wanted = np.maximum(ways.steps[rows] * (high - low) / STEPS, 1.0)
+    rows, low, high = (np.array(column) for column in zip(*segments, strict=True))
+    wanted = np.maximum(paths.steps[rows] * (high - low) / STEPS, 1.0)
     steps = np.minimum(STEPS * 2 ** np.ceil(np.log2(wanted)), MOST_STEPS).astype(int)
     ends = np.cumsum(steps + 1)
-    for batch in np.split(np.arange(len(pieces)), np.flatnonzero(np.diff(ends // BATCH)) + 1):
+    for batch in np.split(np.arange(len(segments)), np.flatnonzero(np.diff(ends // BATCH)) + 1):
         counts = steps[batch] + 1
         firsts = np.cumsum(counts) - counts
         inner = (np.arange(counts.sum()) - np.repeat(firsts, counts)) / np.repeat(steps[batch], counts)
         shares = np.repeat(low[batch], counts) + inner * np.repeat(high[batch] - low[batch], counts)
-        shifts = ways.shifts(np.repeat(rows[batch], counts), shares)
-        yield [(pieces[i], part) for i, part in zip(batch.tolist(), np.split(shifts, firsts[1:]), strict=True)]
+        shifts = paths.shifts(np.repeat(rows[batch], counts), shares)
+        yield [(segments[i], part) for i, part in zip(batch.tolist(), np.split(shifts, firsts[1:]), strict=True)]
 
 
 def _cut(
-    ways: CorrectedWays,
-    piece: _Piece,
+    paths: CorrectedPaths,
+    segment: Segment,
     shifts: Array,
     limits: tuple[float, float],
     found: Cuts,
-    following: list[_Piece],
+    following: list[Segment],
 ) -> None:
     """Halve a segment, with shifts `(steps + 1, axes)`, as often as its limits require.
 
-    `found` takes the cuts, `following` the segments that need finer steps. limits: mm, for the results of `strays`.
+    `found` takes the cuts, `following` the segments that need finer steps. limits: mm, for the results of `deviations`.
     """
     steps = len(shifts) - 1
-    row, low, length = piece.row, piece.low, piece.high - piece.low
+    row, low, length = segment.row, segment.low, segment.high - segment.low
     open_ends = [(0, steps)]
     while open_ends:
         first, last = open_ends.pop()
-        inside = _Piece(row, low + length * first / steps, low + length * last / steps)
-        if all(map(operator.le, strays(ways, inside, shifts[first : last + 1]), limits)):
+        inside = Segment(row, low + length * first / steps, low + length * last / steps)
+        if all(map(operator.le, deviations(paths, inside, shifts[first : last + 1]), limits)):
             continue
-        if inside.high - inside.low < 2.0 * ways.shortest[row]:
+        if inside.high - inside.low < 2.0 * paths.shortest[row]:
             found.steep.append(inside)
             continue
         middle = (first + last) // 2
@@ -298,35 +298,35 @@ def _cut(
         if last - first >= 2 * STEPS:
             open_ends += [(first, middle), (middle, last)]
         else:
-            following += [_Piece(row, inside.low, cut), _Piece(row, cut, inside.high)]
+            following += [Segment(row, inside.low, cut), Segment(row, cut, inside.high)]
 
 
-def strays(ways: CorrectedWays, piece: _Piece, shifts: Array) -> tuple[float, float]:
+def deviations(paths: CorrectedPaths, segment: Segment, shifts: Array) -> tuple[float, float]:
     """Deviations of the control along a segment with corrected ends, mm; shifts `(steps + 1, axes)` along it.
 
     First an upper bound, then the deviation for a uniform curvature between two samples.
     """
     even = np.linspace(0.0, 1.0, len(shifts))[:, None]
-    rest = (1.0 - even) * shifts[0] + even * shifts[-1] - shifts
-    arc = ways.motions.arcs.get(piece.row)
+    deviation = (1.0 - even) * shifts[0] + even * shifts[-1] - shifts
+    arc = paths.motions.arcs.get(segment.row)
     if arc is not None:
         i, j, _ = arc.plane
-        plane = _arc_rest(ways.motions, piece, arc, shifts[:, i] + 1j * shifts[:, j])
-        rest[:, i], rest[:, j] = plane.real, plane.imag
-    rest *= ways.weights[piece.row]
-    bends = np.linalg.norm(np.diff(rest, 2, axis=0), axis=1)
+        plane = _arc_deviation(paths.motions, segment, arc, shifts[:, i] + 1j * shifts[:, j])
+        deviation[:, i], deviation[:, j] = plane.real, plane.imag
+    deviation *= paths.weights[segment.row]
+    bends = np.linalg.norm(np.diff(deviation, 2, axis=0), axis=1)
     bends = np.concatenate([3.0 * bends[:1], bends, 3.0 * bends[-1:]])  # an end has no second difference of its own
-    sizes = np.linalg.norm(rest, axis=1)
+    sizes = np.linalg.norm(deviation, axis=1)
     sizes, bends = np.maximum(sizes[:-1], sizes[1:]), bends[:-1] + bends[1:]
     return float((sizes + bends / 4.0).max()), float((sizes + bends / 16.0).max())
 
 
-def _arc_rest(motions: Motions, piece: _Piece, arc: Arc, shifts: np.ndarray) -> np.ndarray:
+def _arc_deviation(motions: Motions, segment: Segment, arc: Arc, shifts: np.ndarray) -> np.ndarray:
     """Complex deviations `(steps + 1,)` of the corrected arc of a segment from the corrected path; shifts likewise."""
-    start, end = (complex(*point) for point in arc_ends(motions, piece.row))
-    turned = arc_turned(motions, piece.row) * (piece.high - piece.low)
+    start, end = (complex(*point) for point in arc_ends(motions, segment.row))
+    turned = arc_turned(motions, segment.row) * (segment.high - segment.low)
     even = np.linspace(0.0, 1.0, len(shifts))
-    nominal = round_the_circle(arc, (start, end), piece.low + even * (piece.high - piece.low))
+    nominal = round_the_circle(arc, (start, end), segment.low + even * (segment.high - segment.low))
     first, last = nominal[0], nominal[-1]
     middle = shifts[round(middle_share(turned) * (len(shifts) - 1))]
     moved = [(float(s.real), float(s.imag)) for s in (shifts[0], middle, shifts[-1])]
@@ -338,20 +338,20 @@ def _arc_rest(motions: Motions, piece: _Piece, arc: Arc, shifts: np.ndarray) -> 
     return np.asarray(round_the_circle(written, corrected, even) - nominal - shifts)
 
 
-def bent(ways: CorrectedWays, rows: np.ndarray, limits: Limits) -> np.ndarray:
+def beyond_limits(paths: CorrectedPaths, rows: np.ndarray, limits: Limits) -> np.ndarray:
     """Rows of `rows` `(k,)` that may exceed their limits in one segment, by a fast test on uncorrected errors.
 
     A straight move is tested by the error in its middle. Rows that need a closer evaluation are included.
     """
-    motions = ways.motions
-    close = (ways.models[1] is not None) | (ways.steps[rows] > 2.0)
+    motions = paths.motions
+    close = (paths.models[1] is not None) | (paths.steps[rows] > 2.0)
     arcs = motions.kind[rows] == Kind.ARC
     flat = np.zeros(len(rows), bool)
     lines = np.flatnonzero(~close & ~arcs)
-    before, middle, after = errors = _looked_at(ways, rows[lines], (0.0, 0.5, 1.0))
+    before, middle, after = errors = _errors_at(paths, rows[lines], (0.0, 0.5, 1.0))
     flat[lines] = 1.5 * np.linalg.norm(before - 2.0 * middle + after, axis=1) <= limits.of(_largest(errors))
     circles = np.flatnonzero(~close & arcs)
-    first, *others = errors = _looked_at(ways, rows[circles], (0.0, 0.25, 0.5, 0.75, 1.0))
+    first, *others = errors = _errors_at(paths, rows[circles], (0.0, 0.25, 0.5, 0.75, 1.0))
     flat[circles] = _largest([other - first for other in others]) <= limits.of(_largest(errors)) / 3.0
     return rows[~flat]
 
@@ -361,8 +361,10 @@ def _largest(vectors: list[Array]) -> Array:
     return np.asarray(np.max([np.linalg.norm(vector, axis=1) for vector in vectors], axis=0))
 
 
-def _looked_at(ways: CorrectedWays, rows: np.ndarray, shares: tuple[float, ...]) -> list[Array]:
-    """Tool point errors `(n, 3)`, mm, as of `misses`, at each share of all rows."""
+def _errors_at(paths: CorrectedPaths, rows: np.ndarray, shares: tuple[float, ...]) -> list[Array]:
+    """Tool point errors `(n, 3)`, mm, as of `tool_point_errors`, at each share of all rows."""
     each = len(shares)
-    found = ways.misses(np.repeat(rows, each), np.tile(shares, len(rows))) if len(rows) else np.empty((0, 3))
+    found = (
+        paths.tool_point_errors(np.repeat(rows, each), np.tile(shares, len(rows))) if len(rows) else np.empty((0, 3))
+    )
     return [found[i::each] for i in range(each)]

@@ -10,9 +10,9 @@ import numpy as np
 from kinematics.error_model.classes import CLASSES, ORIENTATION, parse_classes, select
 from kinematics.error_model.model import ErrorModel
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import COLD, correct, missed
+from postproc.compensation.correction import COLD, correct, pose_errors
 from postproc.compensation.datum import datum_shifts
-from postproc.compensation.predicted_error import Judge, in_a_program
+from postproc.compensation.predicted_error import MachineStates, in_a_program
 from postproc.correct.report import Statistic
 from postproc.motion.motions import Motions
 
@@ -20,7 +20,7 @@ CHOICES = (*CLASSES, "L-VOL,R-VOL", "L-VOL+,R-VOL+")
 
 
 @dataclass(frozen=True)
-class Left:
+class ClassResiduals:
     """Residual errors at block ends after the correction of one choice of classes."""
 
     choice: str
@@ -41,14 +41,14 @@ class Left:
         }
 
 
-def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = COLD) -> list[Left]:
+def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = COLD) -> list[ClassResiduals]:
     """Residual errors at the evaluated moves of a program: without correction, and for each of CHOICES.
 
     Choices that need rotary axes are omitted on a machine that has none. Directions are those of the nominal moves.
     """
     machine, evaluated, model = motions.machine, motions.evaluated, model.part(in_a_program)
-    judge = Judge(model, machine, conditions, 1.0)
-    states = judge.states(motions, evaluated)
+    machine_states = MachineStates(model, machine, conditions, 1.0)
+    states = machine_states.states(motions, evaluated)
     nominal, tool = motions.machine_target[evaluated], motions.tool[evaluated]
     shift = datum_shifts(motions, model, conditions)[evaluated]
     rows = []
@@ -58,10 +58,10 @@ def class_table(motions: Motions, model: ErrorModel, conditions: Conditions = CO
         if needs_rotary and not machine.rotary.any():
             continue
         orientation = model if ORIENTATION in classes else None
-        correction = correct(motions, select(model, classes), orientation, conditions, judge.approach)
+        correction = correct(motions, select(model, classes), orientation, conditions, machine_states.approach)
         commanded = correction.corrected[evaluated]
-        left = Left(choice)
-        found = missed(machine, model, commanded, nominal, tool, states, shift)
+        left = ClassResiduals(choice)
+        found = pose_errors(machine, model, commanded, nominal, tool, states, shift)
         left.position.add(found.point_um)
         left.tilt.add(found.axis_urad)
         left.turning.add(np.abs(commanded - nominal)[:, machine.rotary] * 1e6)

@@ -87,7 +87,7 @@ def check_mark(name: str, mark: Mark, here: Mark, accepted: frozenset[str]) -> l
     return found
 
 
-def mark_place(dialect: Dialect, blocks: Sequence[Block]) -> int | None:
+def mark_index(dialect: Dialect, blocks: Sequence[Block]) -> int | None:
     """Index of the block before which the mark is inserted: the first after the head; None if there is none yet.
 
     The head is tape mark, program number, BEGIN PGM and the comments around them.

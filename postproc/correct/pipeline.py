@@ -22,17 +22,17 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import COLD, Correction, correct, missed
+from postproc.compensation.correction import COLD, Correction, correct, pose_errors
 from postproc.compensation.datum import datum_prediction
-from postproc.compensation.predicted_error import Judge, in_a_program, standing_notes
+from postproc.compensation.predicted_error import MachineStates, in_a_program, model_notes
 from postproc.compensation.significance import Significance, uncertainties_um
 from postproc.compensation.used_datums import UsedDatums
 from postproc.control.setup import Setup
-from postproc.correct.backlash import TakeUps
-from postproc.correct.mark import MarkedOutput, mark_in, mark_line, mark_of, mark_place
+from postproc.correct.backlash import BacklashTakeUps
+from postproc.correct.mark import MarkedOutput, mark_in, mark_index, mark_line, mark_of
 from postproc.correct.plausibility import REASONS, CorrectionLimit, Guard, Outside, Plausibility
 from postproc.correct.report import Report, Statistic, Straying
-from postproc.correct.rotary_moves import leave_before_turning
+from postproc.correct.rotary_moves import uncorrected_before_rotary_moves
 from postproc.correct.splitting import Splitter
 from postproc.correct.trace import Trace
 from postproc.correct.travel import note_outside, refuse_outside
@@ -59,7 +59,7 @@ BETWEEN = (0.25, 0.5, 0.75)
 CLOSELY = tuple(i / 32 for i in range(1, 33))
 """Shares for moves that may be worse than in the input."""
 ERROR_JUMPS = "its error jumps, or an axis with play turns back in it"
-TURNED_ALONE = "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else"
+ROTARY_ONLY = "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else"
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,9 @@ class Pipeline:
         models = (self.corrected_part, self.model if self.orientation else None)
         worse = "worse" in job.accepted
         self.splitter = Splitter(job.machine, models, job.conditions, job.tolerance_um, worse)
-        self.take_ups = TakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
-        self.before = Judge(self.model, job.machine, job.conditions, job.tolerance_um)
-        self.after = Judge(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
+        self.take_ups = BacklashTakeUps(job.machine, models, job.conditions, job.tolerance_um, self.notes)
+        self.before = MachineStates(self.model, job.machine, job.conditions, job.tolerance_um)
+        self.after = MachineStates(self.model, job.machine, job.conditions, job.tolerance_um, written=True)
         self._numbers = BlockNumbers(klartext=job.dialect.name == "heidenhain")
         self.writer = Writer(
             job.machine,
@@ -114,7 +114,7 @@ class Pipeline:
         self.report = _new_report(job)
         self.trace = Trace(job.machine, self.model) if traced else None
         """Record for figures; None if not requested."""
-        self.report.notes = standing_notes(job.model, job.conditions)
+        self.report.notes = model_notes(job.model, job.conditions)
         self.plausibility = Plausibility(job.accepted)
         self.limit = CorrectionLimit(
             job.machine, self.model, job.conditions, job.max_correction_um, turns=self.orientation
@@ -198,7 +198,7 @@ class Pipeline:
         if job.dialect.name == "iso":
             refuse_lengthened(job.machine.control, blocks, texts)
         numbered = (self._numbers.renumbered(block, text) for block, text in zip(blocks, texts, strict=True))
-        place = mark_place(job.dialect, blocks) if self.model.effects and not out.has_room else None
+        place = mark_index(job.dialect, blocks) if self.model.effects and not out.has_room else None
         if place is not None:
             out.write(itertools.islice(numbered, place))
             out.leave_room(self._numbers.next_number())
@@ -220,14 +220,16 @@ class Pipeline:
         motions, approach = self.take_ups.prepare(motions)
         orientation = self.model if self.orientation else None
         correction = correct(motions, self.corrected_part, orientation, job.conditions, approach)
-        correction = leave_before_turning(motions, correction, self.model, job.conditions, approach, self.notes)
+        correction = uncorrected_before_rotary_moves(
+            motions, correction, self.model, job.conditions, approach, self.notes
+        )
         limit = self.limit.check(motions, correction.nominal, correction.corrected)
         report.max_correction_um = max(limit, report.max_correction_um or 0.0)
         if job.travel_check:
             refuse_outside(motions, correction.corrected, "after correction", self.interpreter.control_state)
         else:
             note_outside(motions, correction.corrected, self.notes)
-        written = self.writer.write(motions, correction, part.places)
+        written = self.writer.write(motions, correction, part.indices)
         self._judge(motions, correction, written)
         report.added_blocks += written.added
         return written.texts
@@ -265,11 +267,11 @@ class Pipeline:
         self.guard.check_ends(motions, np.flatnonzero(evaluated), errors[evaluated])
         self._judge_between(motions, commanded, errors[:, 0])
         if evaluated.any():
-            self._note_turning(motions, correction, written)
+            self._note_rotary_only(motions, correction, written)
             self._flat_arcs.take(motions, correction, written.ends)
         if self.trace is not None:
             self.trace.add(motions, correctable, np.where(said, moved, np.nan), errors)
-            self.trace.add_ways(motions, self.before)
+            self.trace.add_paths(motions, self.before)
 
     def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool) -> Array:
         """Errors `(judged, 2)`, um, before and after at the ends of evaluated rows; nominal `(n, axes)`, mm and rad."""
@@ -281,8 +283,8 @@ class Pipeline:
             return np.empty((0, 2))
         nominal, ends = nominal[evaluated], motions.in_machine(commanded.target)[evaluated]
         shift = self.before.datum_shifts(motions)[evaluated]
-        before = missed(machine, self.model, nominal, nominal, tool, states_before, shift)
-        after = missed(machine, self.model, ends, nominal, tool, states_after, shift)
+        before = pose_errors(machine, self.model, nominal, nominal, tool, states_before, shift)
+        after = pose_errors(machine, self.model, ends, nominal, tool, states_after, shift)
         numbers = report.before.count + np.arange(len(nominal))
         some = np.flatnonzero((numbers < UNCERTAINTY_ROWS) | (numbers % UNCERTAINTY_STEP == 0))
         report.before.add(before.point_um)
@@ -316,12 +318,12 @@ class Pipeline:
             names = " ".join(self.job.machine.names[i] for i in np.flatnonzero(left[row]))
             self.report.left.setdefault(names, []).append(motions.blocks[motions.block[row]].line)
 
-    def _note_turning(self, motions: Motions, correction: Correction, written: Written) -> None:
+    def _note_rotary_only(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Note the feed moves of rotary axes alone with a residual error that the next move corrects."""
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
         for row in np.flatnonzero(motions.rotary_only & (behind * 1e3 > self.job.tolerance_um)):
             line = motions.blocks[motions.block[row]].line
-            self.notes.add(TURNED_ALONE, line)
+            self.notes.add(ROTARY_ONLY, line)
 
     def _judge_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
         """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um."""
@@ -337,7 +339,7 @@ class Pipeline:
         beyond, turning = strayed > self.job.tolerance_um, motions.rotary_only
         for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
             block = int(motions.block[row])
-            reason = TURNED_ALONE if turning[row] else self.splitter.whole.get(block, ERROR_JUMPS)
+            reason = ROTARY_ONLY if turning[row] else self.splitter.whole.get(block, ERROR_JUMPS)
             self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
 
     def _guard_between(
@@ -361,10 +363,15 @@ class Pipeline:
         for column, (moves, judge) in enumerate(((motions, self.before), (commanded, self.after))):
             np.maximum.at(errors[:, column], move, self._strayed(motions, moves, judge, rows, CLOSELY))
         found = np.unique(move)
-        self.guard.check_ways(motions, ends[found], errors[found], self.splitter.whole, ERROR_JUMPS)
+        self.guard.check_paths(motions, ends[found], errors[found], self.splitter.whole, ERROR_JUMPS)
 
     def _strayed(
-        self, motions: Motions, commanded: Motions, judge: Judge, rows: np.ndarray, shares: Iterable[float] = BETWEEN
+        self,
+        motions: Motions,
+        commanded: Motions,
+        judge: MachineStates,
+        rows: np.ndarray,
+        shares: Iterable[float] = BETWEEN,
     ) -> Array:
         """Largest errors `(rows,)`, um, of commanded moves between their ends; rows as a mask or by their numbers."""
         tool, shift = motions.tool[rows], judge.datum_shifts(motions)[rows]
@@ -373,7 +380,7 @@ class Pipeline:
             states = judge.last_states(rows, share)
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
-            here = missed(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um
+            here = pose_errors(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um
             strayed = np.maximum(strayed, here)
         return strayed
 

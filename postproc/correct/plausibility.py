@@ -18,7 +18,7 @@ from kinematics.state import TEMPERATURE
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import missed
+from postproc.compensation.correction import pose_errors
 from postproc.compensation.significance import Significance
 from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
@@ -40,7 +40,7 @@ OUTSIDE_SHARE = 0.01
 """Share of the evaluated moves that may end outside the measured range."""
 MOST = 0.5
 """Share of the moves worth correcting that may have an improvement that is not significant."""
-TURNING_HINT = (
+ROTARY_ONLY_HINT = (
     ": rotary axes turn at feed, and the linear axes keep the correction from before; turn at rapid (G0), or move X, Y "
     "or Z in this block"
 )
@@ -164,7 +164,7 @@ class Guard:
         """
         self._check(motions, rows, errors, np.full(len(rows), self._rounding_um), "at its end", {})
 
-    def check_ways(
+    def check_paths(
         self, motions: Motions, rows: np.ndarray, errors: Array, reasons: Mapping[int, str], otherwise: str
     ) -> None:
         """Compare the largest errors `(k, 2)`, um, before and after along moves that end at rows `(k,)`.
@@ -196,7 +196,7 @@ class Guard:
             block = motions.blocks[motions.block[row]]
             found = f"predicted to be worse than in the input {where}: {after[i]:.3g} um instead of {before[i]:.3g} um"
             if "worse" not in self._plausibility.accepted:
-                hint = TURNING_HINT if motions.rotary_only[row] else hints.get(int(motions.block[row]), "")
+                hint = ROTARY_ONLY_HINT if motions.rotary_only[row] else hints.get(int(motions.block[row]), "")
                 raise block.refuse(f"{found}{hint}; --accept worse continues nevertheless")
             self._add(block.line, float(before[i]), float(after[i]))
 
@@ -289,7 +289,7 @@ def largest_error_um(machine: Machine, model: ErrorModel, conditions: Conditions
     approach = np.where(shares[:, axes:] < 0.5, -1.0, 1.0)
     tips = np.broadcast_to(np.array(tool, float), (len(positions), 3))
     states = conditions.states(approach)
-    return float(missed(machine, model, positions, positions, tips, states).point_um.max())
+    return float(pose_errors(machine, model, positions, positions, tips, states).point_um.max())
 
 
 def _evenly(n: int, dimensions: int) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from kinematics.error_model.model import ErrorModel
 from kinematics.transforms import Array
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import Correction, missed
+from postproc.compensation.correction import Correction, pose_errors
 from postproc.compensation.datum import datum_shifts
 from postproc.motion.motions import Motions
 from postproc.text.notes import Notes
@@ -24,7 +24,7 @@ WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
 NOTE = "left as in the input: the feed move of rotary axes alone behind it would be worse with this correction"
 
 
-def leave_before_turning(
+def uncorrected_before_rotary_moves(
     motions: Motions,
     correction: Correction,
     model: ErrorModel,
@@ -36,9 +36,9 @@ def leave_before_turning(
 
     approach `(n, axes)`: direction of each axis at the end of each move.
     """
-    turning = motions.rotary_only
-    before = np.maximum.accumulate(np.where(turning, -1, np.arange(len(motions))))
-    rows = np.flatnonzero(turning & (before >= 0) & motions.evaluated)
+    rotary_only = motions.rotary_only
+    before = np.maximum.accumulate(np.where(rotary_only, -1, np.arange(len(motions))))
+    rows = np.flatnonzero(rotary_only & (before >= 0) & motions.evaluated)
     pairs = zip(motions.frame[before[rows]].tolist(), motions.frame[rows].tolist(), strict=True)
     same = np.array([motions.frames[i] == motions.frames[j] for i, j in pairs], bool)
     rows = rows[same & motions.programmed[before[rows]]]
@@ -77,7 +77,7 @@ def _worse(
         for share in shares:
             program = motions.along(share)
             nominal, q = motions.in_machine(program)[rows], motions.in_machine(program + added)[rows]
-            found = np.maximum(found, missed(motions.machine, model, q, nominal, tool, states, shift).point_um)
+            found = np.maximum(found, pose_errors(motions.machine, model, q, nominal, tool, states, shift).point_um)
         return found
 
     pairs = [(largest(shares, 0.0), largest(shares, kept)) for shares in (WITHIN, AT_END)]

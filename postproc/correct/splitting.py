@@ -14,7 +14,7 @@ from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.machine import Machine, NDArrayBool
 from postproc.compensation.conditions import Conditions
-from postproc.correct.chord_error import CorrectedWays, Limits, bent, find_cuts
+from postproc.correct.chord_error import CorrectedPaths, Limits, beyond_limits, find_cuts
 from postproc.motion.frames import Frame
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Known
@@ -60,13 +60,13 @@ class Splitter:
         rows = np.flatnonzero(motions.known_paths & ~motions.rotary_only)
         if not rows.size or not self.models[0].effects:
             return motions
-        ways = CorrectedWays(motions, self.models, self.conditions)
-        uneven = bent(ways, rows, self.limits)
-        reasons = {row: _obstacle(motions, row, ways, varied) for row in uneven.tolist()}
+        paths = CorrectedPaths(motions, self.models, self.conditions)
+        uneven = beyond_limits(paths, rows, self.limits)
+        reasons = {row: _obstacle(motions, row, paths, varied) for row in uneven.tolist()}
         self.whole = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
         runs = _runs_by_move(motions, [row for row, reason in reasons.items() if not reason])
-        found = find_cuts(ways, np.array(list(runs), int), self.limits)
-        steep = [row for piece in found.steep for row in runs[piece.row]]
+        found = find_cuts(paths, np.array(list(runs), int), self.limits)
+        steep = [row for segment in found.steep for row in runs[segment.row]]
         self.uneven = self.whole.keys() | set(motions.block[steep].tolist())
         cuts = {row: _quarters(motions, row, shares) for first, shares in found.shares.items() for row in runs[first]}
         self.moves += len(cuts)
@@ -87,13 +87,13 @@ def _runs_by_move(motions: Motions, rows: list[int]) -> dict[int, list[int]]:
     return {rows[0]: rows for rows in groups.values()}
 
 
-def _obstacle(motions: Motions, row: int, ways: CorrectedWays, varied: frozenset[int]) -> str:
+def _obstacle(motions: Motions, row: int, paths: CorrectedPaths, varied: frozenset[int]) -> str:
     """Reason why a move cannot be written in segments; empty if it can."""
     machine, block, arc = motions.machine, motions.blocks[motions.block[row]], motions.arcs.get(row)
     moved = motions.target[row] != motions.start[row]
     moved[[word.axis for word in motions.words[row]]] = True
     said = np.minimum(motions.known_start[row], motions.known[row])[moved]
-    turned = ways.extents[row] * machine.rotary
+    turned = paths.extents[row] * machine.rotary
     obstacles = {
         NO_INSERTION: block.no_insertion,
         "its block runs several times, in different ways": int(motions.block[row]) in varied,

@@ -11,17 +11,17 @@ from kinematics.error_model.model import ErrorModel
 from kinematics.forward import tool_point
 from kinematics.machine import Machine, NDArrayBool
 from kinematics.transforms import Array
-from postproc.compensation.correction import missed
-from postproc.compensation.predicted_error import Judge
+from postproc.compensation.correction import pose_errors
+from postproc.compensation.predicted_error import MachineStates
 from postproc.correct.report import Statistic
 from postproc.motion.along import positions_along
 from postproc.motion.motions import Motions
 
 BINS = 2000
 """Largest number of stretches of the program."""
-WAYS = 4000
+PATHS = 4000
 """Largest number of moves that are kept for drawing."""
-PIECES = 16
+SEGMENTS = 16
 """Number of straight segments in the drawing of a move."""
 WORST = 10
 """Number of listed moves."""
@@ -91,7 +91,7 @@ def _halved(values: Array, join: np.ufunc, empty: float = np.nan) -> Array:
     return halved
 
 
-class Place(NamedTuple):
+class MoveEnd(NamedTuple):
     """Position at the end of a move, and its errors, um."""
 
     line: int
@@ -103,20 +103,20 @@ class Place(NamedTuple):
 
 
 @dataclass
-class Ways:
+class DrawnPaths:
     """Every `stride`-th feed move: points of its nominal tool path, with the errors before correction."""
 
     stride: int = 1
     seen: int = 0
-    points: Array = field(default_factory=lambda: np.empty((0, PIECES + 1, 3)))
+    points: Array = field(default_factory=lambda: np.empty((0, SEGMENTS + 1, 3)))
     """Tool points `(n, PIECES + 1, 3)`, mm, workpiece frame."""
-    errors: Array = field(default_factory=lambda: np.empty((0, PIECES + 1)))
+    errors: Array = field(default_factory=lambda: np.empty((0, SEGMENTS + 1)))
     """Errors `(n, PIECES + 1)`, um."""
 
     def rows(self, rows: np.ndarray) -> np.ndarray:
         """Rows of the next feed moves `(n,)` that are kept; earlier moves are thinned out to make room for them."""
         end = self.seen + len(rows)
-        while -(-end // self.stride) > WAYS:
+        while -(-end // self.stride) > PATHS:
             self.stride *= 2
             self.points, self.errors = self.points[::2], self.errors[::2]
         first = -self.seen % self.stride
@@ -135,10 +135,10 @@ class Trace:
     def __init__(self, machine: Machine, model: ErrorModel) -> None:
         self.machine, self._model = machine, model
         self.bins = Bins(len(machine.axes))
-        self.ways = Ways()
+        self.paths = DrawnPaths()
         self.between_before = Statistic()
         """Errors of feed moves between their ends before correction, um."""
-        self.worst: tuple[list[Place], list[Place]] = ([], [])
+        self.worst: tuple[list[MoveEnd], list[MoveEnd]] = ([], [])
         """Moves with the largest errors before and after correction."""
 
     def add(self, motions: Motions, rows: NDArrayBool, moved: Array, errors: Array) -> None:
@@ -152,27 +152,27 @@ class Trace:
         for which, known in enumerate(self.worst):
             known[:] = _worst(known, motions, errors, which)
 
-    def add_ways(self, motions: Motions, judge: Judge) -> None:
+    def add_paths(self, motions: Motions, judge: MachineStates) -> None:
         """Add some feed moves of a chunk, in the last states of `judge`, which follows the uncorrected program."""
-        rows = self.ways.rows(np.flatnonzero(motions.evaluated_paths))
+        rows = self.paths.rows(np.flatnonzero(motions.evaluated_paths))
         if not len(rows):
             return
-        points = np.repeat(rows, PIECES + 1)
-        shares = np.tile(np.linspace(0.0, 1.0, PIECES + 1), len(rows))
+        points = np.repeat(rows, SEGMENTS + 1)
+        shares = np.tile(np.linspace(0.0, 1.0, SEGMENTS + 1), len(rows))
         nominal = motions.bare.take(points).in_machine(positions_along(motions, points, shares))
         tool = motions.tool[points]
         states, shift = judge.last_states(points), judge.datum_shifts(motions)[points]
-        errors = missed(self.machine, self._model, nominal, nominal, tool, states, shift).point_um
+        errors = pose_errors(self.machine, self._model, nominal, nominal, tool, states, shift).point_um
         tips = tool_point(self.machine, nominal, tool)
-        self.ways.add(tips.reshape(len(rows), -1, 3), errors.reshape(len(rows), -1))
+        self.paths.add(tips.reshape(len(rows), -1, 3), errors.reshape(len(rows), -1))
 
 
-def _worst(known: list[Place], motions: Motions, errors: Array, which: int) -> list[Place]:
+def _worst(known: list[MoveEnd], motions: Motions, errors: Array, which: int) -> list[MoveEnd]:
     """Moves with the largest errors, of those known and of a chunk, before (0) or after (1), the earliest of equals."""
     size = errors[:, which]
     largest = np.argsort(-size, kind="stable")[:WORST]  # nan comes last
     here = [
-        Place(motions.blocks[motions.block[row]].line, tuple(motions.target[row].tolist()), *errors[row].tolist())
+        MoveEnd(motions.blocks[motions.block[row]].line, tuple(motions.target[row].tolist()), *errors[row].tolist())
         for row in largest[~np.isnan(size[largest])].tolist()
     ]
-    return sorted([*known, *here], key=lambda place: -(place.before, place.after)[which])[:WORST]
+    return sorted([*known, *here], key=lambda position: -(position.before, position.after)[which])[:WORST]

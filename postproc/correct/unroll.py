@@ -76,23 +76,23 @@ def _lines(program: StoredProgram, moves: list[Motions]) -> Iterator[str]:
 
     `moves` takes the moves of the program.
     """
-    passes: Counter[int] = Counter()
+    iterations: Counter[int] = Counter()
     before, comment = -1, ""
-    for place, block, last in _runs(program, moves):
-        passes[place] += 1
+    for index, block, last in _runs(program, moves):
+        iterations[index] += 1
         try:
-            line = _straight(block, program.blocks[place], last=last)
+            line = _straight(block, program.blocks[index], last=last)
         except Refusal as refusal:
             raise refusal.located(program.source.name, program.dialect.evidence) from None
-        if place != before + 1:
-            comment = program.dialect.comment.format(f"LINE {block.line}, PASS {passes[place]}")
-        before = place
+        if index != before + 1:
+            comment = program.dialect.comment.format(f"LINE {block.line}, PASS {iterations[index]}")
+        before = index
         if line is not None:
             yield from (comment, line) if comment else (line,)
             comment = ""
-    for place in range(max(passes, default=-1) + 1, len(program.blocks)):
-        if program.blocks[place].kind in CLOSING:
-            yield program.blocks[place].text
+    for index in range(max(iterations, default=-1) + 1, len(program.blocks)):
+        if program.blocks[index].kind in CLOSING:
+            yield program.blocks[index].text
 
 
 def _runs(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[int, Block, bool]]:
@@ -100,7 +100,7 @@ def _runs(program: StoredProgram, moves: list[Motions]) -> Iterator[tuple[int, B
     held: tuple[int, Block] | None = None
     for part in program.parts():
         moves.append(replace(part.motions, blocks=[], words=[]))
-        for run in zip(part.places or (), part.motions.blocks, strict=True):
+        for run in zip(part.indices or (), part.motions.blocks, strict=True):
             if held is not None:
                 yield *held, False
             held = run

@@ -121,7 +121,7 @@ def like(nominal: Motions, commanded: Motions) -> Motions | None:
     before = takes_up - np.arange(len(takes_up))
     if len(before) and before[-1] >= len(result):
         return None
-    return with_take_ups(result, before, commanded.known[takes_up] == Known.PROGRAM)
+    return with_backlash_take_ups(result, before, commanded.known[takes_up] == Known.PROGRAM)
 
 
 def _cuts_of(nominal: Motions, commanded: Motions, pieces: NDArrayBool) -> dict[int, list[float]] | None:
@@ -159,7 +159,7 @@ def _quadrant(nominal: Motions, origin: int, commanded: Motions, row: int, behin
     return min(apart)[1] if apart else None
 
 
-def with_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBool) -> Motions:
+def with_backlash_take_ups(motions: Motions, before: np.ndarray, axes: NDArrayBool) -> Motions:
     """The moves with a backlash take-up of `axes` `(k, axes)` before rows `before` `(k,)`."""
     if not len(before):
         return motions

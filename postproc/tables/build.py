@@ -35,7 +35,7 @@ FACTOR = 1e-6
 
 
 @dataclass(frozen=True)
-class Carries:
+class Capabilities:
     """The variables of the tables of a format."""
 
     outputs: str = "XYZUVWABC"
@@ -46,7 +46,7 @@ class Carries:
     """True when it can add to another."""
     pairs: tuple[str, ...] = ()
     """Letters of output and source, `XY`, of the only tables that add to another axis; empty for all."""
-    both_ways: bool = False
+    bidirectional: bool = False
     """True when an axis' own table may differ with the direction of travel."""
     products: bool = False
     """True when two tables can be multiplied."""
@@ -75,24 +75,24 @@ class _Part:
 
     output: int
     sources: tuple[int, ...]
-    places: tuple[Array, ...]
+    positions: tuple[Array, ...]
     values: Array
     """`(m, directions)` of one axis, `(m, k)` of two, mm or degrees."""
     tables: int
-    gain: float
+    improvement: float
     """Mean square of its correction."""
 
 
-def build(target: Target, carries: Carries, limits: Limits, what: str) -> Built:
+def build(target: Target, capabilities: Capabilities, limits: Limits, what: str) -> Built:
     """The tables of a format for one machine; UserError if its limits admit none."""
-    outputs = [i for i, axis in enumerate(target.machine.axes) if axis.name[0] in carries.outputs]
-    parts = _of_one_axis(target, outputs, carries)
-    parts += _of_two_axes(target, outputs, carries)
+    outputs = [i for i, axis in enumerate(target.machine.axes) if axis.name[0] in capabilities.outputs]
+    parts = _of_one_axis(target, outputs, capabilities)
+    parts += _of_two_axes(target, outputs, capabilities)
     kept = _best(parts, limits)
     writer = _Writer(target, limits)
     for part in kept:
         if len(part.sources) == 2:
-            writer.surface(part) if carries.surfaces else writer.product(part)
+            writer.surface(part) if capabilities.surfaces else writer.product(part)
     for group in _sharing([part for part in kept if len(part.sources) == 1], limits):
         writer.curves(group)
     writer.balance()
@@ -100,46 +100,46 @@ def build(target: Target, carries: Carries, limits: Limits, what: str) -> Built:
     return Built(tuple(sorted(writer.terms, key=lambda term: (len(term.factors), term.output))), writer.datum)
 
 
-def _of_one_axis(target: Target, outputs: Sequence[int], carries: Carries) -> list[_Part]:
+def _of_one_axis(target: Target, outputs: Sequence[int], capabilities: Capabilities) -> list[_Part]:
     """Mean corrections along each axis; that of an axis' own contains the constant over the volume."""
     found = []
     for j in range(len(target.machine.axes)):
-        if not carries.cross and (j not in outputs or not carries.own):
+        if not capabilities.cross and (j not in outputs or not capabilities.own):
             continue
-        x = target.places(j, FINE.get(len(target.machine.axes), FEW[0]))
-        ways = (1, -1) if carries.both_ways and j in outputs and target.depends_on_way(j) else (0,)
-        values = np.stack([target.mean((j,), (x,), way) for way in ways], axis=1)
+        x = target.positions_along(j, FINE.get(len(target.machine.axes), FEW[0]))
+        directions = (1, -1) if capabilities.bidirectional and j in outputs and target.depends_on_direction(j) else (0,)
+        values = np.stack([target.mean((j,), (x,), direction) for direction in directions], axis=1)
         for i in outputs:
-            if i == j and carries.own:
+            if i == j and capabilities.own:
                 curves = values[:, :, i]
                 found.append(_Part(i, (j,), (x,), curves, curves.shape[1], float(np.mean(curves**2))))
-            elif i != j and carries.adds(target.machine.axes[i].name, target.machine.axes[j].name):
+            elif i != j and capabilities.adds(target.machine.axes[i].name, target.machine.axes[j].name):
                 curve = values[:, :, i].mean(axis=1, keepdims=True)
                 curve = curve - curve.mean()
                 found.append(_Part(i, (j,), (x,), curve, 1, float(np.mean(curve**2))))
     return found
 
 
-def _of_two_axes(target: Target, outputs: Sequence[int], carries: Carries) -> list[_Part]:
-    if not carries.products and not carries.surfaces:
+def _of_two_axes(target: Target, outputs: Sequence[int], capabilities: Capabilities) -> list[_Part]:
+    if not capabilities.products and not capabilities.surfaces:
         return []
     axes, found = target.machine.axes, []
     for pair in combinations(range(len(axes)), 2):
-        if carries.surfaces and not all(axes[k].name[0] in carries.surfaces for k in pair):
+        if capabilities.surfaces and not all(axes[k].name[0] in capabilities.surfaces for k in pair):
             continue
         n = COARSE.get(len(axes), FEW[1])
-        places = tuple(evenly(target.bounds[k], n) for k in pair)
-        both = target.mean(pair, places)
+        positions = tuple(evenly(target.bounds[k], n) for k in pair)
+        both = target.mean(pair, positions)
         means = {pair[0]: both.mean(axis=1, keepdims=True), pair[1]: both.mean(axis=0, keepdims=True)}
         middle = both.mean(axis=(0, 1))
-        for i in (i for i in outputs if axes[i].name[0] in carries.surface_outputs):
+        for i in (i for i in outputs if axes[i].name[0] in capabilities.surface_outputs):
             alone = both[:, :, i] - middle[i]
             for k in pair:
-                if carries.own if k == i else carries.adds(axes[i].name, axes[k].name):
+                if capabilities.own if k == i else capabilities.adds(axes[i].name, axes[k].name):
                     alone = alone - (means[k][:, :, i] - middle[i])
-            gain = float(np.mean(alone**2))
-            if gain >= WORTH**2:
-                found.append(_Part(i, pair, places, alone, 1 if carries.surfaces else 2, gain))
+            improvement = float(np.mean(alone**2))
+            if improvement >= WORTH**2:
+                found.append(_Part(i, pair, positions, alone, 1 if capabilities.surfaces else 2, improvement))
     return found
 
 
@@ -147,7 +147,7 @@ def _best(parts: Iterable[_Part], limits: Limits) -> list[_Part]:
     """Those that take away most for each table they need, as many as the control holds."""
     kept: list[_Part] = []
     left = float("inf") if limits.tables is None else limits.tables
-    for part in sorted(parts, key=lambda part: -part.gain / part.tables):
+    for part in sorted(parts, key=lambda part: -part.improvement / part.tables):
         if part.tables <= left and not _one_too_many(part, kept, limits):
             kept.append(part)
             left -= part.tables
@@ -186,7 +186,7 @@ class _Writer:
         source = self._target.machine.axes[parts[0].sources[0]]
         cross = parts[0].sources != (parts[0].output,)
         limits = self._limits.cross if cross and self._limits.cross is not None else self._limits
-        x = parts[0].places[0]
+        x = parts[0].positions[0]
         wanted = [part.values - self._means_of_products(part)[:, None] for part in parts]
         together = [(part, curves) for part, curves in zip(parts, wanted, strict=True) if _visible(curves, limits)]
         if not together:
@@ -215,9 +215,9 @@ class _Writer:
         elif limits.zero_at_home:
             values = values - float(np.interp(source.home, nodes, values[:, 0]))
         rounded = np.round(np.round(values / limits.resolution) * limits.resolution, 12)
-        for way, column in zip((1, -1) if values.shape[1] == 2 else (0,), rounded.T, strict=True):
-            if way or column.any():
-                self.terms.append(Term(output.name, (Curve(source.name, nodes, column),), way))
+        for direction, column in zip((1, -1) if values.shape[1] == 2 else (0,), rounded.T, strict=True):
+            if direction or column.any():
+                self.terms.append(Term(output.name, (Curve(source.name, nodes, column),), direction))
 
     def balance(self) -> None:
         """Move the mean remaining constant over the volume into the axes' own tables, or into the datum."""
@@ -246,7 +246,7 @@ class _Writer:
         size = float(np.abs(right[0]).max())
         resolutions = (self._limits.resolution, FACTOR)
         for k, values in enumerate((left[:, 0] * sizes[0] * size, right[0] / size)):
-            axis, x = axes[part.sources[k]], part.places[k]
+            axis, x = axes[part.sources[k]], part.positions[k]
             limits = self._limits if k == 0 else replace(self._limits, resolution=FACTOR, finest=1e-4)
             at_home = values - np.interp(axis.home, x, values)
             nodes = choose_nodes(x, at_home[:, None], limits, axis.home, closing=closes(axis))
@@ -261,14 +261,14 @@ class _Writer:
         """A table of two axes, with equidistant nodes on both."""
         axes = [self._target.machine.axes[k] for k in part.sources]
         bounds = [self._target.bounds[k] for k in part.sources]
-        n = min(self._limits.grid or int(np.sqrt(self._limits.points)), len(part.places[0]) // 2 + 1)
+        n = min(self._limits.grid or int(np.sqrt(self._limits.points)), len(part.positions[0]) // 2 + 1)
         apart = [_whole(float(np.ptp(b)) / (n - 1), self._limits.spacing_step) for b in bounds]
         apart = [max(apart)] * 2 if self._limits.square else apart
         steps = [int(np.ceil(np.ptp(b) / a - 1e-9)) for b, a in zip(bounds, apart, strict=True)]
         nodes = [b[0] + a * np.arange(k + 1) for b, a, k in zip(bounds, apart, steps, strict=True)]
-        nodes = [places.round(9) for places in nodes]
-        values = fitted(part.places[0], part.values, nodes[0])
-        values = fitted(part.places[1], values.T, nodes[1]).T
+        nodes = [positions.round(9) for positions in nodes]
+        values = fitted(part.positions[0], part.values, nodes[0])
+        values = fitted(part.positions[1], values.T, nodes[1]).T
         if closes(axes[0]):
             values[[0, -1]] = values[[0, -1]].mean(axis=0)
         if closes(axes[1]):
@@ -282,7 +282,7 @@ class _Writer:
         """Mean contributions `(m,)` of products to the same output, along the axis of a part of one axis."""
         machine = self._target.machine
         output, source = machine.axes[part.output].name, machine.axes[part.sources[0]].name
-        total = np.zeros(len(part.places[0]))
+        total = np.zeros(len(part.positions[0]))
         for term in self.terms:
             if term.output != output or len(term.factors) != 2:
                 continue
@@ -291,7 +291,7 @@ class _Writer:
                 (axis,) = factor.axes
                 everywhere = evenly(self._target.bounds[machine.index(axis)], 401)
                 mean = float(np.mean(_along(factor, everywhere)))
-                here = here * (_along(factor, part.places[0]) if axis == source else mean)
+                here = here * (_along(factor, part.positions[0]) if axis == source else mean)
             total += here if part.output == part.sources[0] else here - here.mean()
         return total
 

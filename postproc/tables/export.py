@@ -18,10 +18,10 @@ from kinematics.user_error import UserError
 from postproc.tables.build import build
 from postproc.tables.format import Content, Format, Settings, Sign
 from postproc.tables.motion_tables import build_motions, effects_of_motions
-from postproc.tables.not_representable import Left, not_carried, short_waves
-from postproc.tables.remaining_error import Move, Places, in_the_volume, stages, summary
+from postproc.tables.not_representable import Unrepresented, not_representable, short_waves
+from postproc.tables.remaining_error import EvaluationPoints, Move, stages, summary, volume_points
 from postproc.tables.table_model import effects_of, joined
-from postproc.tables.target import Target, standing, too_fine
+from postproc.tables.target import Target, positional, too_fine
 from postproc.tables.terms import added
 
 ANGULAR = 1e-9
@@ -53,24 +53,24 @@ class Exported:
     @property
     def moves(self) -> Move:
         """The effect of the tables on commands."""
-        if self.format.carries is not None:
+        if self.format.capabilities is not None:
             return lambda q, approach: q + added(self.content.terms, self.target.machine, q, approach)
         return self._by_motions
 
     @property
-    def left(self) -> list[Left]:
+    def left(self) -> list[Unrepresented]:
         """Errors that the tables cannot represent."""
         points = self.format.limits(self.content.settings).points
-        terms = None if self.format.carries is None else self.content.terms
-        return [*not_carried(self.target, self.whole, terms), *short_waves(self.target, points)]
+        terms = None if self.format.capabilities is None else self.content.terms
+        return [*not_representable(self.target, self.whole, terms), *short_waves(self.target, points)]
 
     def errors_in_the_volume(self) -> dict[str, Any]:
         """By stage."""
-        return self.errors_at(in_the_volume(self.target))
+        return self.errors_at(volume_points(self.target))
 
-    def errors_at(self, places: Places) -> dict[str, Any]:
+    def errors_at(self, points: EvaluationPoints) -> dict[str, Any]:
         """By stage."""
-        return summary(stages(self.target, self.moves, self.taken, self.datum, places))
+        return summary(stages(self.target, self.moves, self.taken, self.datum, points))
 
     def _by_motions(self, q: Array, approach: Array) -> Array:
         machine = self.target.machine
@@ -96,21 +96,21 @@ def export(
     machine: Machine, model: ErrorModel, format: Format, settings: Settings, sign: Sign, tool: tuple[float, ...]
 ) -> Exported:
     """The tables of a control for one tool, in its format."""
-    whole = model.part(standing)
+    whole = model.part(positional)
     part = whole.part(lambda effect: not too_fine(effect, machine))
     if not part.effects:
         raise UserError("the calibration has no errors that a table could hold")
     limits = format.limits(settings)
-    if format.carries is None:
+    if format.capabilities is None:
         target = Target(machine, part, np.array(tool))
-        motions = tuple(build_motions(target, limits, ANGULAR, both_ways=format.name == "csv"))
+        motions = tuple(build_motions(target, limits, ANGULAR, bidirectional=format.name == "csv"))
         content, datum = Content(machine, settings, sign, motions=motions), {}
         effects: list[Effect] = effects_of_motions(machine, motions)
     else:
-        carries = format.carries(settings)
-        rotary = any(axis.rotary and axis.name[0] in carries.outputs for axis in machine.axes) and carries.own
+        capabilities = format.capabilities(settings)
+        rotary = any(axis.rotary and axis.name[0] in capabilities.outputs for axis in machine.axes) and capabilities.own
         target = Target(machine, part, np.array(tool), rotary)
-        built = build(target, carries, limits, format.name)
+        built = build(target, capabilities, limits, format.name)
         content, datum = Content(machine, settings, sign, terms=built.terms), built.datum
         effects = effects_of(machine, built.terms)
     taken = msgspec.structs.replace(model, effects=tuple(effects), covariance=None)

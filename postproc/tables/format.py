@@ -11,7 +11,7 @@ import msgspec
 from kinematics.machine import Axis, Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.limits import Limits
 from postproc.tables.motion_tables import MotionTable
 from postproc.tables.terms import Curve, Term
@@ -57,7 +57,7 @@ class Format:
     """For the sheet: how the files are loaded into the control."""
     certainty: str
     """For the sheet: certainty of this description."""
-    carries: Callable[[Any], Carries] | None = None
+    capabilities: Callable[[Any], Capabilities] | None = None
     """None of a format that holds error motions by ISO 230-1, which the control makes corrections of."""
     sign: Sign | None = None
     """Meaning of its values; None if no source states it."""
@@ -92,15 +92,17 @@ class Own:
     backward: Array
 
     @property
-    def both_ways(self) -> bool:
+    def bidirectional(self) -> bool:
         """True when the direction matters."""
         return bool((self.forward != self.backward).any())
 
 
 def own_table(terms: Sequence[Term], axis: Axis) -> Own | None:
     """The terms of an axis over its own position; None without any. Both directions share their nodes."""
-    found = {term.way: term.factors[0] for term in terms if term.output == axis.name and term.inputs == (axis.name,)}
-    curves = {way: factor for way, factor in found.items() if isinstance(factor, Curve)}
+    found = {
+        term.direction: term.factors[0] for term in terms if term.output == axis.name and term.inputs == (axis.name,)
+    }
+    curves = {direction: factor for direction, factor in found.items() if isinstance(factor, Curve)}
     if not curves:
         return None
     if 0 in curves:

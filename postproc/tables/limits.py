@@ -70,10 +70,10 @@ def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machi
                 _check_nodes(nodes, own, where)
             _check_values(factor.values, own, where)
             if isinstance(factor, Curve):
-                _check_ends(factor, own, where, machine.axes[machine.index(factor.axis)], term.way)
+                _check_ends(factor, own, where, machine.axes[machine.index(factor.axis)], term.direction)
 
 
-def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, way: int) -> None:
+def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, direction: int) -> None:
     """The constant of a table that must begin where it ends, or be 0 at the reference position.
 
     If the directions differ, that of forward travel.
@@ -81,7 +81,7 @@ def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, way: int) 
     if axis.turns_fully and curve.values[0] != curve.values[-1]:
         raise UserError(f"{where}: {axis.name} turns fully, so its first and last value must be equal")
     at_home = float(np.interp(axis.home, curve.nodes, curve.values))
-    if limits.zero_at_home and way >= 0 and abs(at_home) > limits.resolution:
+    if limits.zero_at_home and direction >= 0 and abs(at_home) > limits.resolution:
         raise UserError(f"{where}: {at_home:g} at the reference position {axis.home:g}, where it must be 0")
 
 

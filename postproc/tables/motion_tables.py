@@ -51,19 +51,23 @@ class MotionTable:
         return np.asarray((self.forward + self.backward) / 2)
 
 
-def build_motions(target: Target, limits: Limits, angular_resolution: float, *, both_ways: bool) -> list[MotionTable]:
+def build_motions(
+    target: Target, limits: Limits, angular_resolution: float, *, bidirectional: bool
+) -> list[MotionTable]:
     """Tables of all error motions of a machine, with means over all variables other than their own axis.
 
     Location errors are in them, as slopes and constants. Resolution of translations in mm by the limits, of rotations
-    in rad. Positioning by direction only with `both_ways`.
+    in rad. Positioning by direction only with `bidirectional`.
     """
     machine, found = target.machine, []
     others = spread_out(OTHERS, len(machine.axes))
     low, high = target.bounds.T
     for j, axis in enumerate(machine.axes):
-        x = target.places(j, FINE)
-        errors = {way: _mean_errors(target, j, x, way, low + (high - low) * others) for way in (1, -1)}
-        curves = {c: _curves(errors, k, c, axis, both_ways=both_ways) for k, c in enumerate(COMPONENTS)}
+        x = target.positions_along(j, FINE)
+        errors = {
+            direction: _mean_errors(target, j, x, direction, low + (high - low) * others) for direction in (1, -1)
+        }
+        curves = {c: _curves(errors, k, c, axis, bidirectional=bidirectional) for k, c in enumerate(COMPONENTS)}
         steps = {c: angular_resolution if c in "ABC" else limits.resolution for c in COMPONENTS}
         seen = {c: curve for c, curve in curves.items() if np.abs(curve).max() >= steps[c] / 2}
         for group in [list(seen)] if limits.shared and seen else [[c] for c in seen]:
@@ -77,10 +81,10 @@ def build_motions(target: Target, limits: Limits, angular_resolution: float, *, 
     return found
 
 
-def _curves(errors: dict[int, Array], k: int, component: str, axis: Axis, *, both_ways: bool) -> Array:
+def _curves(errors: dict[int, Array], k: int, component: str, axis: Axis, *, bidirectional: bool) -> Array:
     """Values of one component `(m, directions)`: in both directions only for positioning."""
     curves = np.stack([errors[1][:, k], errors[-1][:, k]], axis=1)
-    own = both_ways and component == own_component(axis.name)
+    own = bidirectional and component == own_component(axis.name)
     return curves if own else np.asarray(curves.mean(axis=1, keepdims=True))
 
 
@@ -91,13 +95,13 @@ def _nodes(x: Array, curves: dict[str, Array], steps: dict[str, float], limits: 
     return choose_nodes(x, scaled, replace(limits, resolution=1.0, finest=1.0), axis.home, closing=closes(axis))
 
 
-def _mean_errors(target: Target, column: int, x: Array, way: int, others: Array) -> Array:
+def _mean_errors(target: Target, column: int, x: Array, direction: int, others: Array) -> Array:
     """Error motions of an axis `(m, 6)`, mm and rad, over positions of the others `(s, axes)`, mm and degrees."""
     machine = target.machine
     q = np.tile(others, (len(x), 1))
     q[:, column] = np.repeat(x, len(others))
     approach = np.zeros_like(q)
-    approach[:, column] = way
+    approach[:, column] = direction
     errors = target.model.errors(machine, State(q * machine.scale, approach))[:, column]
     return np.asarray(errors.reshape(len(x), len(others), 6).mean(axis=1))
 
@@ -114,7 +118,7 @@ def effects_of_motions(machine: Machine, tables: Iterable[MotionTable]) -> list[
             found.append(ErrorMotion(cast(Component, table.component), table.axis, BSpline(nodes, 1), values, u=u))
             continue
         forward = own_motion(machine, table.axis)[2]
-        for way, row in ((1, table.forward), (-1, table.backward)):
+        for direction, row in ((1, table.forward), (-1, table.backward)):
             counted = tuple((forward / size * row).tolist())
-            found.append(ControlTable(table.axis, (table.axis,), (nodes,), counted, cast(Any, way)))
+            found.append(ControlTable(table.axis, (table.axis,), (nodes,), counted, cast(Any, direction)))
     return found

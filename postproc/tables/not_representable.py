@@ -19,7 +19,7 @@ from kinematics.forward import tool_point
 from kinematics.inverse import linear_positions
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.tables.target import Target, shortest_wave, standing, too_fine
+from postproc.tables.target import Target, positional, shortest_wave, too_fine
 from postproc.tables.terms import Surface, Term
 
 GRID = {3: 9}
@@ -31,7 +31,7 @@ WORTH = 0.05
 """um RMS: less is not named."""
 
 
-class Left(NamedTuple):
+class Unrepresented(NamedTuple):
     """An error that stays."""
 
     name: str
@@ -40,7 +40,7 @@ class Left(NamedTuple):
     why: str
 
 
-def not_carried(target: Target, whole: ErrorModel, terms: Sequence[Term] | None) -> list[Left]:
+def not_representable(target: Target, whole: ErrorModel, terms: Sequence[Term] | None) -> list[Unrepresented]:
     """The errors that stay, the largest first; those that depend on more than positions and directions at the end.
 
     Without `terms`, of tables of error motions: dependences on other axes than their own.
@@ -62,11 +62,11 @@ def not_carried(target: Target, whole: ErrorModel, terms: Sequence[Term] | None)
         wanted = (linear_positions(machine, q, aim, target.tool) - q).reshape(*(n,) * len(axes), -1)
         left = float(np.sqrt(np.mean(np.sum(_beside_tables(target, wanted, terms) ** 2, axis=-1)))) * 1e3
         if left > WORTH:
-            found.append(Left(name, round(left, 4), _reason(name)))
+            found.append(Unrepresented(name, round(left, 4), _reason(name)))
     return [*sorted(found, key=lambda left: -left.rms_um), *_reversals(target, terms), *_beyond(whole)]
 
 
-def short_waves(target: Target, points: int) -> list[Left]:
+def short_waves(target: Target, points: int) -> list[Unrepresented]:
     """Effects that repeat faster than so many points along their axis can follow."""
     machine, found = target.machine, []
     for effect in target.model.effects:
@@ -75,11 +75,13 @@ def short_waves(target: Target, points: int) -> list[Left]:
             continue
         i = machine.index(wave[0])
         if wave[1] * points < POINTS_A_WAVE * np.ptp(target.bounds[i]) or too_fine(effect, machine):
-            found.append(Left(effect.name, float("nan"), f"waves of {wave[1]:g} {machine.axes[i].unit} are too short"))
+            found.append(
+                Unrepresented(effect.name, float("nan"), f"waves of {wave[1]:g} {machine.axes[i].unit} are too short")
+            )
     return found
 
 
-def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: int) -> list[Left]:
+def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: int) -> list[Unrepresented]:
     count, found = len(target.machine.axes), []
     for k, name in enumerate(place_names(target.machine)):
         grid = errors[:, k].reshape((n,) * count)
@@ -87,7 +89,7 @@ def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: i
         beside = (grid - grid.mean(axis=others, keepdims=True) if k // 6 < count else grid).reshape(-1, 1)
         left = float(np.sqrt(np.mean(np.sum((transform[:, :, k] * beside) ** 2, axis=1)))) * 1e3
         if left > WORTH:
-            found.append(Left(name, round(left, 4), "depends on other axes too"))
+            found.append(Unrepresented(name, round(left, 4), "depends on other axes too"))
     return sorted(found, key=lambda left: -left.rms_um)
 
 
@@ -125,26 +127,28 @@ def _reason(name: str) -> str:
     return "in a direction, or along an axis, that the tables don't have" if component else "at the tool"
 
 
-def _reversals(target: Target, terms: Sequence[Term]) -> list[Left]:
+def _reversals(target: Target, terms: Sequence[Term]) -> list[Unrepresented]:
     """Play of axes whose table is the same in both directions."""
-    both_ways = {term.output for term in terms if term.way}
+    bidirectional = {term.output for term in terms if term.direction}
     machine, found = target.machine, []
     low, high = target.bounds.T
     middle = (low + high) / 2 * machine.scale
     for i, axis in enumerate(machine.axes):
-        if axis.name in both_ways or not target.depends_on_way(i):
+        if axis.name in bidirectional or not target.depends_on_direction(i):
             continue
-        ways = np.zeros((2, len(machine.axes)))
-        ways[:, i] = 1.0, -1.0
+        directions = np.zeros((2, len(machine.axes)))
+        directions[:, i] = 1.0, -1.0
         q = np.tile(middle, (2, 1))
-        corrections = target.correction(q, ways)[:, i] / machine.scale[i]
+        corrections = target.correction(q, directions)[:, i] / machine.scale[i]
         half = abs(float(corrections[0] - corrections[1])) / 2 * (1e3 if not axis.rotary else np.radians(1.0) * 1e6)
-        found.append(Left(f"reversal of {axis.name}", round(half, 4), "the table is the same in both directions"))
+        found.append(
+            Unrepresented(f"reversal of {axis.name}", round(half, 4), "the table is the same in both directions")
+        )
     return found
 
 
-def _beyond(whole: ErrorModel) -> list[Left]:
+def _beyond(whole: ErrorModel) -> list[Unrepresented]:
     """Effects that depend on variables that tables do not have: their size is not known."""
-    beyond = [e for e in whole.effects if e.ACTS_ON != "instrument" and not standing(e)]
+    beyond = [e for e in whole.effects if e.ACTS_ON != "instrument" and not positional(e)]
     reasons = {e.name: ", ".join(e.needs).replace("_", " ") or "nothing that a table can put right" for e in beyond}
-    return [Left(name, float("nan"), f"depends on {why}") for name, why in reasons.items()]
+    return [Unrepresented(name, float("nan"), f"depends on {why}") for name, why in reasons.items()]

@@ -22,7 +22,7 @@ class Row(NamedTuple):
 
     what: str
     value: str
-    place: str
+    control_parameter: str
     held: str
 
 
@@ -31,7 +31,7 @@ HELD = "yes: do not enter it as well"
 CONSTANT = "its constant part, with the constants of the tables: do not enter it as well"
 
 
-PLACES: Mapping[str, Mapping[str, str]] = {
+CONTROL_PARAMETERS: Mapping[str, Mapping[str, str]] = {
     "linuxcnc": {
         "play": "[JOINT_n] BACKLASH [manual]; ignored where the joint has a COMP_FILE",
         "growth": "no parameter: external offset by a HAL component [common]",
@@ -73,9 +73,9 @@ PLACES: Mapping[str, Mapping[str, str]] = {
 
 def parameter_rows(model: ErrorModel, content: Content, family: str) -> list[Row]:
     """The rows of the sheet for one control, in the order of the calibration."""
-    machine, places = content.machine, PLACES.get(family, {})
-    both_ways = {term.output for term in content.terms if term.way}
-    both_ways |= {table.axis for table in content.motions if (table.forward != table.backward).any()}
+    machine, control_parameters = content.machine, CONTROL_PARAMETERS.get(family, {})
+    bidirectional = {term.output for term in content.terms if term.direction}
+    bidirectional |= {table.axis for table in content.motions if (table.forward != table.backward).any()}
     lines = HELD if content.motions else CONSTANT
     rows = []
     for effect in model.effects:
@@ -83,17 +83,17 @@ def parameter_rows(model: ErrorModel, content: Content, family: str) -> list[Row
             unit = effect.quantities()[0].unit
             windup = "" if effect.windup is None else f", and {effect.windup:.3f} {effect.quantities()[1].unit}"
             value = f"{effect.width:.3f} {unit}{windup} (forward minus backward: {-effect.width:.3f} {unit})"
-            held = HELD if effect.axis in both_ways else NOT_HELD
-            rows.append(Row(f"play of {effect.axis}", value, places.get("play", ""), held))
+            held = HELD if effect.axis in bidirectional else NOT_HELD
+            rows.append(Row(f"play of {effect.axis}", value, control_parameters.get("play", ""), held))
         elif isinstance(effect, GrowthWithSensor):
             value = f"{effect.coefficient:.4f} um/m/K of sensor {effect.sensor}, fixed at {effect.fixed_point:g}"
-            rows.append(Row(f"growth of {effect.axis}", value, places.get("growth", ""), NOT_HELD))
+            rows.append(Row(f"growth of {effect.axis}", value, control_parameters.get("growth", ""), NOT_HELD))
         elif isinstance(effect, GrowthWithTime | ThermalDrift):
             parts = zip(effect.parameter_table, effect.parameters, strict=True)
             value = ", ".join(f"{p.name} {v:.4f} {p.unit}" for p, v in parts)
-            rows.append(Row(effect.name, value, places.get("growth", ""), NOT_HELD))
+            rows.append(Row(effect.name, value, control_parameters.get("growth", ""), NOT_HELD))
         elif isinstance(effect, LocationError) and machine.axes[machine.index(effect.axis)].rotary:
-            rows.append(Row(effect.name, _line(effect, machine), places.get("rotary", ""), lines))
+            rows.append(Row(effect.name, _line(effect, machine), control_parameters.get("rotary", ""), lines))
     return rows
 
 

@@ -31,15 +31,17 @@ def probe(machine: Machine, axis_name: str, format: Format, settings: Settings) 
     beside = max(1, math.ceil(SIZE / limits.steepest - 1e-9))
     nodes, shares = _nodes(axis, limits, beside)
     values = np.round(np.round(SIZE * shares / limits.resolution) * limits.resolution, 12)
-    if format.carries is None:
+    if format.capabilities is None:
         size = values if not axis.rotary else np.radians(values)
         table = MotionTable(own_component(axis.name), axis.name, nodes, size, size)
         content = Content(machine, settings, "error", motions=(table,))
     else:
-        carries = format.carries(settings)
-        if axis.name[0] not in carries.outputs or (not carries.own and (format.sign is not None or axis.rotary)):
+        capabilities = format.capabilities(settings)
+        if axis.name[0] not in capabilities.outputs or (
+            not capabilities.own and (format.sign is not None or axis.rotary)
+        ):
             raise UserError(f"--probe {axis.name}: {format.name} has no table that shows the sign of {axis.name}")
-        if not carries.own:
+        if not capabilities.own:
             return _across(machine, axis, format, settings)
         term = Term(axis.name, (Curve(axis.name, nodes, values),))
         content = Content(machine, settings, "correction", terms=(term,))
@@ -50,22 +52,22 @@ def _across(machine: Machine, axis: Axis, format: Format, settings: Settings) ->
     """A probe of a format that has tables over other axes only: one node over one of them, or over two."""
     others = [other for other in machine.axes if not other.rotary and other is not axis][:2]
     limits = format.limits(settings)
-    places = []
+    positions = []
     for other in others:
         low, high = bounds(other)
         middle = round((low + high) / 2 / limits.spacing_step) * limits.spacing_step
-        places.append(np.round(middle + BESIDE * np.array([-1.0, 0.0, 1.0]), 9))
+        positions.append(np.round(middle + BESIDE * np.array([-1.0, 0.0, 1.0]), 9))
     peak = np.array([0.0, SIZE, 0.0])
-    assert format.carries is not None
-    if format.carries(settings).surfaces:
-        surface = Surface((others[0].name, others[1].name), (places[0], places[1]), np.outer(peak, peak) / SIZE)
+    assert format.capabilities is not None
+    if format.capabilities(settings).surfaces:
+        surface = Surface((others[0].name, others[1].name), (positions[0], positions[1]), np.outer(peak, peak) / SIZE)
         term = Term(axis.name, (surface,))
     else:
-        places, others = places[:1], others[:1]
-        term = Term(axis.name, (Curve(others[0].name, places[0], peak),))
+        positions, others = positions[:1], others[:1]
+        term = Term(axis.name, (Curve(others[0].name, positions[0], peak),))
     content = Content(machine, settings, "correction", terms=(term,))
-    stand = ", ".join(f"{other.name} {at[1]:g}" for other, at in zip(others, places, strict=True))
-    away = ", ".join(f"{other.name} {at[0]:g}" for other, at in zip(others, places, strict=True))
+    stand = ", ".join(f"{other.name} {at[1]:g}" for other, at in zip(others, positions, strict=True))
+    away = ", ".join(f"{other.name} {at[0]:g}" for other, at in zip(others, positions, strict=True))
     return {**format.write(content), "probe.md": _told(axis, f"at {stand}", f"at {away}", f"{stand}", format)}
 
 

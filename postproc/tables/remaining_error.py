@@ -12,7 +12,7 @@ from kinematics.correction import correct_position
 from kinematics.error_model.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.compensation.correction import Missed, missed
+from postproc.compensation.correction import PoseErrors, pose_errors
 from postproc.tables.table_model import joined
 from postproc.tables.target import Target, spread_out
 
@@ -25,7 +25,7 @@ Move = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True)
-class Places:
+class EvaluationPoints:
     """Where errors are looked at: commands `(n, axes)`, mm and rad, directions `(n, axes)`, tools `(n, 3)`, mm."""
 
     q: Array
@@ -33,17 +33,17 @@ class Places:
     tool: Array
 
 
-def in_the_volume(target: Target) -> Places:
+def volume_points(target: Target) -> EvaluationPoints:
     """Spread evenly over the travels of all axes, come to from either side."""
     low, high = target.bounds.T
     q = (low + (high - low) * spread_out(GRID, len(low))) * target.machine.scale
     approach = np.random.default_rng(SEED).choice([-1.0, 1.0], q.shape)
-    return Places(q, approach, np.broadcast_to(target.tool, (len(q), 3)))
+    return EvaluationPoints(q, approach, np.broadcast_to(target.tool, (len(q), 3)))
 
 
 def stages(
-    target: Target, tables: Move, taken: ErrorModel, datum: dict[str, float], places: Places
-) -> dict[str, Missed]:
+    target: Target, tables: Move, taken: ErrorModel, datum: dict[str, float], points: EvaluationPoints
+) -> dict[str, PoseErrors]:
     """Tool point errors by the kind of correction.
 
     tables: the effect of the tables in the control; taken: the errors that the tables correct, as a model. datum: by
@@ -54,25 +54,25 @@ def stages(
 
     def corrected(by: ErrorModel) -> Array:
         def errors(q: Array) -> Array:
-            return by.errors(machine, State(q, places.approach))
+            return by.errors(machine, State(q, points.approach))
 
-        return correct_position(machine, errors, places.q, places.tool, np.ones(places.q.shape, bool))
+        return correct_position(machine, errors, points.q, points.tool, np.ones(points.q.shape, bool))
 
-    def left(q: Array) -> Missed:
-        return missed(machine, model, q, places.q, places.tool, lambda q: State(q, places.approach))
+    def left(q: Array) -> PoseErrors:
+        return pose_errors(machine, model, q, points.q, points.tool, lambda q: State(q, points.approach))
 
-    with_tables = tables(places.q, places.approach)
+    with_tables = tables(points.q, points.approach)
     shift = np.array([datum.get(axis.name, 0.0) for axis in machine.axes]) * machine.scale
     return {
-        "before": left(places.q),
+        "before": left(points.q),
         "after_tables": left(with_tables),
         **({"after_tables_and_datum_shift": left(with_tables + shift)} if datum else {}),
         "after_nc_correction": left(corrected(model)),
-        "after_tables_and_nc_correction_of_the_rest": left(tables(corrected(rest), places.approach)),
+        "after_tables_and_nc_correction_of_the_rest": left(tables(corrected(rest), points.approach)),
     }
 
 
-def summary(found: dict[str, Missed]) -> dict[str, Any]:
+def summary(found: dict[str, PoseErrors]) -> dict[str, Any]:
     """RMS, 95 % quantile and largest of each stage: tool point, um, and tool axis, urad."""
     return {
         "tool_point_um": {stage: _numbers(left.point_um) for stage, left in found.items()},

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from postproc.tables.export import Exported
-from postproc.tables.not_representable import Left
+from postproc.tables.not_representable import Unrepresented
 from postproc.tables.parameters import parameter_rows
 
 STAGES = {
@@ -21,12 +21,12 @@ STAGES = {
 }
 
 
-def sheet(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> str:
+def sheet(exported: Exported, left: Iterable[Unrepresented], volume: dict[str, Any]) -> str:
     """The text of the sheet, Markdown."""
     return "\n".join(_lines(exported, left, volume)) + "\n"
 
 
-def _lines(exported: Exported, left: Iterable[Left], volume: dict[str, Any]) -> Iterator[str]:
+def _lines(exported: Exported, left: Iterable[Unrepresented], volume: dict[str, Any]) -> Iterator[str]:
     form, whole = exported.format, exported.whole
     x, y, z = exported.target.tool
     yield f"# {form.title}: machine {exported.target.machine.name}"

@@ -23,7 +23,7 @@ def effects_of(machine: Machine, terms: Iterable[Term]) -> list[Effect]:
         nodes, values = _table(term)
         axis = machine.index(term.output)
         um = -values.ravel() * machine.scale[axis] / unit_of(term.output)[1]
-        found.append(ControlTable(term.output, term.inputs, nodes, tuple(um.tolist()), cast(Any, term.way)))
+        found.append(ControlTable(term.output, term.inputs, nodes, tuple(um.tolist()), cast(Any, term.direction)))
     return found
 
 

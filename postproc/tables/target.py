@@ -20,13 +20,13 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.tables.terms import turn_of
 
-PER_WAVE, MOST_PLACES = 8, 1601
+PER_WAVE, MOST_POSITIONS = 8, 1601
 """Positions on the shortest wave of the errors of an axis; and positions in all."""
 SAMPLES = {1: 96, 2: 32}
 """Positions of the other axes that a mean is taken over, by the number of axes it is a function of."""
 
 
-def standing(effect: Effect) -> bool:
+def positional(effect: Effect) -> bool:
     """True for an effect of positions and directions alone, like a table."""
     return effect.ACTS_ON != "instrument" and effect.REMEDY != "none" and set(effect.needs) <= {"approach"}
 
@@ -53,7 +53,7 @@ def too_fine(effect: Effect, machine: Machine) -> bool:
     if wave is None:
         return False
     low, high = bounds(machine.axes[machine.index(wave[0])])
-    return wave[1] * MOST_PLACES < PER_WAVE * (high - low)
+    return wave[1] * MOST_POSITIONS < PER_WAVE * (high - low)
 
 
 def volume(machine: Machine) -> Array:
@@ -113,7 +113,7 @@ class Target:
         """`(axes, 2)`, mm and degrees."""
         return volume(self.machine)
 
-    def mean(self, axes: Sequence[int], positions: Sequence[Array], way: int = 0) -> Array:
+    def mean(self, axes: Sequence[int], positions: Sequence[Array], direction: int = 0) -> Array:
         """Mean corrections over all other axes, on the grid of these: `(k, ..., axes)`, mm and degrees.
 
         axes: columns, with positions of each, mm and degrees; way: the direction of approach of the first of them.
@@ -130,13 +130,13 @@ class Target:
         q = np.empty((len(grid), len(samples), len(self.machine.axes)))
         q[:, :, list(axes)], q[:, :, others] = grid[:, None, :], samples[None]
         approach = np.zeros(len(self.machine.axes))
-        approach[axes[0]] = way
+        approach[axes[0]] = direction
         flat = q.reshape(-1, q.shape[2]) * self.machine.scale
         found = self.correction(flat, np.broadcast_to(approach, flat.shape)) / self.machine.scale
         mean = np.einsum("s,nsa->na", weights, found.reshape(q.shape))
         return np.asarray(mean.reshape(*(len(p) for p in positions), -1))
 
-    def places(self, column: int, n: int) -> Array:
+    def positions_along(self, column: int, n: int) -> Array:
         """Commands along an axis, mm or degrees: n evenly spread, and those that bring it to a kink of its errors.
 
         More than n where its errors have short waves.
@@ -144,7 +144,7 @@ class Target:
         machine = self.machine
         waves = [wave for effect in self.model.effects if (wave := shortest_wave(effect)) is not None]
         shortest = min((length for axis, length in waves if axis == machine.names[column]), default=np.inf)
-        n = min(max(n, int(np.ceil(PER_WAVE * np.ptp(self.bounds[column]) / shortest)) + 1), MOST_PLACES)
+        n = min(max(n, int(np.ceil(PER_WAVE * np.ptp(self.bounds[column]) / shortest)) + 1), MOST_POSITIONS)
         kinks: set[float] = set()
         for effect in self.model.effects:
             if isinstance(effect, ErrorMotion) and effect.axis == machine.names[column]:
@@ -159,7 +159,7 @@ class Target:
         inside = commands[(commands > low) & (commands < high)]
         return np.unique(np.concatenate([evenly(self.bounds[column], n), inside]).round(9))
 
-    def depends_on_way(self, column: int) -> bool:
+    def depends_on_direction(self, column: int) -> bool:
         """True when errors depend on the direction this axis comes from."""
         name = self.machine.names[column]
         return any("approach" in effect.needs and name in effect.axes for effect in self.model.effects)
@@ -173,8 +173,8 @@ def evenly(bounds: Array, n: int) -> Array:
 def gauss(dimensions: int) -> tuple[Array, Array]:
     """Positions `(n, dimensions)` in 0 ... 1 and their weights: Gauss and Legendre's rule on each axis."""
     nodes, weights = np.polynomial.legendre.leggauss(6)
-    places = np.array(list(product((nodes + 1) / 2, repeat=dimensions))).reshape(-1, dimensions)
-    return places, np.array([float(np.prod(w)) for w in product(weights / 2, repeat=dimensions)])
+    positions = np.array(list(product((nodes + 1) / 2, repeat=dimensions))).reshape(-1, dimensions)
+    return positions, np.array([float(np.prod(w)) for w in product(weights / 2, repeat=dimensions)])
 
 
 def spread_out(n: int, dimensions: int) -> Array:

@@ -61,7 +61,7 @@ class Term:
 
     output: str
     factors: tuple[Curve | Surface, ...]
-    way: int = 0
+    direction: int = 0
     """1 or -1: only while the first factor's axis moves in this direction; 0: always."""
 
     @property
@@ -73,7 +73,7 @@ class Term:
     def name(self) -> str:
         """X(X), Z(Y), Y(X*Z), X(C) forward, ..."""
         joined = "*".join(self.inputs)
-        return f"{self.output}({joined})" + {1: " forward", -1: " backward"}.get(self.way, "")
+        return f"{self.output}({joined})" + {1: " forward", -1: " backward"}.get(self.direction, "")
 
 
 def added(terms: Iterable[Term], machine: Machine, q: Array, approach: Array | None = None) -> Array:
@@ -92,9 +92,9 @@ def added(terms: Iterable[Term], machine: Machine, q: Array, approach: Array | N
         value = np.ones(len(q))
         for factor in term.factors:
             value = value * factor.at(position)
-        if term.way:
+        if term.direction:
             moving = 0.0 if approach is None else approach[:, machine.index(term.inputs[0])]
-            value = value * (1.0 + term.way * moving) / 2.0
+            value = value * (1.0 + term.direction * moving) / 2.0
         i = machine.index(term.output)
         total[:, i] += value * machine.scale[i]
     return total

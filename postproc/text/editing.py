@@ -191,7 +191,7 @@ class WordEditor:
         text = "".join(line + self._end if self._end else self.layout.end + line for line in lines)
         self.edits.append(Edit(at, at, text))
 
-    def say_motion(self, code: str) -> None:
+    def insert_motion_code(self, code: str) -> None:
         """Put a G code in front of the block's words, behind its number."""
         first = next(word for word in self.block.words if word.address != "N")
         lower = self.block.text[first.at].islower()

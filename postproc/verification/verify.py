@@ -18,9 +18,9 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.correction import COLD, missed
+from postproc.compensation.correction import COLD, pose_errors
 from postproc.compensation.datum import datum_shifts, poses, touched
-from postproc.compensation.predicted_error import Judge, in_a_program, where
+from postproc.compensation.predicted_error import MachineStates, directions_at, in_a_program
 from postproc.control.setup import Setup
 from postproc.correct.report import Statistic
 from postproc.dialects import Dialect, Interpreter
@@ -127,8 +127,8 @@ def verify(
     if matched is None:
         raise UserError("the two programs do not make the same moves: is the second one a correction of the first?")
     machine = nominal.machine
-    before = Judge(model, machine, conditions, tolerance_um)
-    after = Judge(model, machine, conditions, tolerance_um, written=True)
+    before = MachineStates(model, machine, conditions, tolerance_um)
+    after = MachineStates(model, machine, conditions, tolerance_um, written=True)
     relative = bool(touched(nominal)[0])
     verdict = Verdict(moves, Statistic(), Statistic(), Statistic(), Statistic(), {}, relative=relative)
     ends: list[Array] = [np.empty((0, len(machine.axes)))]
@@ -147,7 +147,7 @@ def verify(
 
 def _judge(
     texts: tuple[Motions, Motions],
-    judges: tuple[Judge, Judge],
+    judges: tuple[MachineStates, MachineStates],
     model: ErrorModel,
     conditions: Conditions,
     verdict: Verdict,
@@ -166,8 +166,8 @@ def _judge(
         columns = zip(texts, directions, statistics, verdict.best_fit, strict=True)
         for motions, approach, (relative, from_offset), best_fit in columns:
             q = motions.in_machine(motions.along(share))[rows]
-            states = conditions.states(where(approach, i, rows))
-            found = missed(machine, model, q, wanted, tool[rows], states, shift[rows])
+            states = conditions.states(directions_at(approach, i, rows))
+            found = pose_errors(machine, model, q, wanted, tool[rows], states, shift[rows])
             relative.add(found.point_um)
             from_offset.add(found.absolute_um)
             if i >= 0:

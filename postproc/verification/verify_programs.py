@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 from kinematics.error_model.model import ErrorModel
 from kinematics.machine import Machine
 from postproc.compensation.conditions import Conditions
-from postproc.compensation.predicted_error import in_a_program, standing_notes
+from postproc.compensation.predicted_error import in_a_program, model_notes
 from postproc.compensation.used_datums import UsedDatums
 from postproc.control.setup import Setup
-from postproc.correct.classes import Left, class_table
+from postproc.correct.classes import ClassResiduals, class_table
 from postproc.correct.mark import PARTS, Mark, check_mark, mark_in_program, mark_of
 from postproc.correct.plausibility import parse_accepted
 from postproc.dialects import find_dialect
@@ -54,7 +54,7 @@ class Verification:
     verdicts: dict[str, Verdict]
     """Results by key of `Models.by_key`."""
     datums: UsedDatums
-    classes: list[Left]
+    classes: list[ClassResiduals]
     """Errors that each ISO/TR 16907 class would leave; empty unless requested."""
     assumptions: tuple[str, ...]
     """Assumed parts of the set-up, as sentences."""
@@ -90,7 +90,7 @@ def verify_programs(
     two programs with different moves, and for a mark of another set-up that is not accepted.
     """
     accepted = parse_accepted(accept, PARTS)
-    notes = standing_notes(models.judge, conditions)
+    notes = model_notes(models.judge, conditions)
     motions, states = [], []
     for source in programs:
         language = find_dialect(dialect, source.name, source.text_head)

@@ -119,12 +119,12 @@ class AddedBlock:
         """True beside a block of Klartext."""
         return self.beside.kind != "words"
 
-    def beside_says(self, mode: str) -> bool:
+    def is_beside_mode(self, mode: str) -> bool:
         """True beside a Siemens block with a word in that mode: AC, IC, ..."""
         return any(word.mode == mode and word.address in "IJK" for word in self.beside.words)
 
     @property
-    def says_nothing(self) -> bool:
+    def empty(self) -> bool:
         """True while it names no axis."""
         return not self._words
 

@@ -27,7 +27,7 @@ from postproc.text.number_style import decimals_for
 from postproc.write.added_blocks import AddedBlock
 from postproc.write.poles import Ends, PoleWriter
 
-STRAY = 5e-4
+LARGEST_DEVIATION = 5e-4
 """Deviation, mm, of the middle of an arc above which a radius is replaced by the centre.
 
 Near a half circle the rounding of the radius, and near a full circle the rounding of the end points, moves the path
@@ -81,11 +81,11 @@ class CircleWriter:
         else:
             # a Siemens block marks its centre as absolute (I=AC), an added block does not
             absolute = arc.form.endswith("absolute") and not (
-                isinstance(editor, AddedBlock) and editor.beside_says("AC")
+                isinstance(editor, AddedBlock) and editor.is_beside_mode("AC")
             )
             centre = self._write_centre(editor, arc, (0.0, 0.0) if absolute else start, centre, unit)
             if arc.form == "worked-out" and isinstance(editor, WordEditor):
-                say_circle(editor, arc.sense)
+                write_motion_code(editor, arc.sense)
         if (
             abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0
             and math.dist(start, centre) > DOT
@@ -135,7 +135,7 @@ class CircleWriter:
         if isinstance(editor, AddedBlock):
             radius = editor.agreed("R", round(radius, decimals), decimals)
             by_radius = centre_from_radius(start, end, radius * unit, arc.sense)
-            if by_radius is None or _strays(start, end, centre, by_radius, arc.sense) >= STRAY:
+            if by_radius is None or _middle_deviation(start, end, centre, by_radius, arc.sense) >= LARGEST_DEVIATION:
                 raise editor.beside.refuse("rounding its radius would move this arc in pieces: give its centre (CC, C)")
             editor.insert("R", radius, decimals)
             return by_radius
@@ -145,7 +145,7 @@ class CircleWriter:
         # a segment of an arc of more than half a turn may itself be below half a turn
         signed = math.copysign(radius, said if abs(turned) > math.pi - HALF else 1.0)
         by_radius = centre_from_radius(start, end, editor.rounded(index, signed, decimals) * unit, arc.sense)
-        if by_radius is not None and _strays(start, end, centre, by_radius, arc.sense) < STRAY:
+        if by_radius is not None and _middle_deviation(start, end, centre, by_radius, arc.sense) < LARGEST_DEVIATION:
             editor.set(index, signed, decimals)
             return by_radius
         if editor.block.kind != "words":
@@ -188,13 +188,13 @@ def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shi
     return moved_centre((before, after), arc.centre, turned, (start_shift, (x, y), end_shift))
 
 
-def _strays(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
+def _middle_deviation(start: Point, end: Point, centre: Point, other: Point, sense: int) -> float:
     """Distance of the middles of two arcs with the same ends, mm."""
     middles = [point_at(start, c, sweep(start, end, c, sense, False) / 2) for c in (centre, other)]
     return math.dist(*middles)
 
 
-def say_circle(editor: WordEditor, sense: int) -> None:
+def write_motion_code(editor: WordEditor, sense: int) -> None:
     """Siemens: G2 or G3 instead of CIP or CT, without the intermediate point."""
     for index, word in enumerate(editor.block.words):
         if word.address in CALCULATED_ARCS:

@@ -13,7 +13,7 @@ class Depth(NamedTuple):
 
     wanted: float
     nominal: float
-    said: bool
+    programmed: bool
     """True if the program has given the position of the axis, so that it is corrected."""
 
 
@@ -56,9 +56,11 @@ class HoleWriter:
         incremental = cycle.incremental != cycle.switched
         above = self._level if incremental else 0.0
         both = (incremental or cycle.switched) and self._differ(wanted, unit, decimals)
-        scale = Scale(unit, decimals, depth.said, both)
-        clear = self._say(editor, cycle.retract_word, ("R", "R"), wanted["R"], above, scale)
-        bottom = self._say(editor, cycle.word, (name, "depth"), wanted["depth"], clear if incremental else 0.0, scale)
+        scale = Scale(unit, decimals, depth.programmed, both)
+        clear = self._write_word(editor, cycle.retract_word, ("R", "R"), wanted["R"], above, scale)
+        bottom = self._write_word(
+            editor, cycle.word, (name, "depth"), wanted["depth"], clear if incremental else 0.0, scale
+        )
         return bottom, clear if cycle.to_retract else self._level
 
     def _differ(self, wanted: dict[str, float], unit: float, decimals: int) -> bool:
@@ -68,7 +70,7 @@ class HoleWriter:
     def _differs(self, what: str, wanted: float, unit: float, decimals: int) -> bool:
         return what not in self._held or round((wanted - self._held[what]) / unit, decimals) != 0
 
-    def _say(
+    def _write_word(
         self, editor: WordEditor, index: int | None, name: tuple[str, str], wanted: float, base: float, scale: Scale
     ) -> float:
         """Write one word; returns its position, mm, unchanged if the axis is not corrected.
@@ -78,11 +80,11 @@ class HoleWriter:
         (address, what), number = name, (wanted - base) / scale.unit
         if index is not None:
             stands = editor.block.words[index].value or 0.0
-            said = editor.set(index, number, scale.decimals) if scale.corrected else stands
+            programmed = editor.set(index, number, scale.decimals) if scale.corrected else stands
         elif scale.corrected and (scale.both or self._differs(what, wanted, scale.unit, scale.decimals)):
-            said = editor.agreed(address, round(number, scale.decimals), scale.decimals)
-            editor.insert(address, said, scale.decimals)
+            programmed = editor.agreed(address, round(number, scale.decimals), scale.decimals)
+            editor.insert(address, programmed, scale.decimals)
         else:
             return self._held.get(what, wanted)
-        self._held[what] = base + scale.unit * said
+        self._held[what] = base + scale.unit * programmed
         return self._held[what]

@@ -16,15 +16,15 @@ from postproc.text.editing import WordEditor
 from postproc.write.added_blocks import AddedBlock, Tag, feed_index
 
 
-def say_time(motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
+def add_inverse_time(motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
     """F under G93: of a segment by its share of the time of its move; of a take-up by the speed of the move."""
     if added.tag is Tag.TAKE_UP:
-        added.feed_of(_per_minute(motions, row, _way) / max(moved, SAME))
+        added.feed_of(_per_minute(motions, row, _length) / max(moved, SAME))
     else:
         added.feed_of(_per_minute(motions, row, _extent) / max(_extent(motions, row), SAME))
 
 
-def share_time(motions: Motions, row: int, editor: WordEditor) -> None:
+def write_inverse_time(motions: Motions, row: int, editor: WordEditor) -> None:
     """Under G93: F of the first segment of a move, for its share of the time of the move."""
     index = feed_index(editor.block)
     assert index is not None
@@ -43,10 +43,10 @@ def _per_minute(motions: Motions, row: int, way: Callable[[Motions, int], float]
 def _extent(motions: Motions, row: int) -> float:
     """Length of a segment, in a measure common to all segments of its move."""
     way = motions.target[row] - motions.start[row]
-    return _way(motions, row) if row in motions.arcs else float(np.linalg.norm(way))
+    return _length(motions, row) if row in motions.arcs else float(np.linalg.norm(way))
 
 
-def _way(motions: Motions, row: int) -> float:
+def _length(motions: Motions, row: int) -> float:
     """Length of a move, mm, nominal."""
     arc = motions.arcs.get(row)
     linear = list(motions.machine.translators)

@@ -8,19 +8,19 @@ from postproc.motion.moves import Polar
 from postproc.text.editing import WordEditor
 from postproc.text.number_style import decimals_for
 
-Place = tuple[float, float]
+Position = tuple[float, float]
 
 
 class PolarWriter:
     """Writes radius and angle of positions in a plane; both remain in force in blocks that omit them."""
 
     def __init__(self) -> None:
-        self._held: Place = (math.nan, math.nan)
+        self._held: Position = (math.nan, math.nan)
         """Last written radius, mm, and angle, degrees."""
 
     def write(
-        self, editor: WordEditor, polar: Polar, names: tuple[str, str], wanted: Place, unit: float, resolution: float
-    ) -> Place:
+        self, editor: WordEditor, polar: Polar, names: tuple[str, str], wanted: Position, unit: float, resolution: float
+    ) -> Position:
         """Write the position `wanted`, mm, in the plane; returns the written position, mm.
 
         resolution: of the position, mm; the angle gets the decimals that this requires at the radius.
@@ -32,13 +32,13 @@ class PolarWriter:
         if radius == 0.0:
             angle = polar.angle
         fine = math.degrees(resolution / max(abs(radius), 1.0))
-        radius = self._say(editor, polar.words[0], names[0], (radius, self._held[0]), (unit, resolution))
-        angle = self._say(editor, polar.words[1], names[1], (angle, self._held[1]), (1.0, fine))
+        radius = self._write_word(editor, polar.words[0], names[0], (radius, self._held[0]), (unit, resolution))
+        angle = self._write_word(editor, polar.words[1], names[1], (angle, self._held[1]), (1.0, fine))
         self._held = radius, angle
         return radius * math.cos(math.radians(angle)), radius * math.sin(math.radians(angle))
 
     @staticmethod
-    def _say(
+    def _write_word(
         editor: WordEditor, index: int | None, name: str, values: tuple[float, float], steps: tuple[float, float]
     ) -> float:
         """Write one word; returns its value. `values`: wanted and held; `steps`: unit and resolution."""

@@ -18,34 +18,36 @@ FINEST = 9
 
 
 def write_line_end(
-    editor: WordEditor, polar: PolarEnd, pole: Point, way: tuple[Point, Point], unit: float, resolution: float
+    editor: WordEditor, polar: PolarEnd, pole: Point, ends: tuple[Point, Point], unit: float, resolution: float
 ) -> Point:
     """Write the end of an LP, or of its first segment; returns the written end, mm.
 
-    `way`: start and end, mm. `pole`: the pole on the control, mm. `unit`: mm per unit of the words. `resolution`: mm.
+    `ends`: start and end, mm. `pole`: the pole on the control, mm. `unit`: mm per unit of the words. `resolution`: mm.
     """
-    start, end = (_seen_from(pole, point) for point in way)
+    start, end = (_seen_from(pole, point) for point in ends)
     radius = _set(editor, ("PR", polar.radius), start[0] / unit, end[0] / unit, decimals_for(resolution / unit)) * unit
-    angle = _set_angle(editor, polar, (start[1], end[1]), _said(editor, polar), angle_decimals(resolution, radius))
+    angle = _set_angle(
+        editor, polar, (start[1], end[1]), _programmed_angle(editor, polar), angle_decimals(resolution, radius)
+    )
     return at_polar(pole, radius, angle)
 
 
 def write_arc_end(
-    editor: WordEditor, polar: PolarEnd, pole: Point, way: tuple[Point, Point], turned: float, resolution: float
+    editor: WordEditor, polar: PolarEnd, pole: Point, ends: tuple[Point, Point], turned: float, resolution: float
 ) -> Point:
     """Write the end of a CP about `pole`; returns the written end, mm.
 
-    `way`: start and end, mm; the end has the angle of the end and the radius of the start. `turned`: nominal sweep,
+    `ends`: start and end, mm; the end has the angle of the end and the radius of the start. `turned`: nominal sweep,
     degrees. `resolution`: mm.
     """
-    (radius, begun), (_, ended) = (_seen_from(pole, point) for point in way)
+    (radius, begun), (_, ended) = (_seen_from(pole, point) for point in ends)
     angle = _set_angle(editor, polar, (begun, ended), turned, angle_decimals(resolution, radius))
     return at_polar(pole, radius, angle)
 
 
-def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, way: tuple[Point, Point], resolution: float) -> Point:
+def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, ends: tuple[Point, Point], resolution: float) -> Point:
     """Write the end of a helix segment by an angle instead of two axes; returns the written end, mm."""
-    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in way)
+    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in ends)
     decimals = angle_decimals(resolution, radius)
     turned = round(arc.sense * ((arc.sense * (ended - begun)) % 360.0), decimals)
     added.end_by_angle(axes, turned, decimals)
@@ -53,7 +55,7 @@ def add_helix_end(added: AddedBlock, axes: list[str], arc: Arc, way: tuple[Point
 
 
 def write_circle_as_helix(
-    editor: WordEditor, dropped: list[int], arc: Arc, way: tuple[Point, Point], turned: float, resolution: float
+    editor: WordEditor, dropped: list[int], arc: Arc, ends: tuple[Point, Point], turned: float, resolution: float
 ) -> Point:
     """Write C, CR, CT, CTP or CP PA as CP IPA about the pole before it, which replaces the words `dropped`.
 
@@ -63,14 +65,14 @@ def write_circle_as_helix(
     match = _CIRCLE.search(block.text, 0, block.words[0].at)
     assert match is not None
     editor.put(match.start(), match.end(), "cp" if match[0][0].islower() else "CP")
-    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in way)
+    (radius, begun), (_, ended) = (_seen_from(arc.centre, point) for point in ends)
     decimals = angle_decimals(resolution, radius)
     angle = round(turned + math.remainder(ended - begun - turned, 360.0), decimals)
     editor.replace(dropped[0], [("IPA", angle)], decimals)
     for index in dropped[1:]:
         editor.remove(index)
     if block.kind in ("tangent", "polar_tangent"):
-        _say_sense(editor, arc.sense)
+        _write_sense(editor, arc.sense)
     return at_polar(arc.centre, radius, begun + angle)
 
 
@@ -92,10 +94,10 @@ def write_tangent_as_circle(
         editor.replace(indices[0], end, decimals)
         for i in indices[1:]:
             editor.remove(i)
-    _say_sense(editor, sense)
+    _write_sense(editor, sense)
 
 
-def _say_sense(editor: WordEditor, sense: int) -> None:
+def _write_sense(editor: WordEditor, sense: int) -> None:
     """Add DR after the last coordinate."""
     block = editor.block
     last = max(word.end for word in block.words if word.start < word.end and word.address[-1] in "XYZABCUVWR")
@@ -119,14 +121,14 @@ def _seen_from(pole: Point, point: Point) -> tuple[float, float]:
     return math.hypot(x, y), math.degrees(math.atan2(y, x))
 
 
-def _said(editor: WordEditor, polar: PolarEnd) -> float:
+def _programmed_angle(editor: WordEditor, polar: PolarEnd) -> float:
     return 0.0 if polar.angle is None else editor.block.words[polar.angle].value or 0.0
 
 
 def _set_angle(editor: WordEditor, polar: PolarEnd, angles: tuple[float, float], turned: float, decimals: int) -> float:
     """Write the angle of the end, degrees, in the turn that the block gives; returns the written angle."""
     begun, ended = angles
-    said = _said(editor, polar)
+    said = _programmed_angle(editor, polar)
     if polar.angle is None:
         said = begun
     elif editor.block.words[polar.angle].address.startswith("I"):

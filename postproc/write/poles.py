@@ -37,20 +37,20 @@ class PoleWriter:
     def _decimals(self, axis: int, unit: float) -> int:
         return decimals_for(self.machine.axes[axis].resolution / unit)
 
-    def write_line(self, motions: Motions, row: int, ends: Ends, said: list[bool], editor: WordEditor) -> None:
+    def write_line(self, motions: Motions, row: int, ends: Ends, programmed: list[bool], editor: WordEditor) -> None:
         """Write the end of an LP relative to the pole on the control; `ends` becomes the written end."""
         polar, unit = motions.polar_ends[int(motions.block[row])], float(motions.unit[row])
         (start, held), (i, j, _) = ends, polar.plane
-        if not (said[i] and said[j]):
+        if not (programmed[i] and programmed[j]):
             return
         pole = polar.pole
         if self._held is not None and self._held[0] == polar.number:
             pole = self._held[1]
         else:
-            pole = pole if polar.sure else self._put(polar.plane, pole, unit, editor)
+            pole = pole if polar.sure else self._add_pole(polar.plane, pole, unit, editor)
             self._held = polar.number, pole
-        way, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
-        held[i], held[j] = write_line_end(editor, polar, pole, way, unit, resolution)
+        points, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
+        held[i], held[j] = write_line_end(editor, polar, pole, points, unit, resolution)
 
     def write_arc(
         self,
@@ -67,34 +67,36 @@ class PoleWriter:
         `pole_editor`: of the CC directly before it; None if there is none. `dropped`: indices of the words that an
         angle replaces if the arc becomes a helix.
         """
-        if arc.form == "tangent" and not dropped and isinstance(editor, WordEditor) and _still(motions, row, ends):
+        if arc.form == "tangent" and not dropped and isinstance(editor, WordEditor) and _is_nominal(motions, row, ends):
             return motions.arcs[row].centre
         unit = float(motions.unit[row])
         if pole_editor is not None:
-            centre = self._say(pole_editor, arc, unit)
-        elif self._stands(arc, editor):
+            centre = self._write_pole(pole_editor, arc, unit)
+        elif self._pole_is_near(arc, editor):
             assert self._held is not None
             _, centre = self._held
         else:
-            centre = self._put(arc.plane, arc.centre, unit, editor)
+            centre = self._add_pole(arc.plane, arc.centre, unit, editor)
         self._held = arc.pole, centre
         self._write_end(motions, row, arc._replace(centre=centre), ends, editor, dropped)
         return centre
 
-    def _stands(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
+    def _pole_is_near(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
         """True if the pole on the control is near enough to the centre of an arc."""
         near = self._held is not None and self._held[0] == arc.pole and math.dist(self._held[1], arc.centre) < NEAR
         return near and (editor.iterations is None or editor.iterations.chosen("pole stands", near))
 
-    def _say(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
+    def _write_pole(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
         """Write the pole into a CC of the program; returns the written pole, mm."""
-        said = []
+        programmed = []
         for axis, index, place in zip(arc.plane, arc.words, arc.centre, strict=False):
             assert index is not None
-            said.append(editor.set(index, place / unit, self._decimals(axis, unit)) * unit)
-        return said[0], said[1]
+            programmed.append(editor.set(index, place / unit, self._decimals(axis, unit)) * unit)
+        return programmed[0], programmed[1]
 
-    def _put(self, plane: tuple[int, int, int], pole: Point, unit: float, editor: WordEditor | AddedBlock) -> Point:
+    def _add_pole(
+        self, plane: tuple[int, int, int], pole: Point, unit: float, editor: WordEditor | AddedBlock
+    ) -> Point:
         """Add a pole before a block; returns the written pole, mm."""
         names = [self.machine.names[axis] for axis in plane[:2]]
         decimals = self._decimals(plane[0], unit)
@@ -116,15 +118,15 @@ class PoleWriter:
     ) -> None:
         """Write the end of an arc if axes do not give it; `ends` becomes the written end."""
         (start, held), (i, j, normal) = ends, arc.plane
-        way, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
+        points, resolution = ((start[i], start[j]), (held[i], held[j])), self.machine.axes[i].resolution
         names, unit = [self.machine.names[axis] for axis in (i, j)], float(motions.unit[row])
         polar = motions.polar_ends.get(int(motions.block[row]))
         if isinstance(editor, AddedBlock):
             if editor.names(self.machine.names[normal]):
-                held[i], held[j] = add_helix_end(editor, names, arc, way, resolution)
+                held[i], held[j] = add_helix_end(editor, names, arc, points, resolution)
         elif dropped:
             turned = math.degrees(arc_turned(motions, row))
-            held[i], held[j] = write_circle_as_helix(editor, dropped, arc, way, turned, resolution)
+            held[i], held[j] = write_circle_as_helix(editor, dropped, arc, points, turned, resolution)
         elif arc.form == "tangent":
             decimals = self._decimals(i, unit)
             end = [(name, round(held[axis] / unit, decimals)) for name, axis in zip(names, (i, j), strict=True)]
@@ -134,10 +136,10 @@ class PoleWriter:
         elif arc.form == "polar" and not arc.full:
             assert polar is not None
             turned = math.degrees(arc_turned(motions, row))
-            held[i], held[j] = write_arc_end(editor, polar, arc.centre, way, turned, resolution)
+            held[i], held[j] = write_arc_end(editor, polar, arc.centre, points, turned, resolution)
 
 
-def _still(motions: Motions, row: int, ends: Ends) -> bool:
+def _is_nominal(motions: Motions, row: int, ends: Ends) -> bool:
     """True if an arc has its nominal start and end in its plane."""
     plane = list(motions.arcs[row].plane[:2])
     nominal = motions.start[row, plane].tolist(), motions.target[row, plane].tolist()

@@ -36,7 +36,7 @@ from postproc.write.added_blocks import (
 from postproc.write.arcs import ABOUT_POLES, CircleWriter, round_off
 from postproc.write.drilling import Depth, HoleWriter
 from postproc.write.helices import axes_across, replaced_by_angle
-from postproc.write.inverse_time import say_time, share_time
+from postproc.write.inverse_time import add_inverse_time, write_inverse_time
 from postproc.write.polar import PolarWriter
 from postproc.write.poles import PoleWriter
 
@@ -81,10 +81,10 @@ class Writer:
         self._held: list[float] | None = None
         self._frame: Frame | None = None
         self._editors: dict[int, WordEditor] = {}
-        self._places: Sequence[int] | None = None
+        self._indices: Sequence[int] | None = None
         self._iterations: dict[int, Iterations] = {}
         """Iterations by block of the program, if blocks may run several times."""
-        self._said: list[list[bool]] = []
+        self._programmed: list[list[bool]] = []
         self._ours: list[bool] = []
         self._inner: list[bool] = []
         self._at_end: dict[int, list[str]] = {}
@@ -105,14 +105,14 @@ class Writer:
     def _letter(self, axis: int) -> int:
         return ORDER.index(self.machine.names[axis][0])
 
-    def write(self, motions: Motions, correction: Correction, places: Sequence[int] | None = None) -> Written:
+    def write(self, motions: Motions, correction: Correction, indices: Sequence[int] | None = None) -> Written:
         """Edit the blocks of a chunk; places: their indices in a program if blocks may run several times."""
-        self._places = places
+        self._indices = indices
         self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
-        turning = motions.rotary_only
+        rotary_only = motions.rotary_only
         assumed = (motions.known_start == Known.ASSUMED).tolist()
-        self._said = motions.correctable.tolist()
+        self._programmed = motions.correctable.tolist()
         self._ours, self._inner = motions.added.tolist(), motions.intermediate.tolist()
         for row in range(len(motions)):
             held = self._before(motions, row, assumed[row])
@@ -120,11 +120,11 @@ class Writer:
             if motions.kind[row] == Kind.MACHINE:
                 self._go_to_machine_position(motions, row, held)
             elif motions.kind[row] == Kind.PRESET:
-                self._call_here(motions, row, held)
+                self._preset(motions, row, held)
             elif motions.kind[row] == Kind.PATTERN:
                 self._follow(motions, correction, row, held, ends[row - 1] - motions.target[row - 1])
             else:
-                self._write_row(motions, correction, row, held, bool(turning[row]))
+                self._write_row(motions, correction, row, held, bool(rotary_only[row]))
             ends[row] = self._held = held
             if row in motions.cycles:
                 ends[row, motions.cycles[row].axis] = self._bottom
@@ -144,7 +144,7 @@ class Writer:
             q = to_machine(self.machine, self._frame, np.array([held]))
             held = to_program(self.machine, frame, q)[0].tolist()
         self._frame = frame
-        return [s if unsaid else h for h, s, unsaid in zip(held, start, assumed, strict=True)]
+        return [s if not_programmed else h for h, s, not_programmed in zip(held, start, assumed, strict=True)]
 
     def _go_to_machine_position(self, motions: Motions, row: int, held: list[float]) -> None:
         """A move in machine coordinates: named axes move to its coordinates, all others keep their positions."""
@@ -153,7 +153,7 @@ class Writer:
         q[0, moved] = motions.machine_target[row, moved]
         held[:] = to_program(self.machine, frame, q)[0].tolist()
 
-    def _call_here(self, motions: Motions, row: int, held: list[float]) -> None:
+    def _preset(self, motions: Motions, row: int, held: list[float]) -> None:
         """G92: the preset is shifted by the correction in force."""
         editor = self._editor(motions, int(motions.block[row]))
         for axis, index, _ in motions.words[row]:
@@ -164,7 +164,7 @@ class Writer:
     def _follow(self, motions: Motions, correction: Correction, row: int, held: list[float], shift: Array) -> None:
         """A hole of a pattern gets the `shift` `(axes,)` of the first one; Refusal if its own correction differs."""
         own = (correction.target - motions.target)[row]
-        named = [axis for axis in cartesian(self.machine)[:2] if self._said[row][axis]]
+        named = [axis for axis in cartesian(self.machine)[:2] if self._programmed[row][axis]]
         apart = max((abs(float(own[axis] - shift[axis])) for axis in named), default=0.0) * 1e3
         if apart > self.tolerance_um:
             raise motions.blocks[motions.block[row]].refuse(
@@ -186,9 +186,9 @@ class Writer:
 
     def _iterations_of(self, motions: Motions, block: int) -> Iterations | None:
         """Numbers of the first iteration of a block of the chunk; None in a program whose blocks all run once."""
-        if self._places is None:
+        if self._indices is None:
             return None
-        if self._places[block] not in self._iterations:
+        if self._indices[block] not in self._iterations:
             # half of the tolerance, at most half of MOST_APART_UM, in units of the last decimal of a coordinate
             unit = float(motions.unit[np.searchsorted(motions.block, block)])  # for a CC, that of its arc
             counts = (
@@ -197,26 +197,28 @@ class Writer:
                 / unit
                 * 10.0 ** self._decimals(self.machine.translators[0], unit)
             )
-            self._iterations[self._places[block]] = Iterations(self._layout, counts)
-        return self._iterations[self._places[block]]
+            self._iterations[self._indices[block]] = Iterations(self._layout, counts)
+        return self._iterations[self._indices[block]]
 
     def _decimals(self, axis: int, unit: float) -> int:
         return decimals_for(self.machine.axes[axis].resolution / unit)
 
-    def _write_row(self, motions: Motions, correction: Correction, row: int, held: list[float], turning: bool) -> None:
+    def _write_row(
+        self, motions: Motions, correction: Correction, row: int, held: list[float], rotary_only: bool
+    ) -> None:
         """Edit the block of one move, or write an added block; `held` becomes the position after it."""
         block = int(motions.block[row])
         if self._ours[row]:
             added, start = self._added_block(motions, row), list(held)
-            self._write_words(motions, correction, row, held, turning, added)
+            self._write_words(motions, correction, row, held, rotary_only, added)
             self._put_beside(motions, row, added, math.dist(start, held))
             return
         self._layout = self._layout.after(motions.blocks[block])
         again = block in self._begun and row in motions.cycles
         editor = self._new_editor(motions, block) if again else self._editor(motions, block)
         if self._straight and row in motions.arcs and lacks_motion(motions.blocks[block]):
-            editor.say_motion("G3" if motions.arcs[row].sense > 0 else "G2")
-        self._write_words(motions, correction, row, held, turning, editor)
+            editor.insert_motion_code("G3" if motions.arcs[row].sense > 0 else "G2")
+        self._write_words(motions, correction, row, held, rotary_only, editor)
         if row in motions.cycles:
             self._write_depth(motions, correction, row, held, editor)
         if again and sorted(editor.edits) != sorted(self._editor(motions, block).edits):
@@ -227,7 +229,7 @@ class Writer:
                 if word.address in TURN_WORDS:
                     editor.cut(word)
             if motions.timed[row]:
-                share_time(motions, row, editor)
+                write_inverse_time(motions, row, editor)
         self._begun.add(block)
         self._straight = False
 
@@ -237,15 +239,15 @@ class Writer:
         correction: Correction,
         row: int,
         held: list[float],
-        turning: bool,
+        rotary_only: bool,
         editor: WordEditor | AddedBlock,
     ) -> None:
         start = list(held)
         arc = motions.arcs.get(row)
-        kept = self._kept(motions, row, turning)
+        kept = self._kept(motions, row, rotary_only)
         wanted = _wanted(motions, correction, row, start, kept)
         linear_unit = float(motions.unit[row])
-        said = self._said[row]
+        programmed = self._programmed[row]
         named = set()
         # a segment ends at a position without words in the program: all moving axes are written
         written = self._all_by_letter if self._inner[row] or self._ours[row] else self._by_letter
@@ -253,7 +255,7 @@ class Writer:
         dropped = self._keep_in_plane(motions, row, editor, wanted, start)
         for axis, index, incremental in motions.words[row]:
             named.add(axis)
-            if not said[axis]:
+            if not programmed[axis]:
                 held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
             elif index < 0:
                 held[axis] = wanted[axis]
@@ -269,13 +271,13 @@ class Writer:
         for axis in motions.arcs[row].plane[:2] if dropped else ():
             named.add(axis)
             held[axis] = wanted[axis]
-        for axis in (axis for axis in self._turned_by_vector if axis not in named and not said[axis]):
+        for axis in (axis for axis in self._turned_by_vector if axis not in named and not programmed[axis]):
             held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
         if row in motions.polars:
             named.update(self._write_polar(motions, row, wanted, held, editor))
         elif arc is None and isinstance(editor, WordEditor) and int(motions.block[row]) in motions.polar_ends:
-            self._poles.write_line(motions, row, (start, held), said, editor)
-        for axis in (axis for axis in written if axis not in named and said[axis]):
+            self._poles.write_line(motions, row, (start, held), programmed, editor)
+        for axis in (axis for axis in written if axis not in named and programmed[axis]):
             unit = 1.0 if self.machine.rotary[axis] else linear_unit
             base = held[axis] if motions.incremental[row] else 0.0
             number = (wanted[axis] - base) / unit
@@ -306,11 +308,11 @@ class Writer:
         """
         if row not in motions.arcs:
             return []
-        said, inner = self._said[row], self._inner[row] or self._ours[row]
+        programmed, inner = self._programmed[row], self._inner[row] or self._ours[row]
         moved = [
             axis
             for axis in (self._all_by_letter if inner else self._by_letter)
-            if said[axis] and abs(wanted[axis] - start[axis]) >= 0.5 * 10.0 ** -self._decimals(axis, 1.0)
+            if programmed[axis] and abs(wanted[axis] - start[axis]) >= 0.5 * 10.0 ** -self._decimals(axis, 1.0)
         ]
         across = axes_across(motions, row, moved)
         dropped = replaced_by_angle(motions, row, across, editor) if across else []
@@ -318,10 +320,10 @@ class Writer:
             wanted[axis] = start[axis]
         return dropped or []
 
-    def _kept(self, motions: Motions, row: int, turning: bool) -> tuple[int, ...]:
+    def _kept(self, motions: Motions, row: int, rotary_only: bool) -> tuple[int, ...]:
         """Columns of the axes whose end must equal their start to the last digit."""
         arc, still = motions.arcs.get(row), motions.locked_axes.get(row, ())
-        if turning:
+        if rotary_only:
             return (*self.machine.translators, *still)
         if arc is not None and arc.full:
             return (*arc.plane[:2], *still)
@@ -334,7 +336,11 @@ class Writer:
         assert isinstance(editor, WordEditor)  # no block is added beside polar coordinates
         polar = motions.polars[row]
         i, j = polar.axes
-        place = (wanted[i], wanted[j]) if self._said[row][i] and self._said[row][j] else motions.target[row, [i, j]]
+        place = (
+            (wanted[i], wanted[j])
+            if self._programmed[row][i] and self._programmed[row][j]
+            else motions.target[row, [i, j]]
+        )
         names = self.machine.names[i], self.machine.names[j]
         resolution = self.machine.axes[i].resolution
         unit = float(motions.unit[row])
@@ -347,7 +353,7 @@ class Writer:
         """Write depth and R of a hole if they differ from those in force; `held` becomes the level after the cycle."""
         cycle, unit = motions.cycles[row], float(motions.unit[row])
         z = cycle.axis
-        depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), self._said[row][z])
+        depth = Depth(float(correction.target[row, z]), float(motions.target[row, z]), self._programmed[row][z])
         decimals, name = self._decimals(z, unit), self.machine.names[z]
         self._bottom, held[z] = self._holes.write(editor, cycle, name, depth, held[z], unit, decimals)
 
@@ -386,14 +392,14 @@ class Writer:
 
     def _put_beside(self, motions: Motions, row: int, added: AddedBlock, moved: float) -> None:
         """Put an added block before or after the block of its move; a backlash take-up without words is dropped."""
-        if added.says_nothing and added.tag is Tag.TAKE_UP:
+        if added.empty and added.tag is Tag.TAKE_UP:
             return
         block = int(motions.block[row])
         begun = block in self._begun
         if not begun:
             added.modes(*mode_words(added.beside))
         if motions.timed[row]:
-            say_time(motions, row, added, moved)
+            add_inverse_time(motions, row, added, moved)
         elif not begun:
             added.feed(*feed_words(added.beside))
         editor = self._editor(motions, block)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from calibration.measurement.plan import Choices, Plan
     from kinematics.machine import Machine
     from postproc.control.setup import Setup
-    from postproc.generate import Manner
+    from postproc.generate import ProgramSettings
 
 PROGRAM = "NC program"
 
@@ -107,16 +107,16 @@ def plan(
         target_order=target_order, seed=seed, planes_at=planes_at, rotary_points=rotary_points, approach=approach,
         overrun=overrun, references=references, dwell=dwell, feed=feed,
     )  # fmt: skip
-    manner = _manner(found, dwell, feed, rapid, target_order, work_offset)
+    settings = _program_settings(found, dwell, feed, rapid, target_order, work_offset)
     asked = optimising.Asked(tracker, uncertainty, elevation, incidence, obstacle, visible, candidates)
     asked.check(
         optimise, strategy=strategy, spacing=spacing, order=order, approach=approach, runs=runs, references=references
     )
     if strategy == plan_path.STRATEGY:
         _refuse_of_points(points, spacing, dwell, order, approach, references or None)
-        length = plan_path.Length(length_m, minutes, manner.feed)
+        length = plan_path.Length(length_m, minutes, settings.feed)
         setup = tools.set_up(found, [work_offset] if work_offset else [])
-        _plan_on_the_fly(found, choices, length, path, setup, manner, dialect or "iso", (output, nc))
+        _plan_on_the_fly(found, choices, length, path, setup, settings, dialect or "iso", (output, nc))
         return
     for option, value in (("length-m", length_m), ("minutes", None if optimise else minutes), ("path", path)):
         if value is not None:
@@ -125,7 +125,7 @@ def plan(
         made = optimising.optimised_plan(found, choices, points, minutes, asked)
     else:
         made = options.plan_of(found, strategy, points, spacing, choices)
-    _write(made, manner, dialect or "iso", (output, nc))
+    _write(made, settings, dialect or "iso", (output, nc))
 
 
 def _check_program(nc: str | None, output: str, given: Mapping[str, object]) -> None:
@@ -137,7 +137,7 @@ def _check_program(nc: str | None, output: str, given: Mapping[str, object]) -> 
             raise UserError(f"--{option} is of the program: give --nc too")
 
 
-def _write(made: Plan, manner: Manner, dialect: str, outputs: tuple[str, str | None]) -> None:
+def _write(made: Plan, settings: ProgramSettings, dialect: str, outputs: tuple[str, str | None]) -> None:
     """Write the plan, and its program on request."""
     from calibration.measurement.plan_file import write_plan
     from postproc.commands.show.terminal import console
@@ -146,7 +146,7 @@ def _write(made: Plan, manner: Manner, dialect: str, outputs: tuple[str, str | N
     with whole_results(nc, output) as (program, table):
         write_plan(made, table)
         if nc is not None:
-            program.writelines(f"{line}\n".encode() for line in _lines(made, manner, dialect))
+            program.writelines(f"{line}\n".encode() for line in _lines(made, settings, dialect))
     console.print(f"{made.summary}")
 
 
@@ -167,7 +167,7 @@ def _plan_on_the_fly(
     length: plan_path.Length,
     program: str | None,
     setup: Setup,
-    manner: Manner,
+    settings: ProgramSettings,
     dialect: str,
     outputs: tuple[str, str | None],
 ) -> None:
@@ -183,25 +183,25 @@ def _plan_on_the_fly(
     else:
         found = read_path(program, machine, "auto", setup)
     result_of = judged(found, choices.targets)
-    made = plan_path.plan_of_path(found, choices, manner.feed)
+    made = plan_path.plan_of_path(found, choices, settings.feed)
     corners = found.positions / machine.scale
     output, nc = outputs
     with whole_results(nc, output) as (written, table):
         write_plan(made, table)
         if nc is not None:
-            lines = path_program(machine, corners, manner, dialect, "ncomp path to be measured on the fly")
+            lines = path_program(machine, corners, settings, dialect, "ncomp path to be measured on the fly")
             written.writelines(f"{line}\n".encode() for line in lines)
-    for sentence in plan_path.sentences(found, result_of, manner.feed, len(choices.targets)):
+    for sentence in plan_path.sentences(found, result_of, settings.feed, len(choices.targets)):
         console.print(sentence)
 
 
-def _manner(
+def _program_settings(
     machine: Machine, dwell: float | None, feed: float | None, rapid: bool, target_order: str, work_offset: str | None
-) -> Manner:
+) -> ProgramSettings:
     from postproc.control.setup import parse_work_offset
-    from postproc.generate import Manner
+    from postproc.generate import ProgramSettings
 
-    return Manner(
+    return ProgramSettings(
         feed or options.FEED,
         options.DWELL_S if dwell is None else dwell,
         rapid,
@@ -210,11 +210,13 @@ def _manner(
     )
 
 
-def _lines(made: Plan, manner: Manner, dialect: str) -> list[str]:
-    from postproc.generate import Visits, measuring_program
+def _lines(made: Plan, settings: ProgramSettings, dialect: str) -> list[str]:
+    from postproc.generate import MeasuringSequence, measuring_program
 
     scale = made.machine.scale
     before = None if made.before is None else made.before / scale
     assert made.state.target is not None
-    visits = Visits(made.machine, made.positions / scale, before, made.names.tolist(), made.state.target.tolist())
-    return list(measuring_program(visits, manner, dialect, f"ncomp measuring plan {made.strategy}"))
+    sequence = MeasuringSequence(
+        made.machine, made.positions / scale, before, made.names.tolist(), made.state.target.tolist()
+    )
+    return list(measuring_program(sequence, settings, dialect, f"ncomp measuring plan {made.strategy}"))

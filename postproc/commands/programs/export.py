@@ -26,8 +26,8 @@ from postproc.commands.options.shared import (
 if TYPE_CHECKING:
     from postproc.control.setup import Setup
     from postproc.tables.export import Exported
-    from postproc.tables.not_representable import Left
-    from postproc.tables.remaining_error import Places
+    from postproc.tables.not_representable import Unrepresented
+    from postproc.tables.remaining_error import EvaluationPoints
 
 EPILOG = (
     "Examples:\n\n"
@@ -109,10 +109,10 @@ def export(
     model = ncomp.load_calibration(found, calibration)
     exported = ncomp.export(found, format, model, sign=sign, settings=settings or (), tool_mm=tool_mm)
     setup = set_up.setup(found)
-    places = _places(program, dialect, exported, setup)
+    points = _places(program, dialect, exported, setup)
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}
-    if places is not None:
-        errors["program"] = exported.errors_at(places)
+    if points is not None:
+        errors["program"] = exported.errors_at(points)
     files = {**exported.files, "sheet.md": sheet(exported, left, errors["volume"])}
     others = whole_results(json, None if rest is None else str(rest))
     with whole_folder(output, _encoded(files)), others as (results, remainder):
@@ -146,19 +146,19 @@ def _places(
     dialect: str,
     exported: Exported,
     setup: Setup,
-) -> Places | None:
-    from postproc.tables.along_program import places_of
+) -> EvaluationPoints | None:
+    from postproc.tables.along_program import program_points
 
     if program is None:
         return None
     motions = moves_of(program, dialect, exported.target.machine, setup)
-    places = places_of(motions, exported.target.model)
-    if not len(places.q):
+    points = program_points(motions, exported.target.model)
+    if not len(points.q):
         raise UserError(f"{program}: no move says where all axes are: nothing to tell errors of")
-    return places
+    return points
 
 
-def _json(exported: Exported, left: list[Left], errors: dict[str, Any], files: list[str]) -> dict[str, Any]:
+def _json(exported: Exported, left: list[Unrepresented], errors: dict[str, Any], files: list[str]) -> dict[str, Any]:
     from postproc.tables.sheet import table_rows
 
     content = exported.content
@@ -182,7 +182,9 @@ def _json(exported: Exported, left: list[Left], errors: dict[str, Any], files: l
     }
 
 
-def _show(exported: Exported, left: list[Left], errors: dict[str, Any], output: Path, *, to_screen: bool) -> None:
+def _show(
+    exported: Exported, left: list[Unrepresented], errors: dict[str, Any], output: Path, *, to_screen: bool
+) -> None:
     from rich.table import Table
 
     from postproc.commands.show.terminal import console, say

@@ -9,7 +9,7 @@ import numpy as np
 from calibration.pages import figure
 from kinematics.machine import Machine
 from kinematics.transforms import Array
-from postproc.correct.trace import Bins, Ways
+from postproc.correct.trace import Bins, DrawnPaths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,13 +53,13 @@ def _area(place: Axes, bins: Bins, low: Array, high: Array, colour: str) -> None
     place.stairs(high, bins.edges, baseline=low, fill=True, color=colour, alpha=0.25, linewidth=0)
 
 
-def plan_figure(ways: Ways) -> str:
+def plan_figure(paths: DrawnPaths) -> str:
     """X-Y and X-Z views of the tool path, to one scale, coloured by the error before correction; an SVG."""
     from matplotlib.collections import LineCollection
 
-    pieces = np.stack([ways.points[:, :-1], ways.points[:, 1:]], axis=2).reshape(-1, 2, 3)
-    width = 2.5 if ways.stride > 1 else 1.0  # dots, where only some moves are drawn
-    colours = ((ways.errors[:, :-1] + ways.errors[:, 1:]) / 2.0).reshape(-1)
+    pieces = np.stack([paths.points[:, :-1], paths.points[:, 1:]], axis=2).reshape(-1, 2, 3)
+    width = 2.5 if paths.stride > 1 else 1.0  # dots, where only some moves are drawn
+    colours = ((paths.errors[:, :-1] + paths.errors[:, 1:]) / 2.0).reshape(-1)
     with figure(9.0, 4.2) as (canvas, drawn):
         canvas.set_dpi(FINE)
         places = canvas.subplots(1, 2)

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.pages import Section, Table, page
 from postproc.commands.show.job_figures import correction_figure, error_figure, plan_figure
 from postproc.correct.report import Report, Statistic
-from postproc.correct.trace import Place, Trace
+from postproc.correct.trace import MoveEnd, Trace
 from postproc.text.line_numbers import shortened
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _whole_table(report: Report) -> Table:
 
 def _figures(trace: Trace, error: str) -> Iterator[Section]:
     """Figures along the program, and of the tool path; `error`: name of the error in the figures."""
-    bins, ways = trace.bins, trace.ways
+    bins, ways = trace.bins, trace.paths
     if not bins.moves:
         return
     joined = f" Each step stands for {bins.width} moves: line RMS, area up to the largest." if bins.width > 1 else ""
@@ -145,7 +145,7 @@ def _figures(trace: Trace, error: str) -> Iterator[Section]:
         )
 
 
-def _worst_table(trace: Trace, places: Sequence[Place]) -> Table:
+def _worst_table(trace: Trace, places: Sequence[MoveEnd]) -> Table:
     axes = [axis.name for axis in trace.machine.axes]
     rows = [(str(p.line), *(f"{value:.3f}" for value in p.target), f"{p.before:.3f}", f"{p.after:.3f}") for p in places]
     return Table(("line", *axes, "before, um", "after, um"), rows)

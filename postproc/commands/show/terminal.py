@@ -11,7 +11,7 @@ from rich.text import Text
 
 from kinematics.machine import Machine
 from postproc.correct.check import Findings
-from postproc.correct.classes import Left
+from postproc.correct.classes import ClassResiduals
 from postproc.correct.report import Report, Statistic
 from postproc.text.line_numbers import ranges
 from postproc.verification.verify import Verdict
@@ -55,11 +55,11 @@ def show_findings(findings: Findings, name: str, *, to_errors: bool = False) -> 
     to = console if to_errors else output
     if findings.assumption:
         to.print(findings.assumption)
-    moves = len(findings.corrected) + len(findings.unsaid) + len(findings.machine)
+    moves = len(findings.corrected) + len(findings.not_programmed) + len(findings.machine)
     to.print(f"program      {name}  ({findings.dialect}, {findings.blocks} blocks, {moves} moves)")
     for what, lines in (
         ("corrected", findings.corrected),
-        ("not said", findings.unsaid),
+        ("not said", findings.not_programmed),
         ("machine", findings.machine),
         ("repeated", findings.repeated),
         ("not run", findings.not_run),
@@ -104,7 +104,7 @@ def show_facts(facts: list[tuple[str, str]], to: Console) -> None:
         to.print(f"{what:<12} {text}")
 
 
-def show_classes(rows: list[Left], to: Console) -> None:
+def show_classes(rows: list[ClassResiduals], to: Console) -> None:
     """Show the errors that each choice of compensation classes would leave."""
     table = Table(
         "classes corrected",

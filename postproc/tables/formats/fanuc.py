@@ -13,7 +13,7 @@ from msgspec import Meta
 from kinematics.machine import Axis
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.format import Content, Format, Own, Settings, lettered, number, own_table
 from postproc.tables.limits import Limits
 from postproc.tables.target import closes
@@ -52,8 +52,8 @@ def write(content: Content) -> dict[str, str]:
         said = _parameters(content, axis, own, point)
         table += [f"{axis.name},{name},{value}" for name, value in said.items()]
         data += [f"N{name}A{k}P{value}" for name, value in said.items()]
-        ways = {"positive": own.forward, "negative": own.backward} if own.both_ways else {"both": own.forward}
-        for travel, values in ways.items():
+        directions = {"positive": own.forward, "negative": own.backward} if own.bidirectional else {"both": own.forward}
+        for travel, values in directions.items():
             rows = zip(own.nodes.tolist(), _increments(content, axis, values, step), strict=True)
             for n, (position, value) in enumerate(rows, point):
                 pitch.append(f"{axis.name},{n},{number(position, 4)},{travel},{value}")
@@ -88,7 +88,7 @@ def _parameters(content: Content, axis: Axis, own: Own, first: int) -> dict[str,
     }
     if closes(axis):
         said["03625"] = "360.0"
-    if own.both_ways:
+    if own.bidirectional:
         amount = float(np.interp(axis.home, own.nodes, own.backward - own.forward))
         said |= {"03626": str(first + count), "03627": str(round(content.factor * amount / _step(settings)))}
     return said
@@ -157,7 +157,7 @@ FORMAT = Format(
     title="FANUC pitch error compensation (incremental), straightness",
     settings=FanucSettings,
     limits=_limits,
-    carries=lambda s: Carries(both_ways=s.bidirectional, cross=s.straightness),
+    capabilities=lambda s: Capabilities(bidirectional=s.bidirectional, cross=s.straightness),
     write=write,
     sign=None,
     parameters="fanuc",

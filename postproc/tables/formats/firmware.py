@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from msgspec import Meta
 
 from kinematics.transforms import Array
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.format import Content, Format, Settings, number
 from postproc.tables.limits import Limits
 from postproc.tables.terms import Curve, Surface
@@ -99,8 +99,8 @@ def _limits(grid: int, resolution: float, step: float) -> Limits:
     )
 
 
-def _carries(_: MeshSettings) -> Carries:
-    return Carries(outputs="XYZ", own=False, cross=True, pairs=SKEWS, surfaces="XY", surface_outputs="Z")
+def _carries(_: MeshSettings) -> Capabilities:
+    return Capabilities(outputs="XYZ", own=False, cross=True, pairs=SKEWS, surfaces="XY", surface_outputs="Z")
 
 
 KLIPPER = Format(
@@ -108,7 +108,7 @@ KLIPPER = Format(
     title="Klipper skew_correction and bed_mesh",
     settings=MeshSettings,
     limits=lambda settings: _limits(settings.grid, 1e-6, 1e-4),
-    carries=_carries,
+    capabilities=_carries,
     write=write_klipper,
     sign="correction",
     parameters="firmware",
@@ -128,7 +128,7 @@ REPRAP = Format(
     title="RepRapFirmware height map and M556 skew",
     settings=MeshSettings,
     limits=lambda settings: _limits(settings.grid, 1e-3, 1e-2),
-    carries=_carries,
+    capabilities=_carries,
     write=write_reprap,
     sign="correction",
     parameters="firmware",

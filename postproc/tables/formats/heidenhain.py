@@ -16,7 +16,7 @@ from kinematics.effects.base import own_component
 from kinematics.machine import Axis
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.format import Content, Format, Settings, lettered
 from postproc.tables.limits import Limits
 from postproc.tables.motion_tables import MotionTable
@@ -70,7 +70,7 @@ def _columns(content: Content, source: Axis) -> tuple[Array, dict[str, Array]] |
         curve = term.factors[0]
         if term.inputs == (source.name,) and isinstance(curve, Curve):
             nodes = curve.nodes
-            cells["BACKLASH" if term.way < 0 else term.output] = content.factor * curve.values
+            cells["BACKLASH" if term.direction < 0 else term.output] = content.factor * curve.values
     return None if nodes is None else (nodes, cells)
 
 
@@ -187,7 +187,7 @@ COM = Format(
     title="HEIDENHAIN error tables (.COM, .CMA)",
     settings=ComSettings,
     limits=_limits,
-    carries=lambda settings: Carries(cross=True, both_ways=settings.backlash),
+    capabilities=lambda settings: Capabilities(cross=True, bidirectional=settings.backlash),
     write=write,
     sign=None,
     parameters="heidenhain",

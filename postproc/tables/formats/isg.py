@@ -13,7 +13,7 @@ from msgspec import Meta
 
 from kinematics.machine import TURN, Axis
 from kinematics.user_error import UserError
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
 from postproc.tables.limits import Limits
 from postproc.tables.terms import Curve, Surface
@@ -176,7 +176,7 @@ SSFK = Format(
     title="ISG / Beckhoff TwinCAT CNC leadscrew error compensation (kw.ssfk)",
     settings=SsfkSettings,
     limits=lambda settings: Limits(points=settings.points, resolution=UNIT, finest=2e-5),
-    carries=lambda _: Carries(both_ways=True),
+    capabilities=lambda _: Capabilities(bidirectional=True),
     write=write_ssfk,
     sign="error",
     parameters="isg",
@@ -197,7 +197,7 @@ CROSS = Format(
     title="ISG / Beckhoff TwinCAT CNC cross and plane compensation (kw.crosscomp, kw.crosscomp2)",
     settings=CrossSettings,
     limits=_cross_limits,
-    carries=lambda s: Carries(own=False, cross=not s.planes, surfaces="XYZUVW" if s.planes else ""),
+    capabilities=lambda s: Capabilities(own=False, cross=not s.planes, surfaces="XYZUVW" if s.planes else ""),
     write=write_cross,
     sign=None,
     parameters="isg",

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from kinematics.user_error import UserError
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
 from postproc.tables.limits import Limits
 
@@ -66,7 +66,7 @@ FORMAT = Format(
     title="LinuxCNC COMP_FILE",
     settings=LinuxCncSettings,
     limits=_limits,
-    carries=lambda _: Carries(both_ways=True),
+    capabilities=lambda _: Capabilities(bidirectional=True),
     write=write,
     sign="correction",
     parameters="linuxcnc",

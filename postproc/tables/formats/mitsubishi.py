@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
 from postproc.tables.limits import Limits
 
@@ -67,7 +67,7 @@ FORMAT = Format(
     title="Mitsubishi machine error compensation (incremental)",
     settings=MitsubishiSettings,
     limits=_limits,
-    carries=lambda _: Carries(),
+    capabilities=lambda _: Capabilities(),
     write=write,
     sign="correction",
     parameters="mitsubishi",

@@ -13,7 +13,7 @@ from msgspec import Meta
 from kinematics.machine import TURN, Axis
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
-from postproc.tables.build import Carries
+from postproc.tables.build import Capabilities
 from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
 from postproc.tables.limits import Limits
 from postproc.tables.terms import Curve, Term
@@ -133,7 +133,7 @@ def _cec(
     yield f"$AN_CEC_STEP[{t}]={grid.step}"
     yield f"$AN_CEC_MIN[{t}]={grid.low}"
     yield f"$AN_CEC_MAX[{t}]={grid.high}"
-    yield f"$AN_CEC_DIRECTION[{t}]={term.way if curve is term.factors[0] else 0}"
+    yield f"$AN_CEC_DIRECTION[{t}]={term.direction if curve is term.factors[0] else 0}"
     yield f"$AN_CEC_MULT_BY_TABLE[{t}]={multiplied_by}"
     yield f"$AN_CEC_IS_MODULO[{t}]={grid.modulo}"
 
@@ -160,7 +160,7 @@ EEC = Format(
     title="Siemens SINUMERIK encoder error compensation (EEC, $AA_ENC_COMP)",
     settings=EecSettings,
     limits=_limits,
-    carries=lambda _: Carries(),
+    capabilities=lambda _: Capabilities(),
     write=write_eec,
     sign="error",
     parameters="siemens",
@@ -184,7 +184,7 @@ CEC = Format(
     title="Siemens SINUMERIK sag, cross error and direction-dependent compensation (CEC, $AN_CEC)",
     settings=CecSettings,
     limits=_limits,
-    carries=lambda s: Carries(own=s.own, cross=True, both_ways=s.own, products=s.products),
+    capabilities=lambda s: Capabilities(own=s.own, cross=True, bidirectional=s.own, products=s.products),
     write=write_cec,
     sign=None,
     parameters="siemens",

@@ -49,8 +49,8 @@ def _effects(machine: Machine, component: str, axis: str, rows: list[list[float]
     if component != OWN.get(axis[0], axis[0]):
         raise UserError(f"E_{component}{axis}: only positioning errors can depend on the direction")
     along = machine.axes[i].error_frame[:, "XYZABC".index(component) % 3] @ machine.axes[i].unit_direction
-    ways = ((1, forward), (-1, backward))
+    directions = ((1, forward), (-1, backward))
     return [
-        ControlTable(axis, (axis,), (nodes,), tuple(v if along > 0 else -v for v in values), cast(Any, way))
-        for way, values in ways
+        ControlTable(axis, (axis,), (nodes,), tuple(v if along > 0 else -v for v in values), cast(Any, direction))
+        for direction, values in directions
     ]

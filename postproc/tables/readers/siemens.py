@@ -62,20 +62,20 @@ def read_cec(source: Source) -> list[Effect]:
         if index in factors:
             continue
         output, of, points = _cross(source, table)
-        way = int(table.said.get("_DIRECTION", 0))
-        if way not in (-1, 0, 1):
-            raise UserError(f"{table.name}: DIRECTION {way}")
+        direction = int(table.said.get("_DIRECTION", 0))
+        if direction not in (-1, 0, 1):
+            raise UserError(f"{table.name}: DIRECTION {direction}")
         nodes, values = zip(*points, strict=True)
         second = int(table.said.get("_MULT_BY_TABLE", 0)) - 1
         if second < 0:
-            found.append(source.table(output, (of,), (nodes,), [sign * v for v in values], way))
+            found.append(source.table(output, (of,), (nodes,), [sign * v for v in values], direction))
             continue
         if second not in tables or second == index:
             raise UserError(f"{table.name}: MULT_BY_TABLE names table {second}, which is not there")
         _, other, more = _cross(source, tables[second])
         places, shares = zip(*more, strict=True)
         products = [sign * v * share for v in values for share in shares]
-        found.append(source.table(output, (of, other), (nodes, places), products, way))
+        found.append(source.table(output, (of, other), (nodes, places), products, direction))
     return found
 
 

@@ -22,10 +22,15 @@ class Source:
     files: Mapping[str, str]
     value_is: str
     """`error` or `correction`."""
-    said: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, str] = field(default_factory=dict)
 
     def table(
-        self, axis: str, of: Sequence[str], nodes: Sequence[Sequence[float]], corrections: Sequence[float], way: int = 0
+        self,
+        axis: str,
+        of: Sequence[str],
+        nodes: Sequence[Sequence[float]],
+        corrections: Sequence[float],
+        direction: int = 0,
     ) -> ControlTable:
         """The errors that a table of corrections, mm or degrees, removes."""
         for name in (axis, *of):
@@ -33,7 +38,9 @@ class Source:
         size = math.radians(1.0) * 1e6 if axis[0] in "ABC" else 1e3
         values = tuple(-float(c) * size for c in corrections)
         try:
-            return ControlTable(axis, tuple(of), tuple(tuple(map(float, n)) for n in nodes), values, cast(Any, way))
+            return ControlTable(
+                axis, tuple(of), tuple(tuple(map(float, n)) for n in nodes), values, cast(Any, direction)
+            )
         except ValueError as fault:
             raise UserError(f"{', '.join(self.files)}: {fault}") from None
 
@@ -57,7 +64,7 @@ class Source:
 
     def setting(self, name: str, default: str) -> str:
         """The settings of the user by --set."""
-        return self.said.get(name, default)
+        return self.settings.get(name, default)
 
 
 def refusal(name: str, line: int, text: str, why: str) -> UserError:
