@@ -13,7 +13,7 @@ import numpy as np
 
 import machines
 from kinematics.deviation import exact_deviation
-from kinematics.error_transform import error_transform, first_order_deviation
+from kinematics.error_transform import error_transform
 
 ROWS = 100_000
 RUNS = 7
@@ -42,7 +42,6 @@ def main() -> None:
         "exact matrix product": lambda: exact_deviation(machine, q, errors, TOOL),
         "J alone": lambda: error_transform(machine, q, TOOL),
         "J . errors": lambda: np.einsum("nij,nj->ni", error_transform(machine, q, TOOL), errors.reshape(ROWS, -1)),
-        "first order, without J": lambda: first_order_deviation(machine, q, errors, TOOL),
     }
     seconds = {name: median_seconds(work) for name, work in ways.items()}
     exact = seconds["exact matrix product"]

@@ -1,4 +1,4 @@
-"""Derives a chain's forward kinematics, its derivatives and first-order error transform with sympy, as NumPy source.
+"""Derives the first-order error transform J of a chain with sympy, as NumPy source.
 
 `python -m machines.derive --all` stores the source of the shipped machines in `kinematics/derived/`.
 
@@ -52,7 +52,7 @@ class Links(NamedTuple):
     arms: list[Matrix]
     """From each axis' error centre to the tool point, in the frame of its error motions, mm."""
     tip: Matrix
-    """The tool point in the workpiece frame, mm."""
+    """The tool point in the workpiece frame, mm: forward kinematics."""
 
 
 def links(machine: Machine, let: Let) -> Links:
@@ -80,42 +80,6 @@ def links(machine: Machine, let: Let) -> Links:
     return Links(rotations[::-1], [_error_frame(axis) for axis in machine.axes], arms[::-1], tip)
 
 
-def tool_point(machine: Machine, let: Let) -> Matrix:
-    """The tool point (3), mm, in the workpiece frame."""
-    return links(machine, let).tip
-
-
-def tool_axis(machine: Machine, let: Let) -> Matrix:
-    """The tool axis (3), from tip to spindle, in the workpiece frame."""
-    axis = _sympy().Matrix([0, 0, 1])
-    for i, rotation in reversed(list(enumerate(links(machine, let).rotations))):
-        axis = let(f"axis_{machine.names[i]}", rotation * axis)
-    return axis
-
-
-def slopes(machine: Machine, let: Let) -> Matrix:
-    """Derivatives (6, axes) of the nominal pose by the axis positions: tool point, then rotation vector.
-
-    A step along, or about, its own line is the error of an axis in that direction: E_i + w_i x arm_i, carried to the
-    workpiece as in `error_transform`.
-    """
-    sp = _sympy()
-    chain = links(machine, let)
-    before = sp.eye(3)
-    columns = []
-    for axis, rotation, arm in zip(machine.axes, chain.rotations, chain.arms, strict=True):
-        after = let(f"to_w_{axis.name}", before * rotation)
-        view = before if axis.side == "tool" else after
-        line = let(f"line_{axis.name}", view * _unit(axis))
-        if axis.rotary:
-            swing = let(f"swing_{axis.name}", _unit(axis).cross(arm))
-            columns.append(sp.Matrix([*let(f"moved_{axis.name}", view * swing), *line]))
-        else:
-            columns.append(sp.Matrix([*line, 0, 0, 0]))
-        before = after
-    return sp.Matrix.hstack(*columns)
-
-
 def error_transform(machine: Machine, let: Let) -> Matrix:
     """J (6, axes * 6): rows position x y z, then rotation vector; columns axis by axis in chain order, E_X ... E_C."""
     sp = _sympy()
@@ -133,26 +97,6 @@ def error_transform(machine: Machine, let: Let) -> Matrix:
             columns.append(sp.Matrix([*let(f"E_{name}", view * swing), *axes[:, k]]))
         before = after
     return sp.Matrix.hstack(*columns)
-
-
-def deviation(machine: Machine, let: Let) -> Matrix:
-    """J . errors (6), mm and rad, of error symbols E_XC, ...: carried axis by axis from the tool to the workpiece."""
-    sp = _sympy()
-    chain = links(machine, let)
-    position, orientation = sp.zeros(3, 1), sp.zeros(3, 1)
-    for axis, rotation, frame, arm in reversed(list(zip(machine.axes, *chain[:3], strict=True))):
-        name = axis.name
-        errors = [sp.Symbol(f"E_{component}{name}") for component in COMPONENTS]
-        shift = let(f"shift_{name}", frame * sp.Matrix(errors[:3]))
-        tilt = let(f"tilt_{name}", frame * sp.Matrix(errors[3:]))
-        if axis.side == "tool":
-            position, orientation = rotation * position, rotation * orientation
-        position = let(f"position_{name}", position + shift + tilt.cross(arm))
-        orientation = let(f"orientation_{name}", orientation + tilt)
-        if axis.side == "workpiece":
-            position = let(f"moved_{name}", rotation * position)
-            orientation = let(f"swung_{name}", rotation * orientation)
-    return sp.Matrix([*position, *orientation])
 
 
 def _exact(values: Sequence[float]) -> Matrix:
@@ -233,15 +177,19 @@ class _Sheet:
         return self._names[value]
 
     def lines(self, results: dict[str, Any]) -> list[str]:
-        """Code that assigns each result to its target, with the intermediate results it needs before."""
-        needed = {s for value in results.values() for s in value.free_symbols}
-        kept = []
+        """Code that assigns each result to its targets, with the intermediate results that it needs before."""
+        targets: dict[Any, list[str]] = {}
+        for target, value in results.items():
+            targets.setdefault(value, []).append(target)
+        needed = {symbol for value in targets if not value.is_Symbol for symbol in value.free_symbols}
+        code: list[str] = []
         for symbol, value in reversed(self._values.items()):
-            if symbol in needed:
+            if symbol in needed or symbol in targets:
                 needed |= value.free_symbols
-                kept.append((symbol.name, value))
-        code = [f"{target} = {_printer().doprint(value)}" for target, value in (*reversed(kept), *results.items())]
-        return [wrapped for line in code for wrapped in _wrap(line)]
+                names = [symbol.name] * (symbol in needed) + targets.pop(symbol, [])
+                code.append(" = ".join((*names, _printer().doprint(value))))
+        code.reverse()
+        return [*code, *(" = ".join((*names, _printer().doprint(value))) for value, names in targets.items())]
 
 
 def _fold(value: Any) -> Any:
@@ -273,142 +221,33 @@ def _printer() -> Any:
     return Printer()
 
 
-def _wrap(line: str) -> list[str]:
-    """One statement on lines of at most `_WIDTH` characters inside a function."""
-    room = _WIDTH - 4
-    if len(line) <= room:
-        return [line]
-    target, value = line.split(" = ", 1)
-    return [f"{target} = (", *(f"    {part}" for part in textwrap.wrap(value, room - 4)), ")"]
-
-
-_HEADER = '''\
-"""Chain {chain}: forward kinematics and first-order error transform, as NumPy source.
-
-Generated by kinematics.derive; do not edit. `python -m machines.derive --all` regenerates those of the shipped
-machines. Needs no sympy.
-
-q: axis positions {names}, `(n, {axes})` or `({axes},)`, mm and rad. tool: `(3,)` or `(n, 3)`, mm, from the tool
-reference point. One row of q, tool or errors serves for all. Results are in the workpiece frame, mm and rad; their
-rows lie next to each other in memory, column by column.
-"""
+_SOURCE = '''\
+"""First-order error transform of the chain {chain}. Generated by `python -m machines.derive`; do not edit."""
 
 import numpy as np
 
 CHAIN_HASH = "{hash}"
-'''
 
-_FUNCTION = '''
 
-def {signature}:
-    """{doc}"""
+def error_transform(q, tool):
+    """J `(n, 6, {columns})` of axis positions {names} and tool vectors; see `kinematics.error_transform`."""
 {body}
 '''
 
 
 def source(machine: Machine) -> str:
-    """The derived module of a machine; the same text at every derivation."""
-    header = _HEADER.format(
-        chain=machine.chain,
-        names=" ".join(machine.names),
-        axes=len(machine.axes),
-        hash=machine.chain_hash,
-    )
-    parts = (_tool_point_source, _tool_axis_source, _slopes_source, _error_transform_source, _deviation_source)
-    return header + "".join(part(machine) for part in parts)
-
-
-def _function(signature: str, doc: str, body: list[str]) -> str:
-    return _FUNCTION.format(signature=signature, doc=doc, body=textwrap.indent("\n".join(body), "    "))
-
-
-def _targets(names: Sequence[str]) -> str:
-    """Left side of an assignment that takes an array apart, also one of a single row."""
-    return f"{names[0]}," if len(names) == 1 else ", ".join(names)
-
-
-def _unpacked(machine: Machine) -> str:
-    return f"{_targets(machine.names)} = np.ascontiguousarray(np.asarray(q, float).T)"
-
-
-_TOOL = "tx, ty, tz = np.asarray(tool, float).T"
-
-
-def _tool_point_source(machine: Machine) -> str:
-    sheet = _Sheet()
-    tip = tool_point(machine, sheet.let)
-    body = [
-        _unpacked(machine),
-        _TOOL,
-        f"tip = np.empty((3, np.broadcast({machine.names[0]}, tx).size))",
-        *sheet.lines({f"tip[{i}]": tip[i] for i in range(3)}),
-        "return tip.T",
-    ]
-    return _function("tool_point(q, tool)", "Nominal tool points `(n, 3)`, mm.", body)
-
-
-def _tool_axis_source(machine: Machine) -> str:
-    sheet = _Sheet()
-    axis = tool_axis(machine, sheet.let)
-    body = [
-        _unpacked(machine),
-        f"axis = np.empty((3, np.size({machine.names[0]})))",
-        *sheet.lines({f"axis[{i}]": axis[i] for i in range(3)}),
-        "return axis.T",
-    ]
-    return _function("tool_axis(q)", "Nominal tool axes `(n, 3)`, unit vectors from the tip to the spindle.", body)
-
-
-def _slopes_source(machine: Machine) -> str:
-    body = _matrix_source(machine, slopes, len(machine.axes))
-    doc = f"""Derivatives `(n, 6, {len(machine.axes)})` of the nominal pose by the axis positions.
-
-    Rows: tool point x y z, then the rotation vector. Columns: {" ".join(machine.names)}, per mm or per rad.
-    """
-    return _function("slopes(q, tool)", doc, body)
-
-
-def _matrix_source(machine: Machine, derivation: Callable[[Machine, Let], Matrix], columns: int) -> list[str]:
-    """Code that fills a matrix J `(n, 6, columns)`, without the entries that are always zero."""
-    sheet = _Sheet()
-    J, numbers = derivation(machine, sheet.let), derivation(machine, _somewhere(machine))
+    """The derived module of a machine, without the entries of J that are always zero; always the same text."""
+    sheet, columns = _Sheet(), 6 * len(machine.axes)
+    J, numbers = error_transform(machine, sheet.let), error_transform(machine, _somewhere(machine))
     entries = {f"J[{r}, {c}]": J[r, c] for c in range(columns) for r in range(6) if abs(numbers[r, c]) > 1e-30}
-    return [
-        _unpacked(machine),
-        _TOOL,
-        f"J = np.zeros((6, {columns}, np.broadcast({machine.names[0]}, tx).size))",
+    first, names = machine.names[0], ", ".join(machine.names)
+    body = [
+        f"{names}{',' * (columns == 6)} = np.ascontiguousarray(np.asarray(q, float).T)",
+        "tx, ty, tz = np.asarray(tool, float).T",
+        f"J = np.zeros((6, {columns}, np.broadcast({first}, tx).size))",
         *sheet.lines(entries),
         "return J.transpose(2, 0, 1)",
     ]
-
-
-def _error_transform_source(machine: Machine) -> str:
-    columns = 6 * len(machine.axes)
-    body = _matrix_source(machine, error_transform, columns)
-    doc = f"""J `(n, 6, {columns})`, deviation = J . errors.
-
-    Rows: position x y z, then the rotation vector. Columns: axis by axis in chain order ({" ".join(machine.names)}),
-    E_X E_Y E_Z (per mm), E_A E_B E_C (per rad).
-    """
-    return _function("error_transform(q, tool)", doc, body)
-
-
-def _deviation_source(machine: Machine) -> str:
-    sheet = _Sheet()
-    result = deviation(machine, sheet.let)
-    rows = [_targets([f"E_{component}{name}" for name in machine.names]) for component in COMPONENTS]
-    targets = {f"result[{i}]": result[i] for i in range(6)}
-    body = [
-        _unpacked(machine),
-        _TOOL,
-        "motions = np.asarray(errors, float).T",
-        *(f"{row} = motions[{i}]" for i, row in enumerate(rows)),
-        f"result = np.empty((6, np.broadcast({machine.names[0]}, tx, E_X{machine.names[0]}).size))",
-        *sheet.lines(targets),
-        "return result[:3].T, result[3:].T",
-    ]
-    doc = """J . errors without J: positions `(n, 3)` and rotation vectors `(n, 3)`.
-
-    errors: error motions `(n, axes, 6)` or `(axes, 6)`, mm and rad.
-    """
-    return _function("deviation(q, tool, errors)", doc, body)
+    wrapped = (textwrap.wrap(line, _WIDTH - 6, subsequent_indent="    ", break_on_hyphens=False) for line in body)
+    text = textwrap.indent("\n".join(" \\\n".join(lines) for lines in wrapped), "    ")
+    return _SOURCE.format(chain=machine.chain, hash=machine.chain_hash, columns=columns, names=names, body=text)

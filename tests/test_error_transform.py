@@ -21,6 +21,7 @@ from kinematics.forward import forward, tool_point
 from kinematics.machine import ISO_DIRECTION, Axis, Machine
 from kinematics.transforms import BLOCK, Array
 from machines import derive as shipped
+from tests.support.first_order import first_order_deviation
 
 ROOT = Path(__file__).parents[1]
 SLANTED = """
@@ -68,12 +69,16 @@ def stacked(deviation: tuple[Array, Array]) -> Array:
 
 
 def assert_agrees_with_exact(machine: Machine, seed: int) -> None:
-    """Forward kinematics, J by central differences, and the direct form, at random poses."""
+    """Derived forward kinematics, J by central differences, and J . errors, at random poses."""
     q, tool, errors = poses(machine, 6, seed)
-    module = error_transform.derived(machine)
     size = np.abs(tool_point(machine, q, tool)).max() + 1.0
-    assert np.abs(module.tool_point(q, tool) - tool_point(machine, q, tool)).max() < 1e-13 * size
-    assert np.abs(module.tool_axis(q) - forward(machine, q).rotation[:, :, 2]).max() < 1e-14
+    nominal = forward(machine, q)
+    for i in range(len(q)):
+        pose = dict(zip((*machine.names, "tx", "ty", "tz"), (*q[i], *tool[i]), strict=True))
+        chain = derive.links(machine, lambda _, values, at=pose: values.evalf(30, subs=at))
+        tip, axis = (np.array(found, float).ravel() for found in (chain.tip, sp.prod(chain.rotations)[:, 2]))
+        assert np.abs(tip - nominal.apply(tool)[i]).max() < 1e-13 * size
+        assert np.abs(axis - nominal.rotation[i, :, 2]).max() < 1e-14
 
     J = error_transform.error_transform(machine, q, tool)
     h = 1e-4
@@ -94,7 +99,7 @@ def assert_agrees_with_exact(machine: Machine, seed: int) -> None:
         vector = np.stack([turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]], axis=1)
         assert np.abs(slopes[:, 3:, axis] - vector).max() < 1e-8
 
-    direct = stacked(error_transform.first_order_deviation(machine, q, errors, tool))
+    direct = stacked(first_order_deviation(machine, q, errors, tool))
     assert np.abs(direct - np.einsum("nij,nj->ni", J, errors.reshape(6, -1))).max() < 1e-12 * size
 
 
@@ -134,7 +139,7 @@ def test_error_of_first_order_is_of_second_order(name):
     q, tool, errors = poses(machine, 200, seed=5)
     gaps = []
     for scale in (2e-4, 1e-4):
-        first = error_transform.first_order_deviation(machine, q, scale * errors, tool)
+        first = first_order_deviation(machine, q, scale * errors, tool)
         exact = exact_deviation(machine, q, scale * errors, tool)
         gaps.append([np.linalg.norm(a - b) for a, b in zip(first, exact, strict=True)])
     assert np.divide(*gaps) == pytest.approx([4.0, 4.0], rel=0.01)
@@ -204,7 +209,7 @@ def test_derivation_equals_differentiating_the_matrix_product_of_the_dmu50():
 
 
 def test_closed_form_of_the_dmu50_is_exact():
-    tip = derive.tool_point(machines.load("dmu50"), lambda _, values: values.applyfunc(sp.expand))
+    tip = derive.links(machines.load("dmu50"), lambda _, values: values.applyfunc(sp.expand)).tip
     assert tip[0].coeff(sp.Symbol("X")).coeff(sp.sin(sp.Symbol("B"))) == sp.sqrt(2) / 2 * sp.sin(sp.Symbol("C"))
     assert not tip.atoms(sp.Float)
 
@@ -222,20 +227,20 @@ def test_single_rows_serve_for_all():
     assert one.shape == (1, 6, 30)
     assert error_transform.error_transform(machine, q[0], tool)[:1] == pytest.approx(one)
     assert error_transform.error_transform(machine, q, tool[0])[:1] == pytest.approx(one)
-    same = error_transform.first_order_deviation(machine, q, np.broadcast_to(errors[0], errors.shape), tool)
-    assert stacked(error_transform.first_order_deviation(machine, q, errors[0], tool)) == pytest.approx(stacked(same))
-    assert error_transform.first_order_deviation(machine, q[0], errors[0]).position.shape == (1, 3)
-    assert error_transform.first_order_deviation(machine, q[:0], errors[:0]).position.shape == (0, 3)
+    same = first_order_deviation(machine, q, np.broadcast_to(errors[0], errors.shape), tool)
+    assert stacked(first_order_deviation(machine, q, errors[0], tool)) == pytest.approx(stacked(same))
+    assert first_order_deviation(machine, q[0], errors[0]).position.shape == (1, 3)
+    assert first_order_deviation(machine, q[:0], errors[:0]).position.shape == (0, 3)
 
 
 def test_shipped_machines_need_no_sympy():
     code = (
         "import sys, numpy as np, machines\n"
-        "from kinematics.error_transform import error_transform, first_order_deviation\n"
+        "from kinematics.error_transform import error_transform, pose_slopes\n"
         "for name in machines.names():\n"
         "    machine = machines.load(name)\n"
         "    error_transform(machine, np.zeros(len(machine.axes)))\n"
-        "    first_order_deviation(machine, np.zeros(len(machine.axes)), np.zeros((len(machine.axes), 6)))\n"
+        "    pose_slopes(machine, np.zeros(len(machine.axes)))\n"
         "    assert f'kinematics.derived.{name}' in sys.modules\n"
         "assert 'sympy' not in sys.modules\n"
     )
@@ -329,17 +334,17 @@ def test_the_tools_own_displacement_to_first_order(name):
     q, tool, errors = poses(machine, 50, seed=6)
     errors = np.concatenate([errors, np.random.default_rng(7).normal(size=(50, 1, 6))], axis=1)
     J = error_transform.place_transform(machine, q, tool)
-    direct = stacked(error_transform.first_order_deviation(machine, q, errors, tool))
+    direct = stacked(first_order_deviation(machine, q, errors, tool))
     assert direct == pytest.approx(np.einsum("nij,nj->ni", J, errors.reshape(50, -1)), rel=1e-9, abs=1e-8)
     gaps = []
     for scale in (2e-4, 1e-4):
-        first = error_transform.first_order_deviation(machine, q, scale * errors, tool)
+        first = first_order_deviation(machine, q, scale * errors, tool)
         exact = exact_deviation(machine, q, scale * errors, tool)
         gaps.append([np.linalg.norm(a - b) for a, b in zip(first, exact, strict=True)])
     assert np.divide(*gaps) == pytest.approx([4.0, 4.0], rel=0.01)
 
 
-@pytest.mark.parametrize("deviation", [exact_deviation, error_transform.first_order_deviation])
+@pytest.mark.parametrize("deviation", [exact_deviation, first_order_deviation])
 def test_long_tables_are_worked_through_in_blocks(deviation):
     machine, n = machines.load("dmu50"), 2 * BLOCK + 3
     q, tool, errors = poses(machine, n, seed=10)
@@ -350,7 +355,7 @@ def test_long_tables_are_worked_through_in_blocks(deviation):
     assert whole.position.shape == whole.orientation.shape == (n, 3)
 
 
-@pytest.mark.parametrize("deviation", [exact_deviation, error_transform.first_order_deviation])
+@pytest.mark.parametrize("deviation", [exact_deviation, first_order_deviation])
 @pytest.mark.parametrize("n", [3, BLOCK + 2])
 def test_one_row_of_positions_errors_or_tool_serves_for_all(deviation, n):
     machine = machines.load("dmu50")

@@ -29,12 +29,13 @@ from kinematics.effects import (
     Wobble,
 )
 from kinematics.error_model.model import ErrorModel, decode_model, encode_model, no_errors, read_model, write_model
-from kinematics.error_transform import first_order_deviation, place_transform
+from kinematics.error_transform import place_transform
 from kinematics.forward import tool_point
 from kinematics.state import State
 from kinematics.transforms import BLOCK, Array
 from kinematics.user_error import UserError
 from machines.calibrations.dmu50_demonstration import demonstration
+from tests.support.first_order import first_order_deviation
 
 DMU50 = machines.load("dmu50")
 SHIPPED = Path(machines.__file__).parent / "calibrations" / "dmu50.json"
