@@ -97,7 +97,7 @@ BAD_OPTIONS = {
     "missing tool table": (["in.nc", *GANTRY, "--tool-table", "no.tbl"], "tool table no.tbl: No such file"),
     "bad tool table": (["in.nc", *GANTRY, "--tool-table", "in.nc"], "tool table in.nc:3: 'G21 G17 G90': G17 in a list of offsets"),
     "json and program on one stream": (["in.nc", *GANTRY, "--json", "-", "-o", "-"], "can't both go to standard output"),
-    "json and program in one file": (["in.nc", *GANTRY, "--json", "./out.nc", "-o", "out.nc"], "--json and --output both name ./out.nc"),
+    "json and program in one file": (["in.nc", *GANTRY, "--json", "./out.nc", "-o", "out.nc"], "--output and --json both name ./out.nc"),
     "missing output folder": (["in.nc", *GANTRY, "-o", "no/out.nc"], "can't write no/out.nc: No such file"),
     "output folder that is a file": (["in.nc", *GANTRY, "-o", "in.nc/out.nc"], "can't write in.nc/out.nc: Not a directory"),
     "output that is a folder": (["in.nc", *GANTRY, "-o", "folder.nc"], "can't write folder.nc: Is a directory"),

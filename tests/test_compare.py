@@ -269,7 +269,7 @@ def test_what_can_not_be_compared(command):
         (("a.json", "b.json", "--reference", "X=nan"), "expected AXIS=POSITION"),
         (("a.json", "a.json", "--reference", "X=1", "--reference", "X=2"), "given twice"),
         (("a.json", "a.json", "--reference", "X=400"), "from 0 to 200 mm"),
-        (("a.json", "b.json", "--report", "a.json"), "is read here"),
+        (("a.json", "b.json", "--report", "a.json"), "is an input and would be overwritten"),
     ):
         refused = command("compare", *arguments, *(() if "--report" in arguments else ("--json", "out.json")))
         assert refused.status == 2, arguments

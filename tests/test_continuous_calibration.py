@@ -223,7 +223,7 @@ def test_what_can_not_be_a_calibration(command):
         ((*write, "--machine", "short.toml"), "has no axis X"),
         ((*write, "--machine", "cframe", "--add-to", "gantry.json"), "is of machine gantry"),
         ((*write, "--machine", "cframe", "--report", "cal.json"), "both name"),
-        (("--write-calibration", "run.csv", "--machine", "cframe"), "is read here"),
+        (("--write-calibration", "run.csv", "--machine", "cframe"), "is an input and would be overwritten"),
     ):
         refused = command("continuous", "run.csv", "targets.csv", "-o", "table.csv", *options)
         assert refused.status == 2, options

@@ -546,7 +546,7 @@ BAD = {
     "widths": ([*GRID, "--errors", "no.toml"], "no.toml: No such file"),
     "out of reach": ([*GRID, "--elevation", "80:81"], "sees none of the points"),
     "truth and data": ([*GRID, "--truth", "data.csv"], "both name data.csv"),
-    "no size": ([*GRID, "--location", "inf"], "--location inf: no number"),
+    "no size": ([*GRID, "--location", "inf"], "--location inf: expected a finite number"),
     "negative uncertainty": ([*GRID, "-u", "u_angle_um=-1"], "u_angle_um=-1: negative"),
     "too many": ([*GRID, "--runs", "100000000"], "observations with all targets and runs, more than"),
     "backward range": ([*GRID, "--range", "X=5:1"], "axis X: nothing is left between 5 and 1"),

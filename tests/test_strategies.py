@@ -415,8 +415,8 @@ def test_klartext_command(ncomp):
 BAD = {
     "unknown strategy": (["--strategy", "spiral"], "unknown strategy 'spiral'"),
     "no such file": (["--strategy", "no.csv"], "--strategy no.csv: there is no such file"),
-    "dialect of no program": (["--strategy", "grid", "--dialect", "fanuc"], "--dialect is of the program: give --nc too"),
-    "rapid of no program": (["--strategy", "grid", "--rapid"], "--rapid is of the program: give --nc too"),
+    "dialect of no program": (["--strategy", "grid", "--dialect", "fanuc"], "--dialect is an option of the NC program: give --nc too"),
+    "rapid of no program": (["--strategy", "grid", "--rapid"], "--rapid is an option of the NC program: give --nc too"),
     "points": (["--strategy", "grid", "--points", "many"], "--points many: expected a number"),
     "range": (["--strategy", "grid", "--range", "X=a:b"], "--range X=a:b: 'a:b' is not 2 numbers"),
     "range of no axis": (["--strategy", "grid", "--range", "B=0:1"], "has no axis B"),
@@ -424,7 +424,7 @@ BAD = {
     "target twice": (["--strategy", "grid", "--target", "t=0,0,0", "--target", "bed.t=1,2,3"], "each name once"),
     "carrier": (["--strategy", "grid", "--target", "wall.t=0,0,0"], "expected t1=x,y,z, table"),
     "fanuc": (["--strategy", "grid", "--nc", "x.nc", "--dialect", "fanuc"], "G53 of this control always moves in rapid"),
-    "one file for both": (["--strategy", "grid", "--nc", "plan.csv"], "--nc and --output both name plan.csv"),
+    "one file for both": (["--strategy", "grid", "--nc", "plan.csv"], "--output and --nc both name plan.csv"),
     "offset": (["--strategy", "grid", "--nc", "x.nc", "--work-offset", "G54=1,b"], "'b' is no number"),
 }  # fmt: skip
 

@@ -469,7 +469,7 @@ def test_an_output_does_not_replace_an_input(command, tmp_path: Path, option: st
         given = [part for pair in outputs.items() for part in pair]
         done = command("three-points", "data.csv", "-m", "dmu50", "--plan", "plan.csv", *given)
         assert done.status == 2
-        assert f"{name} is read here: it would be overwritten" in done.err
+        assert f"{name} is an input and would be overwritten" in done.err
         assert (tmp_path / name).read_text() == "nothing that could be read"
 
 

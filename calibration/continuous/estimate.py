@@ -21,7 +21,6 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 
 Direction = Literal["auto", "forward", "backward", "mean"]
-DIRECTIONS: tuple[Direction, ...] = ("auto", "forward", "backward", "mean")
 ROWS = 500
 """Approximate number of rows of a table without a given spacing."""
 MOST_ROWS = 4000

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 import ncomp
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import argument, option
 from postproc.commands.options.shared import (
     ResultOptions,
-    check_apart,
-    check_places,
-    either,
+    check_files,
     machine_names,
     whole_results,
     write_json,
@@ -22,7 +19,6 @@ from postproc.commands.options.shared import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from calibration.evaluation.comparison import Straightness
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
 
@@ -30,31 +26,27 @@ EPILOG = (
     "Examples:\n\n"
     "`ncomp compare before.json after.json --report change.html`\n\n"
     "`ncomp compare march.json june.json --straightness least-squares --reference X=0 --reference Z=-100 --json -`\n\n"
-    "`ncomp compare old.json new.json --machine mill.toml --tool-mm 150`  a machine that is not shipped"
+    "`ncomp compare old.json new.json --machine mill.toml --tool-mm 150`  for a machine that is not shipped"
 )
 
 
 def compare(
     *,
-    a: Annotated[Path, typer.Argument(metavar="A.json", help="A calibration.")],
-    b: Annotated[Path, typer.Argument(metavar="B.json", help="Another one of the same machine.")],
-    machine: Annotated[
-        str | None,
-        typer.Option(
-            "--machine",
-            "-m",
-            help="Name of the machine, or path of its .toml file; default: the shipped one that A names.",
-            autocompletion=machine_names,
-        ),
-    ] = None,
-    straightness: Annotated[
-        str, typer.Option(metavar="end-point|least-squares", help="The reference straight line.")
-    ] = "end-point",
-    reference: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X=mm", help="Where the errors of an axis are zero; default: its home. Repeatable."),
-    ] = None,
-    tool_mm: Annotated[float, typer.Option("--tool-mm", min=0.0, help="Length of the tool in the volume, mm.")] = 100.0,
+    a: Path = argument("A calibration.", "A.json"),
+    b: Path = argument("Another calibration of the same machine.", "B.json"),
+    machine: str | None = option(
+        "Name of the machine, or path of its .toml file; default: the shipped machine of A.",
+        None,
+        "-m",
+        complete=machine_names,
+    ),
+    straightness: Literal["end-point", "least-squares"] = option(
+        "Reference straight line of the straightness.", default="end-point"
+    ),
+    reference: tuple[str, ...] = option(
+        "Position of an axis, mm or degrees, where its errors are zero; default: its home position.", "X=mm"
+    ),
+    tool_mm: float = option("Length of the tool in the volume, mm.", default=100.0, min=0.0),
     others: ResultOptions,
 ) -> None:
     """Compare two calibrations in the conventions of ISO 230-1: by error motion, squareness, and over the volume.
@@ -68,12 +60,10 @@ def compare(
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    check_apart({"--json": others.json, "--report": others.report})
-    check_places((a, b), others.files)
-    line: Straightness = either("--straightness", straightness, ("end-point", "least-squares"))
+    check_files((a, b), others.by_option)
     found, models = _read(a, b, machine)
     names = (str(a), str(b))
-    result = compared(found, models, line, _references(found, reference or []), tool_mm)
+    result = compared(found, models, straightness, _references(found, reference), tool_mm)
     with whole_results(*others.files) as (results, shown):
         sources = {
             letter: {"file": name, "id": model.id, "made_at": model.provenance.made_at.isoformat()}

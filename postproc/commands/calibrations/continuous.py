@@ -5,18 +5,17 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
-
-import typer
+from typing import TYPE_CHECKING, BinaryIO, ClassVar, Literal
 
 import ncomp
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import REQUIRED, argument, option, refuse_given
 from postproc.commands.options.measurement import HeaderLines, header_of
 from postproc.commands.options.shared import (
     ResultOptions,
-    check_apart,
-    check_places,
+    check_files,
     machine_names,
     whole_results,
     write_json,
@@ -27,77 +26,57 @@ if TYPE_CHECKING:
     from calibration.continuous.estimate import Estimate, TableRows
     from calibration.continuous.reading import Data
     from calibration.continuous.records import QuasiStatic
+    from kinematics.machine import Machine
 
 EPILOG = (
     "Examples:\n\n"
     "`ncomp continuous x_run.csv x_targets.csv -o x_table.csv --report x.html`\n\n"
     "`ncomp continuous forward.csv backward.csv x_axis.rtl --header u_um=0.3 -o x_table.csv --direction backward`\n\n"
-    "`ncomp continuous x_run.csv x_targets.csv --run 1 -o x_table.csv`  only the first cycle, before the axis warmed up"
-    "\n\n"
-    "`ncomp continuous x_run.csv x_targets.csv -o x_table.csv --machine cframe --write-calibration cal.json`  for "
-    "*ncomp part.nc*, *ncomp export* and every other command that takes --calibration\n\n"
+    "`ncomp continuous x_run.csv x_targets.csv --run 1 -o x_table.csv`  uses only the first cycle\n\n"
+    "`ncomp continuous x_run.csv x_targets.csv -o x_table.csv --machine cframe --write-calibration cal.json`  writes a "
+    "calibration for *ncomp part.nc*, *ncomp export* and every other command with --calibration\n\n"
     "`ncomp continuous y_run.csv y_targets.csv -o y_table.csv --machine cframe --add-to cal.json "
-    "--write-calibration cal_xy.json`  the next axis"
+    "--write-calibration cal_xy.json`  adds the next axis"
 )
-CALIBRATION = "The calibration"
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationOptions:
+    """The estimate as a calibration of a machine."""
+
+    PANEL: ClassVar[str] = "Calibration"
+
+    write_calibration: str | None = option(
+        "File for the errors of both directions, with their uncertainties, as a calibration of --machine.", "CAL.json"
+    )
+    machine: str | None = option("Name of the machine, or path of its .toml file.", None, "-m", complete=machine_names)
+    add_to: Path | None = option(
+        "Calibration of the machine, in which the errors along this axis are replaced.", "OLD.json"
+    )
+
+    def check(self) -> None:
+        """UserError for other options without --write-calibration, and for that without --machine."""
+        if self.write_calibration is not None and self.machine is None:
+            raise UserError("--write-calibration: give the machine of the calibration with --machine")
+        if self.write_calibration is None:
+            refuse_given("is an option of --write-calibration: give it too", self, "machine", "add_to")
 
 
 def continuous(
     *,
-    data: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="CONTINUOUS.csv... QUASISTATIC.csv...",
-            help="Continuous runs and quasi-static data, told apart by their columns.",
-        ),
-    ],
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="TABLE.csv", help="Error table; - for standard output.")
-    ],
-    spacing_mm: Annotated[
-        float | None,
-        typer.Option("--spacing-mm", metavar="mm", help="Between rows of the table; default about 500 rows."),
-    ] = None,
-    direction: Annotated[
-        str,
-        typer.Option(
-            metavar="auto|forward|backward|mean",
-            help="Of the table; auto: mean where both directions have continuous runs, else that of the run.",
-        ),
-    ] = "auto",
-    run: Annotated[
-        list[str] | None,
-        typer.Option("--run", metavar="NAME", help="Quasi-static run to use; default all of them. Repeatable."),
-    ] = None,
-    header: HeaderLines = None,
-    write_calibration: Annotated[
-        str | None,
-        typer.Option(
-            "--write-calibration",
-            metavar="CAL.json",
-            rich_help_panel=CALIBRATION,
-            help="Also the errors of both directions, with their uncertainty, as a calibration of --machine.",
-        ),
-    ] = None,
-    machine: Annotated[
-        str | None,
-        typer.Option(
-            "--machine",
-            "-m",
-            rich_help_panel=CALIBRATION,
-            help="Name of a machine, or path of its .toml file.",
-            autocompletion=machine_names,
-        ),
-    ] = None,
-    add_to: Annotated[
-        str | None,
-        typer.Option(
-            "--add-to",
-            metavar="OLD.json",
-            rich_help_panel=CALIBRATION,
-            help="A calibration of the machine, whose errors along this axis are replaced; all else of it stays.",
-        ),
-    ] = None,
+    data: tuple[Path, ...] = argument(
+        "Continuous runs and quasi-static data, which their columns distinguish.",
+        "CONTINUOUS.csv... QUASISTATIC.csv...",
+    ),
+    output: str = option("File for the error table; `-` is standard output.", "TABLE.csv", "-o", default=REQUIRED),
+    spacing_mm: float | None = option("Distance of the rows of the table, mm; default: about 500 rows.", "mm"),
+    direction: Literal["auto", "forward", "backward", "mean"] = option(
+        "Direction of the table; auto: mean where both directions have continuous runs, else that of the run.",
+        default="auto",
+    ),
+    run: tuple[str, ...] = option("Quasi-static run to use; default: all.", "NAME"),
+    header: HeaderLines,
+    model: CalibrationOptions,
     others: ResultOptions,
 ) -> None:
     """Join laser runs at constant velocity with a coarse quasi-static measurement of the same axis: one fine table.
@@ -106,69 +85,56 @@ def continuous(
     target, positive where the axis goes too far in its positive direction; u_um is their standard uncertainty (k = 1).
     Cyclic errors, table steps, vibrations, reversal and drift between runs are reported.
     """
-    from calibration.continuous.estimate import DIRECTIONS, estimate
+    from calibration.continuous.estimate import estimate
     from calibration.continuous.reading import read_all
     from calibration.fit.beyond_measured import calibration_file
     from postproc.commands.show.continuous import show, summary
     from postproc.commands.show.terminal import console, say
     from postproc.commands.show.terminal import output as screen
 
-    places = {"--output": output, "--write-calibration": write_calibration}
-    places |= {"--json": others.json, "--report": others.report}
-    check_apart(places)
-    check_places((*data, add_to), places.values())
-    _check_calibration(write_calibration, machine, add_to)
-    if direction not in DIRECTIONS:
-        raise UserError(f"--direction {direction}: expected one of {', '.join(DIRECTIONS)}")
-    if spacing_mm is not None and not 0.0 < spacing_mm < float("inf"):
+    outputs = {"--output": output, "--write-calibration": model.write_calibration, **others.by_option}
+    check_files((*data, model.add_to), outputs)
+    model.check()
+    if spacing_mm is not None and spacing_mm <= 0.0:
         raise UserError(f"--spacing-mm {spacing_mm:g}: expected a length above zero")
+    machine = None if model.machine is None else ncomp.load_machine(model.machine)
     with console.status("reading") as status:
-        read = read_all(data, header_of(header or []))
-        quasi = _runs(read.quasi, run or [])
+        read = read_all(data, header_of(header))
+        quasi = _runs(read.quasi, run)
         status.update("joining")
         found = estimate(read.records, quasi, spacing_mm, direction)
-        made = _calibration(found, read, quasi, machine, add_to, header) if write_calibration and machine else None
-    with whole_results(*others.files, write_calibration, output) as (results, shown, calibration, file):
+        made = None if machine is None else _calibration(found, read, quasi, machine, model.add_to, header)
+    with whole_results(*others.files, model.write_calibration, output) as (results, shown, calibration, file):
         _write_table(found.table(), file)
         if made is not None and machine is not None:
-            calibration.write(calibration_file(made.model, ncomp.load_machine(machine)))
+            calibration.write(calibration_file(made.model, machine))
         write_json(summary(found, read), results)
         if others.report is not None:
             from calibration.pages.continuous import continuous_page
 
             shown.write(continuous_page(found, read, f"ncomp continuous {' '.join(map(str, data))}"))
-    show(found, read, console if "-" in places.values() else screen)
+    show(found, read, console if "-" in outputs.values() else screen)
     for note in (*read.notes, *found.notes, *(made.notes if made else ())):
         say("note", note)
     if made is not None:
-        say("calibration", f"{write_calibration}: {', '.join(made.effects)}; {made.nodes} nodes")
-
-
-def _check_calibration(write_calibration: str | None, machine: str | None, add_to: str | None) -> None:
-    """UserError for options of the calibration without --write-calibration, and for that without --machine."""
-    if write_calibration is not None and machine is None:
-        raise UserError("--write-calibration: --machine is missing, the machine that the calibration is of")
-    for option, value in (("--machine", machine), ("--add-to", add_to)):
-        if value is not None and write_calibration is None:
-            raise UserError(f"{option} {value}: only with --write-calibration CAL.json")
+        say("calibration", f"{model.write_calibration}: {', '.join(made.effects)}; {made.nodes} nodes")
 
 
 def _calibration(
-    found: Estimate, read: Data, quasi: QuasiStatic, name: str, add_to: str | None, header: list[str] | None
+    found: Estimate, read: Data, quasi: QuasiStatic, machine: Machine, add_to: Path | None, header: Sequence[str]
 ) -> AxisModel:
     """The estimate as a calibration of the machine; UserError where the data are of another machine or axis."""
     from calibration.continuous.axis_model import axis_model, line_of
     from calibration.measurement.readers import read_any
     from kinematics.error_model.model import read_model
 
-    machine = ncomp.load_machine(name)
     if read.machine not in ("", machine.name):
         raise UserError(f"{', '.join(read.fingerprints)}: of machine {read.machine}, --machine is {machine.name}")
     if read.axis not in machine.names:
         raise UserError(f"{', '.join(read.fingerprints)}: {machine.name} ({machine.chain}) has no axis {read.axis}")
-    base = None if add_to is None else read_model(Path(add_to), machine)
-    given = header_of(header or [])
-    line = line_of([read_any(path, machine, header=given) for path in read.standing], read.axis)
+    base = None if add_to is None else read_model(add_to, machine)
+    entries = header_of(header)
+    line = line_of([read_any(path, machine, header=entries) for path in read.standing], read.axis)
     return axis_model(found, read, quasi, machine, line, base)
 
 

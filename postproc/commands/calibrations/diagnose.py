@@ -3,86 +3,63 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.measurement import DataOptions
+from postproc.commands.options.declared import REQUIRED, argument, option
+from postproc.commands.options.measurement import DataOptions, Noise
 from postproc.commands.options.shared import (
     MachineName,
     ResultOptions,
-    check_places,
-    either,
-    refuse_one_place,
+    check_files,
     show_insignificant,
     whole_results,
     write_json,
 )
 
 if TYPE_CHECKING:
-    from calibration.diagnosis.diagnose import Diagnosis, LeftOver
-    from calibration.observation.outliers import Variance
+    from calibration.diagnosis.diagnose import Diagnosis
 
 EPILOG = (
     "Examples:\n\n"
     "`ncomp diagnose tracker.csv --machine gantry -o gantry.json --report diagnosis.html`\n\n"
-    "`ncomp diagnose monday.csv friday.csv --machine dmu50 -o new.json --json out.json`  several runs together\n\n"
-    "`ncomp diagnose check.csv --machine gantry --calibration gantry.json -o new.json`  what has changed since\n\n"
+    "`ncomp diagnose monday.csv friday.csv --machine dmu50 -o new.json --json out.json`  joins several runs\n\n"
+    "`ncomp diagnose check.csv --machine gantry --calibration gantry.json -o new.json`  finds "
+    "the errors that are new since the calibration\n\n"
     "then `ncomp verify part.nc part_c.nc --machine gantry --calibration new.json`"
 )
 
 
 def diagnose(
     *,
-    data: Annotated[list[Path], typer.Argument(metavar="DATA.csv...", help="Measurement files, as of ncomp fit.")],
+    data: tuple[Path, ...] = argument("Measurement files, as for ncomp fit.", "DATA.csv..."),
     machine: MachineName,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="NEW.json", help="The new calibration.")],
-    calibration: Annotated[
-        Path | None,
-        typer.Option(
-            "--calibration", "-c", metavar="CAL.json", help="The present model; default: error motions of all axes."
-        ),
-    ] = None,
-    noise: Annotated[
-        str,
-        typer.Option(
-            "--noise",
-            metavar="sheet|estimate",
-            help="Instrument's uncertainty: as stated (from repeats where they contradict it), or from the residuals.",
-        ),
-    ] = "sheet",
-    unexplained: Annotated[
-        str,
-        typer.Option(
-            "--unexplained",
-            metavar="report|add",
-            help="What no cause explains: only told, or also added to the calibration as a smooth function, unnamed.",
-        ),
-    ] = "report",
+    output: Path = option("File for the new calibration.", "NEW.json", "-o", default=REQUIRED),
+    calibration: Path | None = option("Present model; default: error motions of all axes.", "CAL.json", "-c"),
+    noise: Noise,
+    unexplained: Literal["report", "add"] = option(
+        "Residuals without a known cause: only reported, or also added to the calibration as a smooth function.",
+        default="report",
+    ),
     form: DataOptions,
     others: ResultOptions,
 ) -> None:
     """Find the errors that a model lacks, name their cause, add it, and show the error before and after.
 
-    Causes that the data can't show are listed, never named. Causes that the data can't distinguish are printed as a
-    tie, with the next measurement that distinguishes them. Effects of the instrument are taken out of the data and not
-    written.
+    Causes that the data can't show are only listed. Causes that the data can't distinguish are shown as a tie, with the
+    measurement that distinguishes them. Effects of the instrument are removed from the data and not written.
     """
     from postproc.commands.show.diagnosis import show
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(others.json, str(output), "the new calibration")
-    check_places((*data, form.plan, calibration), (output, *others.files))
-    sheet: Variance = either("--noise", noise, ("sheet", "estimate"))
-    left_over: LeftOver = either("--unexplained", unexplained, ("report", "add"))
+    check_files((*data, form.plan, calibration), {"--output": output, **others.by_option})
     found_machine = ncomp.load_machine(machine)
     present = None if calibration is None else ncomp.load_calibration(found_machine, calibration)
     measurement = form.read(data, found_machine)
     with console.status("reading") as status:
-        found = ncomp.diagnose(measurement, present, noise=sheet, unexplained=left_over, progress=status.update)
+        found = ncomp.diagnose(measurement, present, noise=noise, unexplained=unexplained, progress=status.update)
     against = "" if calibration is None else f" --calibration {calibration}"
     command = f"ncomp diagnose {' '.join(map(str, data))} --machine {machine}{against}"
     _write(found, str(output), others, command)

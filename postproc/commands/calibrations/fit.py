@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
-
-import typer
+from typing import TYPE_CHECKING, Any, cast
 
 import ncomp
-from postproc.commands.options.measurement import DataOptions
+from postproc.commands.options.declared import REQUIRED, argument, option
+from postproc.commands.options.measurement import DataOptions, Noise
 from postproc.commands.options.path import OnTheFlyOptions, moving_summary, read_path, show_moving
 from postproc.commands.options.program import DialectName, SetUpOptions
 from postproc.commands.options.shared import (
     MachineName,
     ResultOptions,
-    check_places,
-    either,
-    refuse_one_place,
+    check_files,
     residual_table,
     show_insignificant,
     whole_results,
@@ -33,42 +30,32 @@ if TYPE_CHECKING:
     from calibration.fit.fit import Fit
     from calibration.fit.identifiability import Identifiability
     from calibration.measurement.measurement import Measurement
-    from calibration.observation.outliers import Variance
     from calibration.on_the_fly.along_path import OnTheFly
     from kinematics.effects import Effect
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitOptions:
-    """The fitted model and its prior."""
+    """The fitted model, its prior and its validity, by the names of the public interface."""
 
-    basis: Annotated[
-        str,
-        typer.Option(
-            "--basis",
-            metavar="auto|KIND:SIZE|X=KIND:SIZE,...",
-            help="How error motions are written: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, "
-            "polynomial:DEGREE, fourier:HARMONICS; auto, auto:KIND: chosen by the evidence of the data.",
-        ),
-    ] = "auto"
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--effect",
-            metavar="KIND:FIELD=VALUE,...",
-            help="Another effect of docs/effects.md to fit, from these values: backlash:axis=X,width=0. Repeatable.",
-        ),
-    ] = None
-    noise: Annotated[
-        str,
-        typer.Option(
-            "--noise", metavar="sheet|estimate", help="Instrument's uncertainty: as stated, or from the data."
-        ),
-    ] = "sheet"
-    prior_scale: Annotated[
-        float | None,
-        typer.Option("--prior-scale", min=1e-3, help="Size of the errors to expect, times the typical 30 um and urad."),
-    ] = None
+    basis: str = option(
+        "Basis of the error motions: b-spline:NODES (a table), cubic:NODES, legendre:DEGREE, polynomial:DEGREE, "
+        "fourier:HARMONICS; auto or auto:KIND: selected by the evidence of the data.",
+        "auto|KIND:SIZE|X=KIND:SIZE,...",
+        default="auto",
+    )
+    effects: tuple[str, ...] = option(
+        "Another effect of docs/effects.md to fit, with its initial values: backlash:axis=X,width=0.",
+        "KIND:FIELD=VALUE,...",
+        "--effect",
+    )
+    noise: Noise
+    prior_scale: float | None = option(
+        "Expected size of the errors, as a multiple of 30 um and urad; default: selected by the evidence of the data.",
+        min=1e-3,
+    )
+    hold_out: bool = option("Predict each run, or cell of space, from all others as a check.", default=True)
+    valid_days: float | None = option("Validity of the calibration, days; default: 365.", "N", min=1.0, max=36500.0)
 
 
 MANY = 0.05
@@ -78,33 +65,27 @@ EPILOG = (
     "`ncomp fit tracker.csv --machine gantry -o gantry.json --report gantry.html`\n\n"
     "`ncomp fit tracker.csv --machine dmu50 --basis legendre:5 -o cal.json --json fit.json`\n\n"
     "`ncomp fit tracker.csv --machine cframe --effect backlash:axis=X,width=0 -o cal.json`\n\n"
-    "`ncomp fit log.csv --machine gantry --plan plan.csv -o gantry.json`  a tracker's stream: standstills are found\n\n"
-    "`ncomp fit points.csv --machine cframe --path path.nc --reversal constant -o cal.json`  taken on the fly\n\n"
-    "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  from a CMM's table\n\n"
-    "`ncomp fit tracker.csv --machine gantry --valid-days 90 -o gantry.json`  refused by `ncomp` when it is older\n\n"
+    "`ncomp fit log.csv --machine gantry --plan plan.csv -o gantry.json`  finds the standstills in a "
+    "tracker's stream\n\n"
+    "`ncomp fit points.csv --machine cframe --path path.nc --reversal constant -o cal.json`  fits "
+    "data taken on the fly\n\n"
+    "`ncomp fit plate.txt --machine cframe --header u_um=2.3 --noise estimate -o cal.json`  reads a CMM's table\n\n"
+    "`ncomp fit tracker.csv --machine gantry --valid-days 90 -o gantry.json`  makes a calibration that "
+    "is refused after 90 days\n\n"
     "then `ncomp part.nc --machine gantry --calibration gantry.json -o part_c.nc`"
 )
 
 
 def fit(
     *,
-    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file.")],
+    data: Path = argument("Measurement file.", "DATA.csv"),
     machine: MachineName,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
+    output: Path = option("File for the calibration.", "CAL.json", "-o", default=REQUIRED),
     model: FitOptions,
     form: DataOptions,
-    hold_out: Annotated[
-        bool, typer.Option(help="Also predict each run, or cell of space, from all the others.")
-    ] = True,
-    valid_days: Annotated[
-        float | None,
-        typer.Option(
-            "--valid-days", metavar="N", min=1.0, max=36500.0, help="Validity of the calibration; default: 365."
-        ),
-    ] = None,
     moving: OnTheFlyOptions,
     set_up: SetUpOptions,
-    dialect: DialectName = "auto",
+    dialect: DialectName,
     others: ResultOptions,
 ) -> None:
     """Fit the machine's errors to measured points, with uncertainties, and list the errors that the points can't show.
@@ -112,34 +93,20 @@ def fit(
     Error motions of all axes that move, the instrument's position and outliers are found jointly. Errors that the data
     do not determine are listed by name and keep their prior uncertainty.
     """
-    from calibration.simulation.effect_text import read_effects
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(others.json, str(output), "the calibration")
-    check_places((data, form.plan, moving.path), (output, *others.files))
+    check_files((data, form.plan, moving.path), {"--output": output, **others.by_option})
     moving.check(form, set_up)
-    noise: Variance = either("--noise", model.noise, ("sheet", "estimate"))
     found_machine = ncomp.load_machine(machine)
-    effects = read_effects(model.effect or [], found_machine)
     measured: Measurement | OnTheFly
     if moving.path is None:
         measured = form.read([data], found_machine)
     else:
-        nominal = read_path(moving.path, found_machine, dialect, set_up.setup(found_machine))
+        nominal = read_path(moving.path, found_machine, set_up.setup(found_machine), dialect)
         measured = moving.read(data, nominal, form)
     with console.status("reading") as status:
-        found = ncomp.fit(
-            measured,
-            basis=model.basis,
-            effects=effects,
-            noise=noise,
-            prior_scale=model.prior_scale,
-            reversal=moving.reversal,
-            hold_out=hold_out,
-            valid_days=valid_days,
-            progress=status.update,
-        )
+        found = ncomp.fit(measured, reversal=moving.reversal, progress=status.update, **vars(model))
     taken = None if moving.path is None else cast("OnTheFly", measured)
     command = f"ncomp fit {data} --machine {machine} --basis {model.basis} --noise {model.noise}"
     _write(found, taken, str(output), others, command)

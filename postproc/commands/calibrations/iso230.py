@@ -6,17 +6,15 @@ import csv
 import io
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
-
-import typer
+from typing import TYPE_CHECKING, BinaryIO
 
 import ncomp
+from postproc.commands.options.declared import argument, option
 from postproc.commands.options.measurement import DataOptions
 from postproc.commands.options.shared import (
     JsonFile,
     MachineName,
-    check_places,
-    refuse_one_place,
+    check_files,
     whole_results,
     write_json,
 )
@@ -37,14 +35,11 @@ EPILOG = (
 
 def iso230(
     *,
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Interferometer data, in any known format.")],
+    data: Path = argument("Interferometer data, in any known format.", "DATA"),
     machine: MachineName,
-    output: Annotated[
-        str | None,
-        typer.Option("--output", "-o", metavar="TABLE.csv", help="Error tables of both directions; - standard output."),
-    ] = None,
+    output: str | None = option("Error tables of both directions; `-` is standard output.", "TABLE.csv", "-o"),
     form: DataOptions,
-    json: JsonFile = None,
+    json: JsonFile,
 ) -> None:
     """Evaluate interferometer runs by ISO 230-2: reversal, repeatability, systematic deviation and accuracy of axes.
 
@@ -55,8 +50,7 @@ def iso230(
     from postproc.commands.show.terminal import console, say
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(json, output, "the table")
-    check_places((data, form.plan), (output, json))
+    check_files((data, form.plan), {"--output": output, "--json": json})
     tests = evaluate(form.read([data], ncomp.load_machine(machine)))
     with whole_results(json, output) as (results, file):
         write_json({"axes": [test.json() for test in tests]}, results)

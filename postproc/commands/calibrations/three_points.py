@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any, Literal
 
 import ncomp
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import REQUIRED, argument, option
 from postproc.commands.options.measurement import DataOptions
 from postproc.commands.options.shared import (
     JsonFile,
     MachineName,
-    check_places,
-    refuse_one_place,
+    check_files,
     residual_table,
     show_insignificant,
     whole_results,
@@ -22,9 +20,11 @@ from postproc.commands.options.shared import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.console import Console
 
-    from calibration.single_axis.three_points import AxisResult, Kind, ThreePoints
+    from calibration.single_axis.three_points import AxisResult, ThreePoints
     from calibration.single_axis.three_points_check import Check
 
 EPILOG = (
@@ -36,21 +36,16 @@ EPILOG = (
 
 def three_points(
     *,
-    data: Annotated[Path, typer.Argument(metavar="DATA.csv", help="Measurement file of a tracker on the bed.")],
+    data: Path = argument("Measurement file of a tracker on the bed.", "DATA.csv"),
     machine: MachineName,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="CAL.json", help="The calibration.")],
-    basis: Annotated[
-        str, typer.Option("--basis", metavar="polynomial|table", help="How error motions are written.")
-    ] = "polynomial",
-    degree: Annotated[
-        list[str] | None,
-        typer.Option("--degree", metavar="XX=4", help="Degree of a polynomial (E_XX); others by AIC. Repeatable."),
-    ] = None,
+    output: Path = option("File for the calibration.", "CAL.json", "-o", default=REQUIRED),
+    basis: Literal["polynomial", "table"] = option("Basis of the error motions.", default="polynomial"),
+    degree: tuple[str, ...] = option("Degree of the polynomial of E_XX; default: chosen by AIC.", "XX=4"),
     form: DataOptions,
-    tables: Annotated[bool, typer.Option("--tables", help="Print every position of every axis as well.")] = False,
-    json: JsonFile = None,
+    tables: bool = option("Also show the errors at each position of each axis.", default=False),
+    json: JsonFile,
 ) -> None:
-    """Identify the six error motions of each axis from three or more targets on the part it moves, axis by axis."""
+    """Identify the six error motions of each axis from three or more targets on the part that the axis moves."""
     from calibration.fit.acceptance import refuse_uncertain
     from calibration.fit.beyond_measured import calibration_file
     from calibration.single_axis.three_points import Choice, identify
@@ -58,10 +53,9 @@ def three_points(
     from postproc.commands.show.terminal import console, say
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(json, str(output), "the calibration")
-    check_places((data, form.plan), (output, json))
+    check_files((data, form.plan), {"--output": output, "--json": json})
     measurement = form.read([data], ncomp.load_machine(machine))
-    choice = Choice(_kind(basis), _degrees(degree or []))
+    choice = Choice(basis, _degrees(degree))
     found = identify(measurement, choice)
     for note in found.notes:
         say("note", note)
@@ -73,20 +67,12 @@ def three_points(
     show(found, checked, console if json == "-" else screen, tables)
 
 
-def _kind(basis: str) -> Kind:
-    if basis == "polynomial":
-        return "polynomial"
-    if basis == "table":
-        return "table"
-    raise UserError(f"--basis {basis}: polynomial or table")
-
-
-def _degrees(texts: list[str]) -> dict[str, int]:
+def _degrees(texts: Iterable[str]) -> dict[str, int]:
     degrees = {}
     for text in texts:
         name, _, number = text.partition("=")
         if not number.strip().isdigit():
-            raise UserError(f"--degree {text}: write NAME=DEGREE, XX=4")
+            raise UserError(f"--degree {text}: expected NAME=DEGREE, as in XX=4")
         degrees[name.strip().removeprefix("E_")] = int(number)
     return degrees
 

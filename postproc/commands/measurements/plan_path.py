@@ -1,12 +1,12 @@
-"""`ncomp plan --strategy on-the-fly`: a path along which a tracker sees every error, or evaluation of a given path."""
+"""`ncomp plan --strategy on-the-fly`: a path along which every error is visible, or evaluation of a given path."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
-
-import typer
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,73 +17,53 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
 
 STRATEGY = "on-the-fly"
-PANEL = "On the fly"
 LENGTH = 12.7
 """Default length of a path, as a multiple of the sum of all travels: 21 m for 600 x 600 x 450 mm."""
 SHOWN = 6
 """Largest number of listed errors that are not visible."""
 
-PathLength = Annotated[
-    float | None,
-    typer.Option(
-        "--length-m", metavar="m", min=0.01, rich_help_panel=PANEL, help="Of the path; default 12.7 x all travels."
-    ),
-]
-PathMinutes = Annotated[
-    float | None,
-    typer.Option(
-        "--minutes",
-        min=0.01,
-        rich_help_panel=PANEL,
-        help="Or how long it takes at the feed; of --optimise, the time there is.",
-    ),
-]
-GivenPath = Annotated[
-    str | None,
-    typer.Option(
-        "--path", metavar="PATH.nc", rich_help_panel=PANEL, help="Evaluate this program instead of making one."
-    ),
-]
 
+@dataclass(frozen=True, kw_only=True)
+class PathOptions:
+    """A path for data taken on the fly."""
 
-class Length(NamedTuple):
-    """Length of the path, by m or by minutes; the default length where both are None."""
+    PANEL: ClassVar[str] = "Path on the fly"
 
-    length_m: float | None
-    minutes: float | None
-    feed: float
-    """Feed, mm/min."""
+    length_m: float | None = option(
+        f"Length of the path, m; default: {LENGTH} times the sum of all travels.", "m", min=0.01
+    )
+    minutes: float | None = option(
+        "Duration of the path at the feed, or of the plan of --optimise, min.", "min", min=0.01
+    )
+    path: str | None = option("NC program whose path is evaluated, in place of a planned path.", "PATH.nc")
 
-    def mm(self, travel: float) -> float:
-        """Length of the path, mm; travel: sum of the travels of all linear axes, mm."""
+    def length(self, travel: float, feed: float) -> float:
+        """Length of the path, mm; travel: sum of the travels of all linear axes, mm; feed, mm/min."""
         if self.length_m is not None and self.minutes is not None:
-            raise UserError("either --length-m or --minutes, not both")
+            raise UserError("--length-m and --minutes exclude each other: give one of them")
         if self.minutes is not None:
-            return self.minutes * self.feed
+            return self.minutes * feed
         return LENGTH * travel if self.length_m is None else self.length_m * 1e3
 
+    def planned(self, machine: Machine, choices: Choices, feed: float) -> NominalPath:
+        """The best path of this length; the terminal shows the progress of the search."""
+        from itertools import pairwise
 
-def planned_path(machine: Machine, choices: Choices, length: Length) -> NominalPath:
-    """The best path of a length; the terminal shows the progress of the search."""
-    from itertools import pairwise
+        import numpy as np
 
-    import numpy as np
+        from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM
+        from calibration.on_the_fly.nominal_path import NominalPath
+        from calibration.on_the_fly.planning.noise_gain import Volume
+        from calibration.on_the_fly.planning.path_search import STARTS, TRIES, planned
+        from postproc.commands.show.terminal import progress_of
 
-    from calibration.on_the_fly.along_path import CELL_MM, CORNER_MM
-    from calibration.on_the_fly.nominal_path import NominalPath
-    from calibration.on_the_fly.planning.noise_gain import Volume
-    from calibration.on_the_fly.planning.path_search import STARTS, TRIES, planned
-    from postproc.commands.show.terminal import progress_of
-
-    ends = _ends(machine, choices)
-    volume = Volume(machine, ends, choices.targets, CELL_MM, CORNER_MM)
-    travel = float(np.ptp(ends[:, ~machine.rotary], axis=0).sum())
-    with progress_of(STARTS + TRIES, "looking for the best path", 0) as progress:
-        found = planned(volume, length.mm(travel), np.random.default_rng(choices.seed), progress)
-    corners = found.corners
-    moves = [volume.length(a, b) for a, b in pairwise(corners)]
-    way = np.concatenate([[0.0], np.cumsum(moves)])
-    return NominalPath(machine, corners, way, np.ones(len(corners), bool), "the planned path")
+        ends = _ends(machine, choices)
+        volume = Volume(machine, ends, choices.targets, CELL_MM, CORNER_MM)
+        length = self.length(float(np.ptp(ends[:, ~machine.rotary], axis=0).sum()), feed)
+        with progress_of(STARTS + TRIES, "searching for the best path", 0) as progress:
+            corners = planned(volume, length, np.random.default_rng(choices.seed), progress).corners
+        way = np.concatenate([[0.0], np.cumsum([volume.length(a, b) for a, b in pairwise(corners)])])
+        return NominalPath(machine, corners, way, np.ones(len(corners), bool), "the planned path")
 
 
 def plan_of_path(path: NominalPath, choices: Choices, feed: float) -> Plan:
@@ -116,7 +96,7 @@ def sentences(path: NominalPath, judged: Judged, feed: float, targets: int) -> l
     ]
     if gain.hidden:
         number = "1 direction" if gain.hidden == 1 else f"{gain.hidden} directions"
-        said.append(f"HIDDEN       {number} of the errors in the volume can't be seen along this path")
+        said.append(f"HIDDEN       {number} of the errors in the volume can't be determined along this path")
     if judged.blind_mode is not None:
         said.append(f"BLIND MODE   {judged.blind_mode}")
     for blind in judged.not_visible[:SHOWN]:
@@ -133,7 +113,7 @@ def _ends(machine: Machine, choices: Choices) -> np.ndarray:
     from calibration.planning.strategies import limits, need_ends, stand
 
     if choices.rotary not in ("fixed", "simultaneous"):
-        raise UserError(f"--rotary {choices.rotary}: on the fly rotary axes are fixed or move along (simultaneous)")
+        raise UserError(f"--rotary {choices.rotary}: on the fly, expected fixed or simultaneous")
     low, high = limits(machine, choices)
     standing = stand(machine, choices)
     for i in range(len(machine.axes)):

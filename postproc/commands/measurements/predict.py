@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import ncomp
+from postproc.commands.options.declared import argument, option
 from postproc.commands.options.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
-    check_places,
-    refuse_one_place,
+    check_files,
     whole_results,
     write_json,
 )
@@ -35,13 +33,12 @@ EPILOG = (
 
 
 def predict(
-    points: Annotated[Path, typer.Argument(metavar="POINTS.csv", help="States: columns of a measurement file.")],
+    *,
+    points: Path = argument("States, in columns of a measurement file.", "POINTS.csv"),
     machine: MachineName,
-    calibration: CalibrationName = None,
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="OUT.csv", help="The table with predictions; - standard output.")
-    ] = "-",
-    json: JsonFile = None,
+    calibration: CalibrationName,
+    output: str = option("The table with its predictions; `-` is standard output.", "OUT.csv", "-o", default="-"),
+    json: JsonFile,
 ) -> None:
     """Predict the deviation of the tool point, or the target, at each row of a table of states.
 
@@ -54,8 +51,7 @@ def predict(
     from postproc.commands.show.terminal import console, say
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(json, output, "the table")
-    check_places((points, calibration), (output, json))
+    check_files((points, calibration), {"--output": output, "--json": json})
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     read = read_points(points, found)

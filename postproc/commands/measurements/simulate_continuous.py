@@ -2,47 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options import strategy as options
-from postproc.commands.options import virtual_machine as virtual
-from postproc.commands.options.shared import MachineName, check_apart, check_places, whole_results
+from postproc.commands.options.declared import REQUIRED, numbers, option
+from postproc.commands.options.shared import MachineName, Seed, check_files, whole_results
+from postproc.commands.options.virtual_machine import VirtualMachineOptions
 
 if TYPE_CHECKING:
+    from calibration.continuous.virtual import Laser, Motion
     from kinematics.effects import Effect
     from kinematics.machine import Machine
-
-MOTION, LASER, TARGETS = "The motion", "The laser", "The quasi-static measurement"
-
-RunsFile = Annotated[
-    str, typer.Option("--output", "-o", metavar="CONTINUOUS.csv", help="Continuous runs; - for standard output.")
-]
-Acceleration = Annotated[float, typer.Option(metavar="m/s2", min=1e-3, rich_help_panel=MOTION, help="Of the axis.")]
-Lag = Annotated[
-    float, typer.Option(metavar="ms", min=0.0, rich_help_panel=MOTION, help="Time constant of the position loop.")
-]
-Vibrations = Annotated[
-    list[str] | None,
-    typer.Option(metavar="Hz:um", rich_help_panel=LASER, help="Of the machine, all the time. Repeatable."),
-]
-Settling = Annotated[
-    str | None,
-    typer.Option(metavar="Hz:um:s", rich_help_panel=LASER, help="Vibration that dies away after each ramp."),
-]
-Dropped = Annotated[
-    float, typer.Option(metavar="share", min=0.0, max=0.9, rich_help_panel=LASER, help="Samples that are lost.")
-]
-Uncertainty = Annotated[
-    float, typer.Option("--u-um", metavar="um", min=1e-6, rich_help_panel=TARGETS, help="Of a reading (k=1).")
-]
-EndEffect = Annotated[
-    str | None,
-    typer.Option(metavar="um:mm", rich_help_panel=virtual.PANEL, help="At both ends, and how far it reaches."),
-]
 
 EPILOG = (
     "Examples:\n\n"
@@ -55,121 +27,151 @@ EPILOG = (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Continuous runs of a linear axis."""
+
+    axis: str = option("Linear axis.", "X", default=REQUIRED)
+    start_mm: float = option("Start position of the runs, mm.", "mm", default=REQUIRED)
+    end_mm: float = option("End position of the runs, mm.", "mm", default=REQUIRED)
+    feed: float = option("Programmed feed, mm/min.", "mm/min", default=500.0, min=0.1, panel="Motion")
+    acceleration: float = option("Acceleration of the axis, m/s2.", "m/s2", default=1.0, min=1e-3, panel="Motion")
+    jerk: float = option("Jerk of the axis, m/s3.", "m/s3", default=50.0, min=1e-2, panel="Motion")
+    lag: float = option("Time constant of the position loop, ms.", "ms", default=20.0, min=0.0, panel="Motion")
+    passes: int = option("Number of runs.", default=1, min=1, panel="Motion")
+    both: bool = option("Run forward and backward each time.", default=False, panel="Motion")
+
+    def motion(self) -> Motion:
+        """The motion in the units of the library."""
+        from calibration.continuous.virtual import Motion
+
+        return Motion(self.start_mm, self.end_mm, self.feed, self.acceleration * 1e3, self.jerk * 1e3, self.lag * 1e-3)
+
+    def check(self, machine: Machine, axis: str) -> None:
+        """UserError unless the run is that of a linear axis within its travel, with different ends."""
+        own = machine.axes[machine.index(axis)]
+        if own.rotary:
+            raise UserError(f"--axis {axis}: a laser follows linear axes only")
+        low, high = own.travel
+        for name, position in (("--start-mm", self.start_mm), ("--end-mm", self.end_mm)):
+            if not low <= position <= high:
+                raise UserError(f"{name} {position:g}: outside the travel of {axis}, {low:g} to {high:g} mm")
+        if self.start_mm == self.end_mm:
+            raise UserError(f"--end-mm {self.end_mm:g}: expected another position than --start-mm")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaserOptions:
+    """Sampling of the laser, and its disturbances."""
+
+    PANEL: ClassVar[str] = "Laser"
+
+    rate: float = option("Sampling rate, Hz.", "Hz", default=100.0, min=1.0)
+    noise: float = option("Standard deviation of a sample, um.", "um", default=0.1, min=0.0)
+    vibration: tuple[str, ...] = option("Permanent vibration of the machine, frequency and amplitude: 35:0.3.", "Hz:um")
+    settling: str | None = option(
+        "Decaying vibration after each ramp, frequency, amplitude and time constant: 18:20:0.2.", "Hz:um:s"
+    )
+    jitter: float = option("Standard deviation of the time stamps, us.", "us", default=0.0, min=0.0)
+    dropped: float = option("Share of lost samples.", "share", default=0.0, min=0.0, max=0.9)
+
+    def laser(self) -> Laser:
+        """The laser in the units of the library."""
+        from calibration.continuous.virtual import Laser
+
+        return Laser(self.rate, self.noise, self._vibrations(), self._settling(), self.jitter * 1e-6, self.dropped)
+
+    def _vibrations(self) -> tuple[tuple[float, float], ...]:
+        found = []
+        for text in self.vibration:
+            frequency, amplitude = numbers(text, 2, f"--vibration {text}", ":")
+            if frequency <= 0.0:
+                raise UserError(f"--vibration {text}: expected a frequency above zero")
+            found.append((frequency, amplitude))
+        return tuple(found)
+
+    def _settling(self) -> tuple[float, float, float] | None:
+        if self.settling is None:
+            return None
+        frequency, amplitude, constant = numbers(self.settling, 3, f"--settling {self.settling}", ":")
+        if frequency <= 0.0 or constant <= 0.0:
+            raise UserError(f"--settling {self.settling}: expected a frequency and a time constant above zero")
+        return frequency, amplitude, constant
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetOptions:
+    """The quasi-static measurement at targets."""
+
+    PANEL: ClassVar[str] = "Quasi-static measurement"
+
+    spacing: float = option("Distance of the targets, mm.", "mm", default=100.0)
+    runs: int = option("Number of cycles, forward and backward.", default=1, min=1)
+    dwell: float = option("Dwell at each target, s.", "s", default=4.0, min=0.0)
+    u_um: float = option("Standard uncertainty (k=1) of a reading, um.", "um", default=0.2, min=1e-6)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorOptions(VirtualMachineOptions):
+    """Errors and temperatures of the virtual machine, with errors at the ends of the run."""
+
+    end_effect: str | None = option("Error at both ends of the run, and its length: 3:20.", "um:mm")
+
+    def at_ends(self, machine: Machine, axis: str, run: RunOptions) -> list[Effect]:
+        """The effect of `--end-effect`."""
+        from calibration.continuous.virtual import end_effect
+
+        if self.end_effect is None:
+            return []
+        size, length = numbers(self.end_effect, 2, f"--end-effect {self.end_effect}", ":")
+        if length <= 0.0:
+            raise UserError(f"--end-effect {self.end_effect}: expected a length above zero")
+        low, high = sorted((run.start_mm, run.end_mm))
+        return [end_effect(machine, axis, low, high, size, length)]
+
+
 def simulate_continuous(
+    *,
     machine: MachineName,
-    axis: Annotated[str, typer.Option(metavar="X", help="The linear axis.")],
-    start_mm: Annotated[float, typer.Option("--start-mm", metavar="mm", help="Where the run begins.")],
-    end_mm: Annotated[float, typer.Option("--end-mm", metavar="mm", help="Where it ends.")],
-    output: RunsFile,
-    quasistatic: Annotated[str, typer.Option(metavar="QUASISTATIC.csv", help="Readings at targets.")],
-    truth: virtual.TruthFile = None,
-    feed: Annotated[float, typer.Option(metavar="mm/min", min=0.1, rich_help_panel=MOTION, help="Programmed.")] = 500.0,
-    acceleration: Acceleration = 1.0,
-    jerk: Annotated[float, typer.Option(metavar="m/s3", min=1e-2, rich_help_panel=MOTION, help="Of the axis.")] = 50.0,
-    lag: Lag = 20.0,
-    passes: Annotated[int, typer.Option(min=1, rich_help_panel=MOTION, help="How often the run is repeated.")] = 1,
-    both: Annotated[bool, typer.Option("--both", rich_help_panel=MOTION, help="There and back each time.")] = False,
-    rate: Annotated[float, typer.Option(metavar="Hz", min=1.0, rich_help_panel=LASER, help="Sampling.")] = 100.0,
-    noise: Annotated[float, typer.Option(metavar="um", min=0.0, rich_help_panel=LASER, help="Of a sample.")] = 0.1,
-    vibration: Vibrations = None,
-    settling: Settling = None,
-    jitter: Annotated[float, typer.Option(metavar="us", min=0.0, rich_help_panel=LASER, help="Of time stamps.")] = 0.0,
-    dropped: Dropped = 0.0,
-    spacing: Annotated[float, typer.Option(metavar="mm", rich_help_panel=TARGETS, help="Between targets.")] = 100.0,
-    runs: Annotated[int, typer.Option(min=1, rich_help_panel=TARGETS, help="Cycles, there and back.")] = 1,
-    dwell: Annotated[float, typer.Option(metavar="s", min=0.0, rich_help_panel=TARGETS, help="At each target.")] = 4.0,
-    u_um: Uncertainty = 0.2,
-    errors: virtual.Errors = None,
-    calibration: virtual.TruthCalibration = None,
-    effect: virtual.EffectTexts = None,
-    end_effect: EndEffect = None,
-    temperature: virtual.Temperatures = None,
-    seed: options.Seed = 0,
+    run: RunOptions,
+    output: str = option(
+        "File for the continuous runs; `-` is standard output.", "CONTINUOUS.csv", "-o", default=REQUIRED
+    ),
+    quasistatic: str = option("File for the readings at targets.", "QUASISTATIC.csv", default=REQUIRED),
+    laser: LaserOptions,
+    targets: TargetOptions,
+    errors: ErrorOptions,
+    seed: Seed,
 ) -> None:
     """Simulate laser runs of one axis at constant velocity, and a quasi-static measurement before them."""
     from calibration.continuous.record_file import write_records
-    from calibration.continuous.virtual import Laser, Motion, Targets, measure
+    from calibration.continuous.virtual import Targets, measure
     from calibration.measurement.file import write_measurement
     from calibration.measurement.instruments import Interferometer
-    from calibration.simulation.effect_text import read_effects
     from calibration.simulation.measure_plan import streams
     from kinematics.error_model.model import encode_model
     from postproc.commands.show.terminal import console
 
-    places = {"--output": output, "--quasistatic": quasistatic, "--truth": truth}
-    check_places((calibration,), places.values())
-    check_apart(places)
-    options.check_finite(
-        start_mm=start_mm, end_mm=end_mm, feed=feed, acceleration=acceleration, jerk=jerk, lag=lag, rate=rate,
-        noise=noise, jitter=jitter, dropped=dropped, spacing=spacing, dwell=dwell, u_um=u_um,
-    )  # fmt: skip
-    found = ncomp.load_machine(machine)
-    axis = axis.strip().upper()
-    _check_way(found, axis, start_mm, end_mm, spacing)
-    draws = streams(seed, 2)
-    effects = [*read_effects(effect or [], found), *_at_ends(found, axis, start_mm, end_mm, end_effect)]
-    model = virtual.virtual_model(found, errors, calibration, 0.0, effects, draws[0])
-    laser = Laser(rate, noise, _vibrations(vibration or []), _settling(settling), jitter * 1e-6, dropped)
-    motion = Motion(start_mm, end_mm, feed, acceleration * 1e3, jerk * 1e3, lag * 1e-3)
-    targets = Targets(spacing, runs, dwell=dwell)
+    outputs = {"--output": output, "--quasistatic": quasistatic, "--truth": errors.truth}
+    check_files((errors.calibration,), outputs)
+    found, axis, draws = ncomp.load_machine(machine), run.axis.strip().upper(), streams(seed, 2)
+    run.check(found, axis)
+    if targets.spacing <= 0.0:
+        raise UserError(f"--spacing {targets.spacing:g}: expected a length above zero")
+    model = errors.model(found, draws[0], errors.at_ends(found, axis, run))
+    at = Targets(targets.spacing, targets.runs, dwell=targets.dwell)
     with console.status("simulating"):
         measured = measure(
-            found, model, axis, motion, laser, targets, Interferometer(u_um=u_um), draws[1], passes=passes, both=both,
-            temperatures=virtual.courses_of(temperature or []),
+            found, model, axis, run.motion(), laser.laser(), at, Interferometer(u_um=targets.u_um), draws[1],
+            passes=run.passes, both=run.both,
+            temperatures=errors.temperatures(),
         )  # fmt: skip
-    with whole_results(truth, quasistatic, output) as (truth_file, targets_file, file):
+    with whole_results(errors.truth, quasistatic, output) as (truth, readings, file):
         write_records(measured.records, axis, found.name, file)
-        write_measurement(measured.quasi, targets_file)
-        truth_file.write(encode_model(model))
+        write_measurement(measured.quasi, readings)
+        truth.write(encode_model(model))
     samples = sum(map(len, measured.records))
     console.print(
         f"{len(measured.records)} continuous runs with {samples} samples and {len(measured.quasi)} readings at targets "
         f"of {axis}, {len(model.effects)} effects, seed {seed}"
     )
-
-
-def _check_way(machine: Machine, axis: str, start: float, end: float, spacing: float) -> None:
-    """UserError unless the run is that of a linear axis within its travel, with different ends and positive spacing."""
-    own = machine.axes[machine.index(axis)]
-    if own.rotary:
-        raise UserError(f"--axis {axis}: a laser follows linear axes only")
-    low, high = own.travel
-    for name, place in (("--start-mm", start), ("--end-mm", end)):
-        if not low <= place <= high:
-            raise UserError(f"{name} {place:g}: outside the travel of {axis}, {low:g} to {high:g} mm")
-    if start == end:
-        raise UserError(f"--end-mm {end:g}: the run begins there too")
-    if spacing <= 0.0:
-        raise UserError(f"--spacing {spacing:g}: expected a length above zero")
-
-
-def _at_ends(machine: Machine, axis: str, start: float, end: float, text: str | None) -> list[Effect]:
-    """The effect of `--end-effect`."""
-    from calibration.continuous.virtual import end_effect
-
-    if text is None:
-        return []
-    size, length = options.numbers(text, 2, f"--end-effect {text}", ":")
-    if length <= 0.0:
-        raise UserError(f"--end-effect {text}: a length above zero, please")
-    low, high = sorted((start, end))
-    return [end_effect(machine, axis, low, high, size, length)]
-
-
-def _vibrations(texts: list[str]) -> tuple[tuple[float, float], ...]:
-    found = []
-    for text in texts:
-        frequency, amplitude = options.numbers(text, 2, f"--vibration {text}", ":")
-        if frequency <= 0.0:
-            raise UserError(f"--vibration {text}: a frequency above zero, please")
-        found.append((frequency, amplitude))
-    return tuple(found)
-
-
-def _settling(text: str | None) -> tuple[float, float, float] | None:
-    if text is None:
-        return None
-    frequency, amplitude, constant = options.numbers(text, 3, f"--settling {text}", ":")
-    if frequency <= 0.0 or constant <= 0.0:
-        raise UserError(f"--settling {text}: a frequency and a time above zero, please")
-    return frequency, amplitude, constant

@@ -6,17 +6,12 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from kinematics.user_error import UserError
-from postproc.commands.options.program import (
-    DialectName,
-    SetUpOptions,
-    moves_of,
-)
-from postproc.commands.options.shared import ResultOptions, check_places, refuse_one_place, whole_results, write_json
+from postproc.commands.options.declared import REQUIRED, argument, option
+from postproc.commands.options.program import DialectName, SetUpOptions, moves_of
+from postproc.commands.options.shared import ResultOptions, check_files, whole_results, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -35,29 +30,20 @@ EPILOG = (
     "`ncomp study my_study.toml -o results.csv --workers 8 --json results.json`\n\n"
     "`ncomp study my_study.toml -o results.csv --dask tcp://scheduler:8786`\n\n"
     "`ncomp study my_study.toml -o results.csv --program part.nc --tool-length T1=120`\n\n"
-    "docs/study.md has all keys of a study. An interrupted study goes on where it was."
+    "docs/study.md has all keys of a study. An interrupted study continues where it ended."
 )
 
 
 def study(
     *,
-    definition: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="What is to be compared; docs/study.md.")],
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="RESULTS.csv", help="One row a case; - for standard output.")
-    ],
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", "-w", metavar="N", min=1, help="Processes of this machine; default: one a core."),
-    ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option("--dask", metavar="ADDRESS", help="Work on the cluster of this Dask scheduler instead."),
-    ] = None,
-    program: Annotated[
-        str | None,
-        typer.Option("--program", metavar="PART.nc", help="Also judge by what a correction leaves along this program."),
-    ] = None,
-    dialect: DialectName = "auto",
+    definition: Path = argument("Definition of the study: methods to compare (docs/study.md).", "STUDY.toml"),
+    output: str = option(
+        "Table with one row for each case; `-` is standard output.", "RESULTS.csv", "-o", default=REQUIRED
+    ),
+    workers: int | None = option("Number of processes; default: one for each core.", "N", "-w", min=1),
+    dask: str | None = option("Address of a Dask scheduler, whose cluster does the work instead.", "ADDRESS"),
+    program: str | None = option("NC program, along which the errors after correction are evaluated too.", "PART.nc"),
+    dialect: DialectName,
     set_up: SetUpOptions,
     others: ResultOptions,
 ) -> None:
@@ -75,10 +61,9 @@ def study(
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(others.json, output, "the results")
-    check_places((definition, program, *set_up.files), (output, *others.files))
+    check_files((definition, program, *set_up.tool_table), {"--output": output, **others.by_option})
     if dask is not None and workers is not None:
-        raise UserError("--workers are processes of this machine, --dask is a cluster: one or the other")
+        raise UserError("--workers and --dask exclude each other: give one of them")
     wanted = read_study(definition)
     with console.status("laying out the cases"):
         cases = read_cases(wanted, definition.parent)

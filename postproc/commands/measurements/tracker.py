@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from postproc.commands.options.shared import JsonFile, check_places, refuse_one_place, whole_results, write_json
+from postproc.commands.options.declared import argument, option
+from postproc.commands.options.shared import JsonFile, check_files, whole_results, write_json
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -17,29 +16,24 @@ if TYPE_CHECKING:
 EPILOG = (
     "Examples:\n\n"
     "`ncomp tracker b89.csv`\n\n"
-    "`ncomp tracker b89.csv -o tracker.toml`  the lines of a study's [instrument]"
+    "`ncomp tracker b89.csv -o tracker.toml`  writes the lines of a study's [instrument]"
 )
 
 
 def tracker(
-    data: Annotated[
-        Path,
-        typer.Argument(
-            metavar="TESTS.csv", help="Columns test, range_mm, range_2_mm, length_mm, and error_um or stated_um."
-        ),
-    ],
-    output: Annotated[
-        str | None, typer.Option("--output", "-o", metavar="TRACKER.toml", help="The parameters; - standard output.")
-    ] = None,
-    json: JsonFile = None,
+    *,
+    data: Path = argument(
+        "Tests: columns test, range_mm, range_2_mm, length_mm, and error_um or stated_um.", "TESTS.csv"
+    ),
+    output: str | None = option("File for the parameters; `-` is standard output.", "TRACKER.toml", "-o"),
+    json: JsonFile,
 ) -> None:
     """Fit a laser tracker's standard uncertainties to its ranging, length and two-face tests (ASME B89.4.19)."""
     from calibration.measurement.tracker_tests import fit_tests, read_tests
     from postproc.commands.show.terminal import console
     from postproc.commands.show.terminal import output as screen
 
-    refuse_one_place(json, output, "the parameters")
-    check_places((data,), (output, json))
+    check_files((data,), {"--output": output, "--json": json})
     found = fit_tests(read_tests(data))
     with whole_results(json, output) as (results, file):
         write_json(_summary(found), results)

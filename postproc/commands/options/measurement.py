@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import ncomp
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import option
 
 if TYPE_CHECKING:
     from calibration.measurement.measurement import Measurement
@@ -30,13 +29,16 @@ def _maps() -> list[str]:
 
 
 HeaderLines = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--header",
-        metavar="KEY=VALUE",
-        help="Entries missing in the data, by keys of the measurement file: u_um=0.3, axis=X, target.t1='0 0 -120'. "
-        "Repeatable.",
+    tuple[str, ...],
+    option(
+        "Entry that the data lack, by a key of the measurement file: u_um=0.3, axis=X, target.t1='0 0 -120'.",
+        "KEY=VALUE",
     ),
+]
+
+Noise = Annotated[
+    Literal["sheet", "estimate"],
+    option("Instrument's uncertainty: by its specification, or estimated from the residuals.", default="sheet"),
 ]
 
 
@@ -44,32 +46,18 @@ HeaderLines = Annotated[
 class DataOptions:
     """The form of files with measured data."""
 
-    format: Annotated[
-        str,
-        typer.Option(
-            "--format",
-            help="Format of the data: auto, ncomp, rtl, iso230-table, cmm, epics or delimited.",
-            autocompletion=_formats,
-        ),
-    ] = "auto"
-    header: HeaderLines = None
-    columns: Annotated[
-        str | None,
-        typer.Option(
-            "--columns",
-            metavar="MAP.toml",
-            help="Column map of a delimited export: a file, or spatialanalyzer, polyworks, leica.",
-            autocompletion=_maps,
-        ),
-    ] = None
-    plan: Annotated[
-        Path | None,
-        typer.Option(
-            "--plan",
-            metavar="PLAN.csv",
-            help="Axis positions: by the names of points, or at the stands of a tracker's log.",
-        ),
-    ] = None
+    format: str = option(
+        "Format of the data: auto, ncomp, rtl, iso230-table, cmm, epics or delimited.",
+        default="auto",
+        complete=_formats,
+    )
+    header: HeaderLines
+    columns: str | None = option(
+        "Column map of a delimited export: spatialanalyzer, polyworks, leica, or a file.", "MAP.toml", complete=_maps
+    )
+    plan: Path | None = option(
+        "Axis positions of the data, by the names of the points or by the standstills in a tracker's log.", "PLAN.csv"
+    )
 
     def read(self, paths: Sequence[Path], machine: Machine) -> Measurement:
         """The measurement in a file, or in several as one; shows the notes of each."""
@@ -78,7 +66,7 @@ class DataOptions:
 
         each = []
         for path in paths:
-            header = header_of(self.header or [])
+            header = header_of(self.header)
             each.append(
                 ncomp.read_measurement(
                     path, machine, format=self.format, header=header, columns=self.columns, plan=self.plan
@@ -89,7 +77,7 @@ class DataOptions:
         return joined(each)
 
 
-def header_of(lines: list[str]) -> dict[str, str]:
+def header_of(lines: Sequence[str]) -> dict[str, str]:
     """Lines `KEY=VALUE` as a header; UserError for another form, and for a key that is given twice."""
     header: dict[str, str] = {}
     for line in lines:

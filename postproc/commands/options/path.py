@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import option, refuse_given
 from postproc.commands.options.measurement import DataOptions, header_of
 from postproc.commands.options.program import SetUpOptions
 
@@ -21,63 +20,39 @@ if TYPE_CHECKING:
     from kinematics.machine import Machine
     from postproc.control.setup import Setup
 
-PANEL = "On the fly"
-
 
 @dataclass(frozen=True, kw_only=True)
 class OnTheFlyOptions:
     """Data that were taken while the machine moved."""
 
-    path: Annotated[
-        str | None,
-        typer.Option(
-            "--path",
-            metavar="PATH.nc",
-            rich_help_panel=PANEL,
-            help="NC program that ran while the tracker followed: DATA has time_s,x,y,z[,target][,station][,run].",
-        ),
-    ] = None
-    cell_mm: Annotated[
-        float | None,
-        typer.Option(
-            "--cell-mm",
-            min=0.1,
-            rich_help_panel=PANEL,
-            help="Readings are taken together in cells of the path; default 4.",
-        ),
-    ] = None
-    corner_mm: Annotated[
-        float,
-        typer.Option("--corner-mm", min=0.0, rich_help_panel=PANEL, help="Left out on both sides of corners."),
-    ] = 5.0
-    reversal: Annotated[
-        str,
-        typer.Option(
-            "--reversal",
-            metavar="none|constant|curves",
-            rich_help_panel=PANEL,
-            help="Also fit what differs forward and backward: backlash and a constant of each error motion, or curves.",
-        ),
-    ] = "none"
+    PANEL: ClassVar[str] = "Data taken on the fly"
+
+    path: str | None = option(
+        "NC program that ran while the tracker followed; the data then have columns time_s,x,y,z"
+        "[,target][,station][,run].",
+        "PATH.nc",
+    )
+    cell_mm: float | None = option(
+        "Length of the cells of the path, mm; the readings in a cell are averaged. Default 4.", "mm", min=0.1
+    )
+    corner_mm: float = option(
+        "Length of path before and after a corner whose readings are left out, mm.", "mm", default=5.0, min=0.0
+    )
+    reversal: Literal["none", "constant", "curves"] = option(
+        "Errors that depend on the direction of motion: none, backlash and a constant of each error motion, or curves.",
+        default="none",
+    )
 
     def check(self, data: DataOptions, set_up: SetUpOptions) -> None:
         """UserError for options of data taken on the fly without a path, and for a plan together with a path."""
-        if self.path is not None:
-            if data.plan is not None:
-                raise UserError(
-                    "--plan is for measurements at standstill, --path for data taken on the fly: give one of them"
-                )
-            return
-        given = {
-            "cell-mm": self.cell_mm,
-            "reversal": self.reversal,
-            "work-offset": set_up.work_offset,
-            "tool-length": set_up.tool_length,
-            "set-up-zero": set_up.set_up_zero or None,
-        }
-        for name, value in given.items():
-            if value not in (None, [], "none"):
-                raise UserError(f"--{name} is for data taken on the fly: give --path PATH.nc too")
+        if self.path is None:
+            reason = "is for data taken on the fly: give --path PATH.nc too"
+            refuse_given(reason, self, "cell_mm", "reversal")
+            refuse_given(reason, set_up, "work_offset", "tool_length", "set_up_zero")
+        elif data.plan is not None:
+            raise UserError(
+                "--plan is for measurements at standstill, --path for data taken on the fly: give one of them"
+            )
 
     def read(self, readings: Path, path: NominalPath, data: DataOptions) -> OnTheFly:
         """Readings along a path as a measurement; shows their notes."""
@@ -87,7 +62,7 @@ class OnTheFlyOptions:
         from calibration.on_the_fly.readings import read_readings
         from postproc.commands.show.terminal import console, say
 
-        header = header_of(data.header or [])
+        header = header_of(data.header)
         table, notes = table_in(readings, path.machine, data.format, header=header, columns=data.columns)
         read = read_readings(table, path.machine)
         for note in (*notes, *read.notes):
@@ -98,7 +73,7 @@ class OnTheFlyOptions:
             return replace(taken, measurement=with_footing(taken))
 
 
-def read_path(program: str, machine: Machine, dialect: str, setup: Setup) -> NominalPath:
+def read_path(program: str, machine: Machine, setup: Setup, dialect: str = "auto") -> NominalPath:
     """The path of a program; shows its notes. UserError for a construct that can't be followed."""
     from calibration.on_the_fly.nominal_path import NominalPath
     from postproc.commands.show.terminal import say

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 import ncomp
+from postproc.commands.options.declared import argument, option
 
 if TYPE_CHECKING:
     from kinematics.machine import Machine
@@ -24,113 +23,77 @@ def _dialect_names() -> list[str]:
     return list(NAMES)
 
 
-Program = Annotated[str, typer.Argument(metavar="IN.nc", help="NC program; - for standard input.")]
+Program = Annotated[str, argument("NC program; `-` is standard input.", "IN.nc")]
 DialectName = Annotated[
-    str, typer.Option("--dialect", help="auto, iso, siemens or heidenhain.", autocompletion=_dialect_names)
+    str,
+    option("Dialect of the program: auto, iso, siemens or heidenhain.", default="auto", complete=_dialect_names),
 ]
-NoTravelCheck = Annotated[bool, typer.Option("--no-travel-check", help="Only note positions outside an axis' travel.")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _WorkOffsets:
-    work_offset: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--work-offset", metavar="G54=x,y,z", help="Work offset, mm; rotary: G54=x,y,z,C=deg. Repeatable."
-        ),
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Datums(_WorkOffsets):
-    datum: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--datum",
-            metavar="G54=probed|true",
-            help="How a work offset was obtained: touched off on the machine (G54=probed, G54=probed@C90,probe=120: "
-            "machine position, length of the probe), or G54=true. Repeatable.",
-        ),
-    ] = None
+NoTravelCheck = Annotated[
+    bool, option("Report positions outside the travel of an axis as notes, and do not refuse them.", default=False)
+]
+WorkOffsets = Annotated[
+    tuple[str, ...],
+    option("Work offset, mm; with rotary axes, degrees: `G54=-30,-20,150,C=90`.", "G54=x,y,z", "--work-offset"),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToolOptions:
     """Tools of the control."""
 
-    tool_length: Annotated[
-        list[str] | None, typer.Option("--tool-length", metavar="T1=mm", help="Length of a tool. Repeatable.")
-    ] = None
-    tool_table: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--tool-table", metavar="FILE", help="Table of tools, presets or datums of a control. Repeatable."
-        ),
-    ] = None
-    set_up_zero: Annotated[
-        bool,
-        typer.Option(
-            "--set-up-zero", help="Take zero on purpose for work offsets and tool lengths that are not given."
-        ),
-    ] = False
-
-    @property
-    def files(self) -> list[Path]:
-        """The tables that are read."""
-        return self.tool_table or []
+    tool_length: tuple[str, ...] = option("Length of a tool, mm.", "T1=mm")
+    tool_table: tuple[Path, ...] = option("Table of tools, presets or datums of a control.", "FILE")
+    set_up_zero: bool = option("Use zero for every work offset and tool length that is not given.", default=False)
 
     def set_up(self, machine: Machine, work_offset: Sequence[str] = (), datum: Sequence[str] = ()) -> Setup:
         """The set-up of the control; UserError for an option that can't be used."""
         return ncomp.set_up(
             machine,
             work_offset=work_offset,
-            tool_length=self.tool_length or (),
-            tool_table=self.files,
+            tool_length=self.tool_length,
+            tool_table=self.tool_table,
             datum=datum,
             zero=self.set_up_zero,
         )
 
 
 @dataclass(frozen=True, kw_only=True)
-class SetUpOptions(ToolOptions, _WorkOffsets):
+class SetUpOptions(ToolOptions):
     """Work offsets and tools of the control."""
+
+    work_offset: WorkOffsets
 
     def setup(self, machine: Machine) -> Setup:
         """The set-up of the control; UserError for an option that can't be used."""
-        return self.set_up(machine, self.work_offset or ())
+        return self.set_up(machine, self.work_offset)
 
 
 @dataclass(frozen=True, kw_only=True)
-class DatumOptions(ToolOptions, _Datums):
+class DatumOptions(SetUpOptions):
     """Work offsets, the method by which they were obtained, and tools of the control."""
+
+    datum: tuple[str, ...] = option(
+        "Origin of a work offset: probed on the machine (G54=probed; with machine position and probe length, mm, "
+        "G54=probed@C90,probe=120), or free of machine errors (G54=true). Default: probed.",
+        "G54=probed|true",
+    )
 
     def setup(self, machine: Machine) -> Setup:
         """The set-up of the control; UserError for an option that can't be used."""
-        return self.set_up(machine, self.work_offset or (), self.datum or ())
+        return self.set_up(machine, self.work_offset, self.datum)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionsOptions:
-    """The machine's conditions while the program runs."""
+    """Conditions of the machine while the program runs."""
 
-    temperature: Annotated[
-        list[str] | None,
-        typer.Option("--temperature", metavar="NAME=degC", help="Of a sensor, while the program runs. Repeatable."),
-    ] = None
-    elapsed: Annotated[
-        float | None,
-        typer.Option("--elapsed", metavar="s", help="Since time zero of thermal effects, when the program starts."),
-    ] = None
-    log: Annotated[
-        Path | None,
-        typer.Option(
-            "--log", metavar="FILE.csv", help="Columns time_s and temp_NAME, degC, up to the program's start."
-        ),
-    ] = None
+    temperature: tuple[str, ...] = option("Temperature of a sensor while the program runs: spindle=31.5.", "NAME=degC")
+    elapsed: float | None = option("Time from the zero of the thermal effects to the program's start, s.", "s")
+    log: Path | None = option("Log with columns time_s and temp_NAME, degC, up to the program's start.", "FILE.csv")
 
     def conditions(self) -> Conditions:
         """The conditions; UserError for an option that can't be used."""
-        return ncomp.conditions(temperature=self.temperature or (), elapsed=self.elapsed, log=self.log)
+        return ncomp.conditions(temperature=self.temperature, elapsed=self.elapsed, log=self.log)
 
 
 def moves_of(program: str, dialect: str, machine: Machine, setup: Setup) -> Motions:

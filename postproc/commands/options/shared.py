@@ -7,11 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, TypeVar
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO
 
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import REQUIRED, option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,9 +18,6 @@ if TYPE_CHECKING:
 
     from calibration.fit.cross_validation import CrossValidation
     from calibration.fit.fit import Fit
-
-
-T = TypeVar("T", bound=str)
 
 
 def machine_names() -> list[str]:
@@ -32,72 +28,60 @@ def machine_names() -> list[str]:
 
 
 MachineName = Annotated[
-    str,
-    typer.Option("--machine", "-m", help="Name of a machine, or path of its .toml file.", autocompletion=machine_names),
+    str, option("Name of a machine, or path of its .toml file.", None, "-m", default=REQUIRED, complete=machine_names)
 ]
 CalibrationName = Annotated[
     str | None,
-    typer.Option("--calibration", "-c", metavar="CAL.json|none", help="Calibration; default: the machine's own."),
+    option("Calibration; none for a machine without errors; default: the machine's own.", "CAL.json|none", "-c"),
 ]
-JsonFile = Annotated[str | None, typer.Option("--json", metavar="FILE", help="Results as JSON; - standard output.")]
+JsonFile = Annotated[str | None, option("File for the results as JSON; `-` is standard output.", "FILE")]
+ReportFile = Annotated[str | None, option("Page with tables and figures; `-` is standard output.", "FILE.html")]
+Seed = Annotated[int, option("Seed of all random numbers: the same seed makes the same files.", default=0, min=0)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResultOptions:
     """Results in addition to the main output."""
 
-    json: JsonFile = None
-    report: Annotated[
-        str | None, typer.Option("--report", metavar="FILE.html", help="Report with plots; - standard output.")
-    ] = None
+    json: JsonFile
+    report: ReportFile
 
     @property
     def files(self) -> tuple[str | None, str | None]:
         """Names of the files; `-` is standard output, None a result without an option."""
         return self.json, self.report
 
-
-def refuse_one_place(json: str | None, output: str | None, what: str) -> None:
-    """UserError when results as JSON and the main output, named `what`, have the same file."""
-    if json == "-" and output == "-":
-        raise UserError(f"--json - and {what} can't both go to standard output; name a file for one")
-    if None not in (json, output) and json != "-" and Path(str(json)).resolve() == Path(str(output)).resolve():
-        raise UserError(f"--json and --output both name {json}")
+    @property
+    def by_option(self) -> dict[str, str | Path | None]:
+        """Names of the files by option."""
+        return {"--json": self.json, "--report": self.report}
 
 
-def either(option: str, value: str, names: tuple[T, T]) -> T:
-    """The value of an option, one of two names; UserError for any other."""
-    if value not in names:
-        raise UserError(f"{option} {value}: {' or '.join(names)}")
-    return names[names.index(value)]
+def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str | Path | None]) -> None:
+    """UserError, before any work is done, for outputs, by their options, that can't be written or have the same file.
 
-
-def check_places(inputs: Iterable[str | Path | None], outputs: Iterable[str | Path | None]) -> None:
-    """UserError, before any work is done, for outputs that can't be written, or that would overwrite an input."""
-    read = {Path(str(path)).resolve() for path in inputs if path not in (None, "-")}
-    for output in outputs:
-        if output in (None, "-"):
+    An output that would overwrite one of the inputs is refused as well; `-` is standard input or output.
+    """
+    read = {Path(path).resolve() for path in inputs if path not in (None, "-")}
+    seen: dict[str | Path, str] = {}
+    for name, output in outputs.items():
+        if output is None:
             continue
-        path = Path(str(output))
-        if path.resolve() in read:
-            raise UserError(f"{output} is read here: it would be overwritten; name another file")
+        path = Path(output)
+        where = "-" if output == "-" else path.resolve()
+        if where in seen:
+            both = "can't both go to standard output; name a file for one" if where == "-" else f"both name {output}"
+            raise UserError(f"{seen[where]} and {name} {both}")
+        seen[where] = name
+        if where == "-":
+            continue
+        if where in read:
+            raise UserError(f"{output} is an input and would be overwritten; name another file")
         if path.is_dir():
             raise UserError(f"can't write {output}: Is a directory")
         if not path.parent.is_dir():
             why = "Not a directory" if path.parent.exists() else "No such file or directory"
             raise UserError(f"can't write {output}: {why}")
-
-
-def check_apart(places: Mapping[str, str | None]) -> None:
-    """UserError where two results, by the names of their options, have the same file."""
-    seen: dict[str, str] = {}
-    for option, place in places.items():
-        if place is None:
-            continue
-        where = place if place == "-" else str(Path(place).resolve())
-        if where in seen:
-            raise UserError(f"{seen[where]} and {option} both name {place}")
-        seen[where] = option
 
 
 class _Spool:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING, ClassVar
 
 from kinematics.user_error import UserError
+from postproc.commands.options.declared import option
 from postproc.text.number_style import given_once
 
 if TYPE_CHECKING:
@@ -17,85 +18,66 @@ if TYPE_CHECKING:
     from kinematics.error_model.model import ErrorModel
     from kinematics.machine import Machine
 
-PANEL = "The machine's errors"
 
-TruthFile = Annotated[
-    str | None, typer.Option(metavar="TRUTH.json", help="Write the errors as a calibration, to compare with.")
-]
-Errors = Annotated[
-    str | None,
-    typer.Option(
-        metavar="table-1|none|WIDTHS.toml",
-        rich_help_panel=PANEL,
-        help="Error motions at random: half-widths as in the virtual calibration paper, or a table of "
-        "E_XX = [a0, a1, n, b, c, ...]. Default: table-1, or none with --calibration.",
-    ),
-]
-TruthCalibration = Annotated[
-    Path | None,
-    typer.Option("--calibration", "-c", metavar="CAL.json", rich_help_panel=PANEL, help="These errors too."),
-]
-Location = Annotated[
-    float,
-    typer.Option(
-        metavar="um", min=0.0, rich_help_panel=PANEL, help="Location errors at random, up to so many um, urad."
-    ),
-]
-EffectTexts = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="kind:field=value,...",
-        rich_help_panel=PANEL,
-        help="An effect of docs/effects.md, or a JSON file of effects. Repeatable.",
-    ),
-]
-Temperatures = Annotated[
-    list[str] | None,
-    typer.Option(metavar="name=start:end", rich_help_panel=PANEL, help="Course of a temperature, degC. Repeatable."),
-]
+@dataclass(frozen=True, kw_only=True)
+class VirtualMachineOptions:
+    """Errors and temperatures of a virtual machine."""
 
+    PANEL: ClassVar[str] = "Errors of the machine"
 
-def virtual_model(
-    machine: Machine,
-    errors: str | None,
-    calibration: Path | None,
-    location: float,
-    effects: list[Effect],
-    rng: np.random.Generator,
-) -> ErrorModel:
-    """The errors of the virtual machine: from options, from a calibration, and at random."""
-    from calibration.simulation.true_model import (
-        DEFAULT,
-        model_of,
-        random_location_errors,
-        random_truth,
-        read_half_widths,
+    truth: str | None = option(
+        "File for the errors as a calibration, for comparison; `-` is standard output.", "TRUTH.json"
     )
-    from kinematics.error_model.model import read_model
+    errors: str | None = option(
+        "Random error motions: within the half-widths of the virtual calibration paper (table-1), or of a file with "
+        "E_XX = [a0, a1, n, b, c, ...]. Default: table-1, or none with --calibration.",
+        "table-1|none|WIDTHS.toml",
+    )
+    calibration: Path | None = option("Calibration with additional errors of the machine.", "CAL.json", "-c")
+    effect: tuple[str, ...] = option(
+        "Effect of docs/effects.md, backlash:axis=X,width=12, or a JSON file of effects.", "kind:field=value,..."
+    )
+    temperature: tuple[str, ...] = option(
+        "Temperature of a sensor at the start and at the end, degC: spindle=20:28.5.", "name=start:end"
+    )
 
-    found = [] if calibration is None else list(read_model(calibration, machine).effects)
-    errors = errors or ("table-1" if calibration is None else "none")
-    if errors != "none":
-        widths = DEFAULT if errors == "table-1" else read_half_widths(Path(errors))
-        found += random_truth(machine, rng, widths).effects
-    if location:
-        found += random_location_errors(machine, rng, location)
-    return model_of(machine, [*found, *effects])
+    def model(
+        self, machine: Machine, rng: np.random.Generator, others: Sequence[Effect] = (), location: float = 0.0
+    ) -> ErrorModel:
+        """The errors of the virtual machine; location: largest random location error, um and urad."""
+        from calibration.simulation.effect_text import read_effects
+        from calibration.simulation.true_model import (
+            DEFAULT,
+            model_of,
+            random_location_errors,
+            random_truth,
+            read_half_widths,
+        )
+        from kinematics.error_model.model import read_model
 
+        effects = read_effects(self.effect, machine)
+        found = [] if self.calibration is None else list(read_model(self.calibration, machine).effects)
+        errors = self.errors or ("table-1" if self.calibration is None else "none")
+        if errors != "none":
+            widths = DEFAULT if errors == "table-1" else read_half_widths(Path(errors))
+            found += random_truth(machine, rng, widths).effects
+        if location:
+            found += random_location_errors(machine, rng, location)
+        return model_of(machine, [*found, *effects, *others])
 
-def courses_of(texts: list[str]) -> dict[str, tuple[float, float]]:
-    """Start and end of temperatures by name, K from 20 degC."""
-    from calibration.measurement.states import PLAIN_NAME
-    from kinematics.state import REFERENCE
-    from postproc.compensation.conditions import degrees
+    def temperatures(self) -> dict[str, tuple[float, float]]:
+        """Start and end of temperatures by name, K from 20 degC."""
+        from calibration.measurement.states import PLAIN_NAME
+        from kinematics.state import REFERENCE
+        from postproc.compensation.conditions import degrees
 
-    found = []
-    for text in texts:
-        where = f"--temperature {text}"
-        name, _, course = text.partition("=")
-        ends = course.split(":")
-        if not PLAIN_NAME.fullmatch(name) or len(ends) != 2:
-            raise UserError(f"{where}: expected NAME=start:end, e.g. spindle=20:28.5")
-        start, end = (degrees(each, where) for each in ends)
-        found.append((name, (start - REFERENCE, end - REFERENCE)))
-    return given_once(found, "--temperature ")
+        found = []
+        for text in self.temperature:
+            where = f"--temperature {text}"
+            name, _, course = text.partition("=")
+            ends = course.split(":")
+            if not PLAIN_NAME.fullmatch(name) or len(ends) != 2:
+                raise UserError(f"{where}: expected NAME=start:end, e.g. spindle=20:28.5")
+            start, end = (degrees(each, where) for each in ends)
+            found.append((name, (start - REFERENCE, end - REFERENCE)))
+        return given_once(found, "--temperature ")

@@ -5,13 +5,8 @@ from __future__ import annotations
 import typer
 
 import ncomp
-from postproc.commands.options.program import (
-    DialectName,
-    NoTravelCheck,
-    Program,
-    SetUpOptions,
-)
-from postproc.commands.options.shared import JsonFile, MachineName, check_places, result, write_json
+from postproc.commands.options.program import DialectName, NoTravelCheck, Program, SetUpOptions
+from postproc.commands.options.shared import JsonFile, MachineName, check_files, result, write_json
 from postproc.text.source import open_source
 
 EPILOG = "Examples:\n\n`ncomp check part.nc --machine dmu50`\n\n`ncomp check part.mpf --machine mill.toml --json -`"
@@ -21,10 +16,10 @@ def check(
     *,
     program: Program,
     machine: MachineName,
-    dialect: DialectName = "auto",
+    dialect: DialectName,
     set_up: SetUpOptions,
-    no_travel_check: NoTravelCheck = False,
-    json: JsonFile = None,
+    no_travel_check: NoTravelCheck,
+    json: JsonFile,
 ) -> None:
     """List the lines of a program that would be corrected, that pass unchanged, and that are refused, with the reason.
 
@@ -32,7 +27,7 @@ def check(
     """
     from postproc.commands.show.terminal import show_findings
 
-    check_places((program, *set_up.files), (json,))
+    check_files((program, *set_up.tool_table), {"--json": json})
     found = ncomp.load_machine(machine)
     source = open_source(program)
     setup = set_up.setup(found)

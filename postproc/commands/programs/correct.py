@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from typing import Annotated
-
-import typer
+from dataclasses import dataclass
 
 import ncomp
+from postproc.commands.options.declared import option
 from postproc.commands.options.program import (
     ConditionsOptions,
     DatumOptions,
@@ -17,11 +16,9 @@ from postproc.commands.options.program import (
 )
 from postproc.commands.options.shared import (
     CalibrationName,
-    JsonFile,
     MachineName,
-    check_apart,
-    check_places,
-    refuse_one_place,
+    ResultOptions,
+    check_files,
     whole_results,
     write_json,
 )
@@ -36,68 +33,48 @@ EPILOG = (
     "`ncomp part.nc --machine mill.toml --calibration cal.json --temperature spindle=31.5 --elapsed 3600 "
     "-o part_c.nc`\n\n"
     "`ncomp part.nc --machine mill.toml --calibration cal.json --max-correction-um 80 --accept stale,outside "
-    "-o part_c.nc`  although the calibration is old and the part reaches beyond it\n\n"
-    "`ncomp part.nc --machine dmu50 -o part_c.nc --report part.html`  with a page of figures to look at\n\n"
-    "`ncomp - --machine gantry --calibration none < part.nc`  reads the program and writes it back, byte for byte"
+    "-o part_c.nc`  accepts an old calibration, and positions outside the calibrated volume\n\n"
+    "`ncomp part.nc --machine dmu50 -o part_c.nc --report part.html`  also writes a page of figures\n\n"
+    "`ncomp - --machine gantry --calibration none < part.nc`  writes the program unchanged, byte for byte"
 )
 
-ClassNames = Annotated[
-    str | None,
-    typer.Option("--classes", metavar="L-VOL,R-VOL,...", help="ISO/TR 16907 classes; default: all but FOR."),
-]
-Tolerance = Annotated[
-    float,
-    typer.Option("--tolerance-um", min=0.0, help="Split feed moves that would deviate more between their ends."),
-]
-MaxCorrection = Annotated[
-    float | None,
-    typer.Option(
-        "--max-correction-um",
-        metavar="N",
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionOptions:
+    """Extent and limits of the correction, by the names of the public interface."""
+
+    classes: str | None = option("ISO/TR 16907 classes of errors to correct; default: all but FOR.", "L-VOL,R-VOL,...")
+    tolerance_um: float = option(
+        "Largest deviation of a feed move from its path, um; moves that deviate more are split.", default=1.0, min=0.0
+    )
+    max_correction_um: float | None = option(
+        "Largest correction of a linear axis, um; a program that needs more is refused. Default: twice the "
+        "calibration's largest error, at most 500.",
+        "N",
         min=0.0,
         max=5000.0,
-        help="Refuse larger corrections of linear axes; default: twice the calibration's largest error, at most 500.",
-    ),
-]
-Accept = Annotated[
-    str | None,
-    typer.Option(
-        "--accept",
-        metavar="NAME,...",
-        help="Go on although it is not plausible: stale, future, temperature, outside, insignificant, worse "
-        "(docs/safety.md).",
-    ),
-]
+    )
+    accept: str | None = option(
+        "Implausible conditions to accept: stale, future, temperature, outside, insignificant, worse (docs/safety.md).",
+        "NAME,...",
+    )
+    unroll: bool = option("Write out loops and calls: each block as many times as it runs.", default=False)
+    force: bool = option("Correct a program that ncomp has already corrected.", default=False)
 
 
 def correct(
     *,
     program: Program,
     machine: MachineName,
-    output: Annotated[
-        str | None,
-        typer.Option("--output", "-o", metavar="OUT.nc", help="Corrected program; default: - for standard output."),
-    ] = None,
-    in_place: Annotated[
-        bool, typer.Option("--in-place", help="Replace the input; a backup IN.nc.orig stays beside it.")
-    ] = False,
-    calibration: CalibrationName = None,
-    dialect: DialectName = "auto",
+    output: str | None = option("Corrected program; default: `-`, standard output.", "OUT.nc", "-o"),
+    in_place: bool = option("Replace the input, and keep a backup IN.nc.orig beside it.", default=False),
+    calibration: CalibrationName,
+    dialect: DialectName,
     set_up: DatumOptions,
-    no_travel_check: NoTravelCheck = False,
-    classes: ClassNames = None,
-    tolerance_um: Tolerance = 1.0,
+    no_travel_check: NoTravelCheck,
+    correction: CorrectionOptions,
     at: ConditionsOptions,
-    max_correction_um: MaxCorrection = None,
-    accept: Accept = None,
-    unroll: Annotated[
-        bool, typer.Option("--unroll", help="Write loops and calls out: every block as often as it runs.")
-    ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Correct a program that ncomp has corrected already.")] = False,
-    json: JsonFile = None,
-    report: Annotated[
-        str | None, typer.Option("--report", metavar="FILE.html", help="Page with figures; - for standard output.")
-    ] = None,
+    others: ResultOptions,
 ) -> None:
     """Correct a program: every block ends at its nominal position, by the machine's error model.
 
@@ -109,21 +86,18 @@ def correct(
     from postproc.correct.plausibility import parse_accepted
 
     target = target_of(program, output, in_place=in_place)
-    refuse_one_place(json, target, "the program")
-    check_apart({"--output": target, "--json": json, "--report": report})
-    check_places((program, calibration, *set_up.files, at.log), (json, report))
-    check_places((calibration, *set_up.files, at.log), (target,))
-    parse_accepted(accept)
+    check_files((calibration, *set_up.tool_table, at.log), {"--output": target, **others.by_option})
+    check_files((program,), others.by_option)
+    parse_accepted(correction.accept)
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
     source = open_source(program)
     known = source.hash
-    setup = set_up.setup(found)
-    conditions = at.conditions()
+    setup, conditions = set_up.setup(found), at.conditions()
     with (
         progress_of(source.size, "correcting") as progress,
         backup_of(program, known) if in_place else nullcontext(),
-        whole_results(json, report, target) as (results, page, file),
+        whole_results(*others.files, target) as (results, page, file),
     ):
         done = ncomp.correct(
             source,
@@ -132,16 +106,11 @@ def correct(
             dialect=dialect,
             setup=setup,
             conditions=conditions,
-            classes=classes,
-            tolerance_um=tolerance_um,
-            max_correction_um=max_correction_um,
-            accept=accept,
             travel_check=not no_travel_check,
-            unroll=unroll,
-            force=force,
             output=file,
             progress=progress,
-            traced=report is not None,
+            traced=others.report is not None,
+            **vars(correction),
         )
         write_json(done.report.json(), results)
         if done.trace is not None:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any, Literal
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.program import (
-    DialectName,
-    SetUpOptions,
-    moves_of,
-)
+from postproc.commands.options.declared import REQUIRED, option
+from postproc.commands.options.program import DialectName, SetUpOptions, moves_of
 from postproc.commands.options.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
-    check_places,
+    check_files,
     whole_results,
     write_json,
 )
@@ -32,7 +28,8 @@ if TYPE_CHECKING:
 EPILOG = (
     "Examples:\n\n"
     "`ncomp export --machine gantry --calibration cal.json --format linuxcnc -o tables`\n\n"
-    "`ncomp export --machine mill.toml -c cal.json --format siemens-cec --probe X -o probe`  finds out the sign\n\n"
+    "`ncomp export --machine mill.toml -c cal.json --format siemens-cec --probe X -o probe`  writes a "
+    "table that shows the sign of the values\n\n"
     "`ncomp export --machine mill.toml -c cal.json --format siemens-cec --sign error --set points=200 -o tables "
     "--rest rest.json --json -`"
 )
@@ -45,42 +42,30 @@ def format_names() -> list[str]:
     return list(FORMATS)
 
 
-FormatName = Annotated[
-    str, typer.Option("--format", help="Format of the tables (docs/tables.md).", autocompletion=format_names)
-]
-SettingTexts = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="What the format asks about the control. Repeatable."),
-]
-SignName = Annotated[
-    str | None,
-    typer.Option("--sign", metavar="error|correction", help="What values are, where no source says so."),
-]
+@dataclass(frozen=True, kw_only=True)
+class TableOptions:
+    """Format and conventions of compensation tables."""
+
+    format: str = option("Format of the tables (docs/tables.md).", default=REQUIRED, complete=format_names)
+    sign: Literal["error", "correction"] | None = option(
+        "Meaning of the values, for a format whose sign no source states: errors of the machine, or their correction."
+    )
+    settings: tuple[str, ...] = option("Setting of the control that the format needs.", "NAME=VALUE", "--set")
 
 
 def export(
     *,
     machine: MachineName,
-    format: FormatName,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A new folder.")],
-    calibration: CalibrationName = None,
-    sign: SignName = None,
-    settings: SettingTexts = None,
-    tool_mm: Annotated[
-        float, typer.Option("--tool-mm", min=0.0, help="Length of the tool that the tables are made for.")
-    ] = 0.0,
-    probe: Annotated[
-        str | None, typer.Option("--probe", metavar="AXIS", help="Only a table that shows the sign of this axis.")
-    ] = None,
-    rest: Annotated[
-        Path | None, typer.Option("--rest", metavar="REST.json", help="The calibration less what the tables carry.")
-    ] = None,
-    program: Annotated[
-        str | None, typer.Option("--program", metavar="IN.nc", help="Also tell the errors along this program.")
-    ] = None,
-    dialect: DialectName = "auto",
+    tables: TableOptions,
+    output: Path = option("New folder for the tables.", "DIR", "-o", default=REQUIRED),
+    calibration: CalibrationName,
+    tool_mm: float = option("Length of the tool for which the tables are made, mm.", default=0.0, min=0.0),
+    probe: str | None = option("Write only a probe table, which shows the sign of the values of this axis.", "AXIS"),
+    rest: Path | None = option("File for the calibration less the errors that the tables compensate.", "REST.json"),
+    program: str | None = option("Also show the errors along this program; `-` is standard input.", "IN.nc"),
+    dialect: DialectName,
     set_up: SetUpOptions,
-    json: JsonFile = None,
+    json: JsonFile,
 ) -> None:
     """Write a calibration as compensation tables of a control, with a sheet on their meaning and the remaining errors.
 
@@ -95,19 +80,19 @@ def export(
     from postproc.tables.probe import probe as probe_files
     from postproc.tables.sheet import sheet
 
-    check_places((calibration, program, *set_up.files), (rest, json))
+    check_files((calibration, program, *set_up.tool_table), {"--rest": rest, "--json": json})
     _check_folder(output)
     found = ncomp.load_machine(machine)
-    form = find_format(format)
-    chosen = parse_settings(form.settings, settings or ())
+    form = find_format(tables.format)
+    chosen = parse_settings(form.settings, tables.settings)
     if probe is not None:
-        if (sign, rest, program, json) != (None,) * 4:
+        if (tables.sign, rest, program, json) != (None,) * 4:
             raise UserError("--probe writes a probe table alone: without --sign, --rest, --program and --json")
         _write_probe(output, probe_files(found, probe, form, chosen))
         return
-    sign_of(form, sign)
+    sign_of(form, tables.sign)
     model = ncomp.load_calibration(found, calibration)
-    exported = ncomp.export(found, format, model, sign=sign, settings=settings or (), tool_mm=tool_mm)
+    exported = ncomp.export(found, model=model, tool_mm=tool_mm, **vars(tables))
     setup = set_up.setup(found)
     points = _places(program, dialect, exported, setup)
     left, errors = exported.left, {"volume": exported.errors_in_the_volume()}

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import ncomp
 from kinematics.user_error import UserError
-from postproc.commands.options.shared import MachineName, check_places
-from postproc.commands.programs.export import FormatName, SettingTexts, SignName
+from postproc.commands.options.declared import REQUIRED, argument, option
+from postproc.commands.options.shared import MachineName, check_files
+from postproc.commands.programs.export import TableOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,29 +27,22 @@ EPILOG = (
 
 
 def import_tables(
-    files: Annotated[list[Path], typer.Argument(metavar="FILES", help="Tables; a folder stands for its files.")],
+    *,
+    files: tuple[Path, ...] = argument("Tables, or folders with tables.", "FILES"),
     machine: MachineName,
-    format: FormatName,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="OUT.json", help="The error model.")],
-    sign: SignName = None,
-    settings: SettingTexts = None,
-    less_tables_from: Annotated[
-        Path | None,
-        typer.Option("--less-tables-from", metavar="CAL.json", help="Write this calibration less what the tables do."),
-    ] = None,
-    with_tables_to: Annotated[
-        Path | None,
-        typer.Option(
-            "--with-tables-to",
-            metavar="CAL.json",
-            help="Measured with these tables active: write the errors of the machine without them.",
-        ),
-    ] = None,
+    tables: TableOptions,
+    output: Path = option("File for the error model.", "OUT.json", "-o", default=REQUIRED),
+    less_tables_from: Path | None = option(
+        "Calibration without the tables: write it less the errors that the tables compensate.", "CAL.json"
+    ),
+    with_tables_to: Path | None = option(
+        "Calibration measured with the tables active: write the errors of the machine without the tables.", "CAL.json"
+    ),
 ) -> None:
     """Read a control's tables as the errors that they compensate.
 
-    A calibration measured without the tables, less their errors, is the rest for programs to correct. A calibration
-    measured with the tables active, plus their errors, is the machine itself, from which new tables can be made.
+    A calibration measured without the tables, less their errors, leaves the errors for programs to correct. A
+    calibration measured with the tables active, plus their errors, is that of the machine itself, for new tables.
     """
     from kinematics.error_model.model import read_model, write_model
     from postproc.commands.show.terminal import say
@@ -61,14 +53,14 @@ def import_tables(
     from postproc.tables.readers.source import Source
 
     if less_tables_from is not None and with_tables_to is not None:
-        raise UserError("--less-tables-from and --with-tables-to: one of them")
-    check_places((*files, less_tables_from, with_tables_to), (output,))
+        raise UserError("--less-tables-from and --with-tables-to exclude each other: give one of them")
+    check_files((*files, less_tables_from, with_tables_to), {"--output": output})
     found = ncomp.load_machine(machine)
-    form = find_format(format)
-    parse_settings(form.settings, settings or ())
-    said = dict(text.partition("=")[::2] for text in settings or ())
+    form = find_format(tables.format)
+    parse_settings(form.settings, tables.settings)
+    settings = dict(text.partition("=")[::2] for text in tables.settings)
     texts, prints = _texts(files)
-    effects = read_tables(format, Source(found, texts, sign_of(form, sign), said))
+    effects = read_tables(tables.format, Source(found, texts, sign_of(form, tables.sign), settings))
     joined_to = less_tables_from or with_tables_to
     base = None if joined_to is None else read_model(joined_to, found)
     write_model(_model(found, effects, base, -1.0 if less_tables_from else 1.0, form.title, prints), output)
@@ -86,9 +78,9 @@ def _texts(paths: Iterable[Path]) -> tuple[dict[str, str], dict[str, str]]:
             continue
         data = read_input(file, "tables")
         if file.name in texts:
-            raise UserError(f"{file}: a second file of that name")
+            raise UserError(f"{file}: two files have this name; give them different names")
         if b"\0" in data:
-            raise UserError(f"tables {file}: no text")
+            raise UserError(f"tables {file}: expected a text file, and it has a zero byte")
         texts[file.name] = data.decode("latin-1")
         prints[file.name] = fingerprint(data)
     return texts, prints

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
 import ncomp
+from postproc.commands.options.declared import argument
 
 EPILOG = "Examples:\n\n`ncomp machines`\n\n`ncomp machines dmu50`\n\n`ncomp machines my_mill.toml`"
 
 
 def machines(
-    name: Annotated[str | None, typer.Argument(help="A machine's name, or the path of its .toml file.")] = None,
+    name: str | None = argument("Name of a machine, or path of its .toml file.", "NAME", default=None),
 ) -> None:
-    """List the shipped machines; show one; check a machine file of your own."""
+    """List the shipped machines, or show one machine and check its file."""
     import machines as shipped
     from postproc.commands.show.terminal import output, show_machine
 

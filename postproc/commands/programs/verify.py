@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
+from dataclasses import dataclass
 
 import ncomp
+from postproc.commands.options.declared import argument, option
 from postproc.commands.options.program import (
     ConditionsOptions,
     DatumOptions,
@@ -17,7 +16,7 @@ from postproc.commands.options.shared import (
     CalibrationName,
     JsonFile,
     MachineName,
-    check_places,
+    check_files,
     result,
     write_json,
 )
@@ -26,51 +25,44 @@ from postproc.text.source import open_source
 EPILOG = (
     "Examples:\n\n`ncomp verify part.nc part_c.nc --machine dmu50 --json -`\n\n"
     "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --old old.json`\n\n"
-    "`ncomp verify part.nc part_c.nc --machine gantry --calibration cal.json --align after.json`  would the machine "
-    "as it was measured afterwards have cut the part right?\n\n"
-    "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --accept calibration`  corrected with "
-    "another one"
+    "`ncomp verify part.nc part_c.nc --machine gantry --calibration cal.json --align after.json`  evaluates the "
+    "correction by a calibration that was measured after the part was cut\n\n"
+    "`ncomp verify part.nc part_c.nc --machine gantry --calibration new.json --accept calibration`  accepts a program "
+    "that was corrected with another calibration"
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerificationOptions:
+    """Models and extent of the verification, by the names of the public interface."""
+
+    old: str | None = option("Earlier calibration, by which the errors are computed as well.", "CAL.json|none")
+    align: str | None = option(
+        "Second calibration as the true errors: errors by its model, aligned at its own datum and by best fit.",
+        "TRUE.json",
+    )
+    classes: bool = option("Also show the errors that each choice of ISO/TR 16907 classes would leave.", default=False)
+    tolerance_um: float = option(
+        "Tolerance of the correction, um; an axis counts as reversed after more than half of it.", default=1.0, min=0.0
+    )
+    accept: str | None = option(
+        "Differences to accept between verification and correction: calibration, set-up, datum.", "NAME,..."
+    )
 
 
 def verify(
     *,
     program: Program,
-    corrected: Annotated[str, typer.Argument(metavar="OUT.nc", help="The corrected program.")],
+    corrected: str = argument("The corrected program.", "OUT.nc"),
     machine: MachineName,
-    calibration: CalibrationName = None,
-    old: Annotated[
-        str | None,
-        typer.Option("--old", metavar="CAL.json|none", help="An earlier calibration: the errors by its model as well."),
-    ] = None,
-    align: Annotated[
-        str | None,
-        typer.Option(
-            "--align",
-            metavar="TRUE.json",
-            help="A second calibration as truth: errors by its model, aligned at its own datum, and best fit.",
-        ),
-    ] = None,
-    dialect: DialectName = "auto",
+    calibration: CalibrationName,
+    options: VerificationOptions,
+    dialect: DialectName,
     set_up: DatumOptions,
-    classes: Annotated[
-        bool, typer.Option("--classes", help="Also show what each ISO/TR 16907 class would leave of the errors.")
-    ] = False,
-    tolerance_um: Annotated[
-        float, typer.Option("--tolerance-um", min=0.0, help="That of the correction: half of it is no reversal.")
-    ] = 1.0,
     at: ConditionsOptions,
-    accept: Annotated[
-        str | None,
-        typer.Option(
-            "--accept",
-            metavar="NAME,...",
-            help="Go on although the program was corrected with another one: calibration, set-up, datum.",
-        ),
-    ] = None,
-    json: JsonFile = None,
+    json: JsonFile,
 ) -> None:
-    """Tool point error of a program before and after correction, by the exact model, from the two texts alone."""
+    """Compute the tool point error of a program before and after correction, from the two texts by the exact model."""
     from postproc.commands.show.terminal import (
         console,
         output,
@@ -83,25 +75,14 @@ def verify(
     from postproc.correct.mark import PARTS
     from postproc.correct.plausibility import parse_accepted
 
-    parse_accepted(accept, PARTS)
-    check_places((program, corrected, calibration, old, align, *set_up.files, at.log), (json,))
+    parse_accepted(options.accept, PARTS)
+    inputs = (program, corrected, calibration, options.old, options.align, *set_up.tool_table, at.log)
+    check_files(inputs, {"--json": json})
     found = ncomp.load_machine(machine)
     model = ncomp.load_calibration(found, calibration)
-    setup = set_up.setup(found)
-    done = ncomp.verify(
-        open_source(program),
-        open_source(corrected),
-        found,
-        model,
-        old=old or None,
-        align=align or None,
-        dialect=dialect,
-        setup=setup,
-        conditions=at.conditions(),
-        classes=classes,
-        tolerance_um=tolerance_um,
-        accept=accept,
-    )
+    setup, conditions = set_up.setup(found), at.conditions()
+    programs = open_source(program), open_source(corrected)
+    done = ncomp.verify(*programs, found, model, dialect=dialect, setup=setup, conditions=conditions, **vars(options))
     for assumption in done.assumptions:
         say_assumed(assumption)
     for note in done.notes:
@@ -111,8 +92,8 @@ def verify(
     to = console if json == "-" else output
     show_facts(done.datums.facts(setup.obtained), to)
     models = done.models.by_key()
-    for key, (model, option) in models.items():
-        title = ", ".join(filter(None, (f"by {model.id}", option))) if len(models) > 1 else ""
-        show_verdict(done.verdicts[key], to, title, best_fit=align is not None)
+    for key, (model, name) in models.items():
+        title = ", ".join(filter(None, (f"by {model.id}", name))) if len(models) > 1 else ""
+        show_verdict(done.verdicts[key], to, title, best_fit=options.align is not None)
     if done.classes:
         show_classes(done.classes, to)
