@@ -547,7 +547,7 @@ BAD = {
     "out of reach": ([*GRID, "--elevation", "80:81"], "sees none of the points"),
     "truth and data": ([*GRID, "--truth", "data.csv"], "both name data.csv"),
     "no size": ([*GRID, "--location", "inf"], "--location inf: expected a finite number"),
-    "negative uncertainty": ([*GRID, "-u", "u_angle_um=-1"], "u_angle_um=-1: negative"),
+    "negative uncertainty": ([*GRID, "-u", "u_angle_um=-1"], "u_angle_um=-1: expected a number of zero or above"),
     "too many": ([*GRID, "--runs", "100000000"], "observations with all targets and runs, more than"),
     "backward range": ([*GRID, "--range", "X=5:1"], "axis X: nothing is left between 5 and 1"),
     "nothing left": ([*GRID, "--missing", "1"], "leaves no observation"),

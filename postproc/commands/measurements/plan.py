@@ -42,6 +42,10 @@ EPILOG = (
 class SequenceOptions(StrategyOptions):
     """Positions, their sequence, the approach to each, and the time at them."""
 
+    strategy: str | None = option(
+        "Strategy of the positions, one of those below, or several joined by +; --optimise needs none.",
+        "NAME[+NAME...]",
+    )
     planes_at: float = option(
         "Position of planes on the axis across them: 0 is its low end, 1 its high end.", default=1.0, panel="Positions"
     )

@@ -24,11 +24,7 @@ POSITIONS, SEQUENCE, TARGETS = "Positions", "Sequence", "Targets"
 class StrategyOptions:
     """Positions of a strategy, their sequence and the targets; names are those of the library's `Choices`."""
 
-    strategy: str | None = option(
-        "Strategy of the positions, or several joined by +: hexahedron+random (list: ncomp plan --help); for ncomp "
-        "simulate also the file of a plan.",
-        "NAME[+NAME...]|PLAN.csv",
-    )
+    strategy: str | None = option("Strategy of the positions, as for ncomp plan, or file of a plan.", "NAME|PLAN.csv")
     points: str | None = option(
         "Number of positions, for each strategy joined by +: 170+150; default 600. Order, runs, targets and references "
         "add observations.",
