@@ -138,7 +138,9 @@ def plan(
     settings, dialect = program.settings(found, sequence), program.dialect or "iso"
     if sequence.strategy == STRATEGY:
         setup = tools.set_up(found, [program.work_offset] if program.work_offset else [])
-        nominal = path.planned(found, choices, settings.feed) if path.path is None else read_path(path.path, found, setup)
+        nominal = (
+            path.planned(found, choices, settings.feed) if path.path is None else read_path(path.path, found, setup)
+        )
         made = plan_of_path(nominal, choices, settings.feed)
         corners = nominal.positions / found.scale
         lines = path_program(found, corners, settings, dialect, "ncomp path to be measured on the fly")
@@ -187,5 +189,7 @@ def _lines(made: Plan, settings: ProgramSettings, dialect: str) -> Iterator[str]
     scale = made.machine.scale
     before = None if made.before is None else made.before / scale
     assert made.state.target is not None
-    visits = MeasuringSequence(made.machine, made.positions / scale, before, made.names.tolist(), made.state.target.tolist())
-    return measuring_program(visits, settings, dialect, f"ncomp measuring plan {made.strategy}")
+    sequence = MeasuringSequence(
+        made.machine, made.positions / scale, before, made.names.tolist(), made.state.target.tolist()
+    )
+    return measuring_program(sequence, settings, dialect, f"ncomp measuring plan {made.strategy}")
