@@ -216,9 +216,9 @@ def test_what_can_not_be_a_calibration(command):
     targets = Path("targets.csv").read_text()
     write = ("--write-calibration", "cal.json")
     for options, says in (
-        (write, "--machine is missing"),
-        (("--machine", "cframe"), "only with --write-calibration"),
-        (("--add-to", "gantry.json"), "only with --write-calibration"),
+        (write, "give the machine of the calibration with --machine"),
+        (("--machine", "cframe"), "is an option of --write-calibration"),
+        (("--add-to", "gantry.json"), "is an option of --write-calibration"),
         ((*write, "--machine", "gantry"), "of machine cframe, --machine is gantry"),
         ((*write, "--machine", "short.toml"), "has no axis X"),
         ((*write, "--machine", "cframe", "--add-to", "gantry.json"), "is of machine gantry"),

@@ -95,7 +95,7 @@ def test_table_on_standard_output_and_its_options(command, files):
     for arguments, says in (
         (("--run", "9"), "has runs 1"),
         (("--direction", "backward"), "only forward"),
-        (("--direction", "up"), "expected one of"),
+        (("--direction", "up"), "expected auto, forward, backward or mean"),
         (("--spacing-mm", "0"), "above zero"),
         (("--spacing-mm", "1e-3"), "rows over"),
         (("--json", "out.csv"), "both name"),
@@ -188,7 +188,7 @@ def test_the_same_seed_makes_the_same_files(command, tmp_path):
         (("--spacing", "40"), "no whole number"),
         (("--spacing", "-1"), "above zero"),
         (("--end-mm", "4500"), "outside the travel"),
-        (("--end-mm", "0"), "begins there too"),
+        (("--end-mm", "0"), "expected another position than --start-mm"),
         (("--axis", "Q"), "Q"),
         (("--vibration", "35"), "2 numbers"),
         (("--vibration", "-1:2"), "frequency above zero"),

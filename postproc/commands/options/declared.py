@@ -89,7 +89,8 @@ class _Declared:
         if self.item is not None:
             given = tuple(given or ())
         elif self.choices and given is not None and given not in self.choices:
-            raise UserError(f"{self.names[0]} {given}: expected {' or '.join(self.choices)}")
+            *others, last = self.choices
+            raise UserError(f"{self.names[0]} {given}: expected {', '.join(others)} or {last}")
         for number in given if isinstance(given, tuple) else (given,):
             if isinstance(number, float) and not math.isfinite(number):
                 raise UserError(f"{self.names[0]} {number}: expected a finite number")
