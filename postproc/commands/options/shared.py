@@ -68,7 +68,7 @@ def check_files(inputs: Iterable[str | Path | None], outputs: Mapping[str, str |
         if output is None:
             continue
         path = Path(output)
-        where = "-" if output == "-" else path.resolve()
+        where = "-" if str(output) == "-" else path.resolve()
         if where in seen:
             both = "can't both go to standard output; name a file for one" if where == "-" else f"both name {output}"
             raise UserError(f"{seen[where]} and {name} {both}")
