@@ -9,6 +9,7 @@ from support.backlash_paths import with_play
 from support.corrected_lines import written
 from support.programs import correct, load, model_of, random_model, setup_of, source_of
 from support.three_dialects import WRITERS, parts
+from support.tiers import drawn
 
 from kinematics.basis import Fourier, Legendre
 from kinematics.effects import Backlash, ErrorMotion
@@ -75,8 +76,9 @@ def turning_program(dialect, steps):
 
 
 @pytest.mark.parametrize("dialect", HEADS)
-@settings(max_examples=12)
-@given(
+@drawn(
+    few=3,
+    many=12,
     steps=st.lists(
         st.tuples(st.sampled_from("ccxb-"), st.integers(0, 40), st.integers(0, 359)), min_size=2, max_size=9
     ),

@@ -439,6 +439,7 @@ def test_targets_that_are_too_few():
 # ---- a real axis
 
 
+@pytest.mark.statistical
 def test_real_slit_axis_from_readings_that_alias_its_error(slit_log):
     header = {
         "command": "IOC_TEST:Axis1-PosAct",

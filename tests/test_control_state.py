@@ -4,10 +4,10 @@ import copy
 import io
 
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import model_of, source_of
 from support.three_dialects import WRITERS, parts
+from support.tiers import drawn
 
 import machines
 from kinematics.basis import BSpline
@@ -80,15 +80,13 @@ def programs(draw):
     return dialect, BEGINS[dialect] + "\n".join(lines) + "\n"
 
 
-@settings(max_examples=60)
-@given(programs())
+@drawn(few=20, many=60, program=programs())
 def test_a_head_becomes_the_same_with_a_loop_behind_it(program):
     alone, followed = head_alone_and_with_loop(*program)
     assert followed == alone
 
 
-@settings(max_examples=40)
-@given(programs(), st.booleans())
+@drawn(few=15, many=40, program=programs(), with_loop=st.booleans())
 def test_a_job_runs_twice_alike_and_leaves_its_setup(program, with_loop):
     dialect, text = program
     job = job_of(dialect, text + LOOPS[dialect] * with_loop)
@@ -97,8 +95,7 @@ def test_a_job_runs_twice_alike_and_leaves_its_setup(program, with_loop):
     assert job.setup == before
 
 
-@settings(max_examples=20)
-@given(parts(), st.sampled_from(WRITERS))
+@drawn(few=8, many=20, part=parts(), writer=st.sampled_from(WRITERS))
 def test_a_part_in_three_dialects_runs_twice_alike(part, writer):
     job = job_of(writer.name, writer().program(part), tolerance_um=1e3)
     assert run(job) == run(job)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from clients.rs274 import Move
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import WHOLE, correct, load, model_of, random_model, read, read_lines, shifted
+from support.tiers import drawn
 
 from kinematics.effects import Backlash
 from kinematics.error_model.model import ErrorModel
@@ -180,8 +180,12 @@ hole = st.tuples(
 )  # fmt: skip
 
 
-@settings(max_examples=25)
-@given(st.sampled_from(["G81", "G82 P1.", "G83 Q7.", "G85"]), st.lists(hole, min_size=1, max_size=6))
+@drawn(
+    few=8,
+    many=25,
+    code=st.sampled_from(["G81", "G82 P1.", "G83 Q7.", "G85"]),
+    found=st.lists(hole, min_size=1, max_size=6),
+)
 def test_generated_cycles_against_linuxcnc(linuxcnc, code, found):
     lines = [f"{code} X5. Y5. Z-1. R50. F100"]
     for level, names, x, y, depth, retract in found:

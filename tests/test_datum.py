@@ -2,12 +2,14 @@
 
 import json
 import re
+from itertools import cycle
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from support.programs import FIVE_AXES, THREE_AXES, centred, correct, load, model_of, random_model, shifted, source_of
+from support.tiers import quick
 from virtual_machine.calibrated import read_calibration
 from virtual_machine.chain import load as chain_of
 from virtual_machine.part import Shop, TouchedOff
@@ -139,8 +141,12 @@ PROGRAMS = {
 NAMES = {"iso": "G54", "siemens": "G54", "heidenhain": "0"}
 
 
-@pytest.mark.parametrize("name", [*THREE_AXES, *FIVE_AXES])
-@pytest.mark.parametrize("dialect", PROGRAMS)
+EACH = [(name, dialect) for name in (*THREE_AXES, *FIVE_AXES) for dialect in PROGRAMS]
+
+
+@pytest.mark.parametrize(
+    ("name", "dialect"), quick(EACH, [*zip((*THREE_AXES, *FIVE_AXES), cycle(PROGRAMS), strict=False)])
+)
 def test_relative_errors_are_within_the_tolerance(command, name, dialect):
     """And probed at W is true at W + e(W), by the command and by `verify`."""
     machine = load(name)

@@ -1,7 +1,10 @@
 """The questions of the exam of diagnoses (benchmarks/diagnosis_exam.py), and how answers are scored."""
 
+from itertools import product
+
 import numpy as np
 import pytest
+from support.tiers import quick
 from virtual_machine import draws, observe
 from virtual_machine import instrument_causes as instrument
 from virtual_machine import machine_causes as machine
@@ -11,9 +14,11 @@ import machines
 from calibration.measurement.file import read_measurement
 from calibration.observation.equations import covariance
 
+MACHINE_OF = {(kind, draws.MACHINES[n % len(draws.MACHINES)]) for n, kind in enumerate(draws.KINDS)}
+"""One machine for each kind."""
 
-@pytest.mark.parametrize("name", draws.MACHINES)
-@pytest.mark.parametrize("kind", draws.KINDS)
+
+@pytest.mark.parametrize(("kind", "name"), quick(product(draws.KINDS, draws.MACHINES), MACHINE_OF))
 def test_questions_can_be_read_and_have_the_size_that_they_say(kind, name, tmp_path):
     draw = draws.draw([kind], name, 7)
     assert draw.sheet() == draws.draw([kind], name, 7).sheet() != draws.draw([kind], name, 8).sheet()

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from support.diagnosis_cases import CFRAME, data_with, selector
+from support.tiers import quick
 from support.virtual_measurements import THREE, measured, positions
 
 import machines
@@ -52,7 +53,7 @@ def test_a_wave_found_in_what_has_no_name_is_one_of_many(seed):
     assert Chance(stage.linearised, ()).finds(stage.accepted[0])
 
 
-@pytest.mark.parametrize("seed", [3, 4, 5])
+@pytest.mark.parametrize("seed", quick([3, 4, 5], [3]))
 def test_a_wave_that_is_there_is_not(seed):
     wave = Cyclic("X", "X", 10.0, (12.0,), (9.0,))
     _, stage = stage_with(nameless("Y", 2.0), wave, candidate=strongest_wave, seed=seed)

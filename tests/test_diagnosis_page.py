@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 from support.effect_examples import EXAMPLES, full_state
+from support.tiers import one_of_each
 from support.virtual_measurements import THREE, TRACKER, measured, pose_of, positions
 
 import machines
@@ -59,7 +60,12 @@ def test_every_class_of_effect_has_its_own_view():
     assert set(VIEWS) == set(EFFECTS)
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: f"{example.effect.name} {example.machine.name}")
+@pytest.mark.parametrize(
+    "example",
+    one_of_each((example for example in EXAMPLES if example.touched), lambda example: type(example.effect))
+    + [example for example in EXAMPLES if not example.touched],
+    ids=lambda example: f"{example.effect.name} {example.machine.name}",
+)
 def test_every_kind_of_cause_yields_a_figure_whose_readings_scatter_by_their_uncertainty(example):
     if not example.touched:
         pytest.skip("does nothing that could be seen")

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from support.tiers import quick
 from virtual_machine import draws, exam
 
 ROOT = Path(__file__).parents[1]
@@ -18,6 +19,7 @@ def diagnosed(command, *arguments):
     return json.loads(done.out)
 
 
+@pytest.mark.statistical
 def test_the_slit_axis_repeats_with_its_gear(command, slit_log):
     headers = [part for entry in SLIT for part in ("--header", entry)]
     found = diagnosed(command, slit_log, "--machine", ROOT / "examples" / "single_axis.toml", *headers)
@@ -30,7 +32,7 @@ def test_the_slit_axis_repeats_with_its_gear(command, slit_log):
     assert max(found["after"]["rms_um"], found["after"]["heldout_rms_um"]) < 0.5
 
 
-@pytest.mark.parametrize("plate", ["D1396A1", "D1597A_2003", "D8131_1"])
+@pytest.mark.parametrize("plate", quick(["D1396A1", "D1597A_2003", "D8131_1"], ["D1396A1"]))
 def test_no_pitch_error_and_no_backlash_is_claimed_of_the_plates(command, plates, plate):
     found = diagnosed(command, plates / plate, "--machine", "gantry", "--header", "u_um=2.3")
     kinds = {effect["kind"] for effect in found["effects"]}

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from support.backlash_paths import (
     ARC_RADIUS_UM,
@@ -19,7 +19,8 @@ from support.backlash_paths import (
     with_play,
 )
 from support.programs import WHOLE, RandomProgram, correct, load, model_of, random_model, random_setup, read
-from support.real_programs import ACCEPTED, machine_for, real_programs, run
+from support.real_programs import ACCEPTED, LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs, run
+from support.tiers import drawn
 
 from kinematics.effects import Backlash
 from kinematics.error_model.model import no_errors
@@ -43,8 +44,13 @@ def written(text, model=PLAYED, machine=GANTRY, **options):
     return lines[4:]
 
 
-@settings(max_examples=30)
-@given(seed=seeds, blocks=st.integers(1, 25), widths=st.tuples(*[st.sampled_from((0.0, 1.5, 20.0, 45.0))] * 3))
+@drawn(
+    few=10,
+    many=30,
+    seed=seeds,
+    blocks=st.integers(1, 25),
+    widths=st.tuples(*[st.sampled_from((0.0, 1.5, 20.0, 45.0))] * 3),
+)
 def test_the_machine_with_play_follows_the_nominal_path(seed, blocks, widths):
     text = Path(seed).text(blocks)
     widths = dict(zip("XYZ", widths, strict=True))
@@ -186,9 +192,7 @@ def test_without_play_nothing_is_added():
 @pytest.mark.parametrize(
     "name", ["gantry", *(pytest.param(name, marks=pytest.mark.statistical) for name in ("dmu50", "head_table"))]
 )
-@settings(max_examples=4)
-@given(seed=seeds, tcp=st.booleans())
-@example(seed=144, tcp=True)
+@drawn(few=1, many=4, found={"seed": 144, "tcp": True}, seed=seeds, tcp=st.booleans())
 def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tcp):
     machine = load(name)
     tcp &= name != "gantry"
@@ -230,9 +234,10 @@ def test_texts_that_do_not_belong_together():
             verify(read(nominal, GANTRY), read(text, GANTRY), PLAYED)
 
 
-def test_real_programs(nc_data):
+@LINES_OF_REAL_PROGRAMS
+def test_real_programs(nc_data, lines, tmp_path):
     seen = set()
-    for path in real_programs(nc_data):
+    for path in first_lines(real_programs(nc_data), lines, tmp_path):
         if path.name not in ACCEPTED:
             continue
         seen.add(path.name)

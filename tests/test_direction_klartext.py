@@ -8,6 +8,7 @@ import pytest
 from support.backlash_paths import play
 from support.klartext_programs import KLARTEXT, numbered_program
 from support.programs import load, model_of
+from support.tiers import quick
 
 from kinematics.effects import Backlash
 from postproc.control.setup import make_setup
@@ -87,7 +88,7 @@ def test_the_machine_with_play_follows_the_nominal_path():
     assert verdict.path_after.largest < 1
 
 
-@pytest.mark.parametrize("name", ["xg_model3.h", "YL-01.h"])
+@pytest.mark.parametrize("name", quick(["xg_model3.h", "YL-01.h"], ["YL-01.h"]))
 def test_real_five_axis_programs(nc_data, name):
     source = open_source(str(nc_data / "heidenhain" / "five_axis_bc" / name))
     result, report = corrected(source)

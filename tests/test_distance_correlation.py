@@ -87,6 +87,7 @@ def test_a_variable_that_matters_comes_first():
     assert dependences(white, {}, rng) == []
 
 
+@pytest.mark.statistical
 def test_blocks_keep_the_level_where_noise_has_a_memory():
     """X goes slowly back and forth: rows permuted one by one find a dependence that is not there."""
     in_blocks, singly = [], []

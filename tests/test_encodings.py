@@ -2,11 +2,13 @@
 
 import io
 import re
+from itertools import cycle, product
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import load, random_model, setup_of
+from support.tiers import quick
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
@@ -81,9 +83,13 @@ def test_what_stands_around_a_program(tmp_path, dialect, wrapped):
     check(tmp_path, dialect, *program(dialect, "latin-1", "crlf", wrapped))
 
 
-@pytest.mark.parametrize("end", ENDS)
-@pytest.mark.parametrize("comment", COMMENTS)
-@pytest.mark.parametrize("dialect", PROGRAMS)
+@pytest.mark.parametrize(
+    ("dialect", "comment", "end"),
+    quick(
+        product(PROGRAMS, COMMENTS, ENDS),
+        [(dialect, comment, end) for dialect in PROGRAMS for comment, end in zip(COMMENTS, cycle(ENDS), strict=False)],
+    ),
+)
 def test_comments_and_line_ends(tmp_path, dialect, comment, end):
     check(tmp_path, dialect, *program(dialect, comment, end))
 

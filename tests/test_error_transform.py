@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.tiers import drawn
 
 import machines
 from kinematics import derive, error_transform
@@ -162,8 +162,7 @@ def chains(draw: st.DrawFn) -> str:
     return "\n".join(lines)
 
 
-@settings(max_examples=12)
-@given(chains())
+@drawn(few=3, many=12, toml=chains())
 def test_agrees_with_exact_on_any_chain(toml):
     assert_agrees_with_exact(machines.parse(toml, "random"), seed=2)
 

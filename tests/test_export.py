@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.programs import load, model_of
 from support.table_cases import PLAY, POSITIONING, SQUARENESS, STRAIGHTNESS, motions
+from support.tiers import quick
 
 from kinematics.basis import Harmonics
 from kinematics.effects import ErrorMotion, GrowthWithSensor, LocationError
@@ -249,7 +250,9 @@ def test_a_table_of_a_rotary_axis_is_read_and_written(command, tmp_path):
     assert effect.axis == "C"
 
 
-@pytest.mark.parametrize(("form", "name"), [("siemens-eec", "interval"), ("heidenhain", "distance")])
+@pytest.mark.parametrize(
+    ("form", "name"), quick([("siemens-eec", "interval"), ("heidenhain", "distance")], [("siemens-eec", "interval")])
+)
 def test_an_interval_that_does_not_divide_the_turn_is_refused(command, tmp_path, form, name):
     machine = load("dmu50")
     positioning = ErrorMotion("C", "C", Harmonics((0.0, 360.0), 1), (0.0, 20.0, 10.0))

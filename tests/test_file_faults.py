@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from support.programs import load, shifted
+from support.tiers import quick
 
 from kinematics.error_model.model import write_model
 
@@ -68,7 +69,9 @@ OUTPUTS = {
 }
 
 
-@pytest.mark.parametrize("where", OUTPUTS)
+@pytest.mark.parametrize(
+    "where", quick(OUTPUTS, ["-o out.nc --json out.json --report /dev/full", "> /dev/full", ">&-"])
+)
 def test_a_device_without_space_leaves_no_result_at_all(where):
     check_refused(shell(f"ncomp in.nc {' '.join(GANTRY)} {where}"), OUTPUTS[where])
 
@@ -116,7 +119,7 @@ def test_a_small_disk_that_fills_up(folder):
     ):
         pytest.skip("no permission to mount a small disk")
     try:
-        (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 10_000 + "M30"))
+        (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 6_000 + "M30"))
         (disk / "out.nc").write_bytes(OLD)
         done = shell(f"ncomp in.nc {' '.join(GANTRY)} -o disk/out.nc")
         assert (disk / "out.nc").read_bytes() == OLD
@@ -145,7 +148,7 @@ MOMENTS = {
 }
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
+@pytest.mark.parametrize("moment", quick(MOMENTS, ["is written", "takes its place", "shows its summary"]))
 def test_killed_when_the_result(moment):
     """The file holds the old result or the new one, and remaining files do not disturb the next run."""
     die = "import os\ndef die(*_): os.kill(os.getpid(), 9)\n"
@@ -201,6 +204,7 @@ def test_stopped_at_some_moment(folder, stop):
             assert not {name for name in names() if name.startswith(".")}
 
 
+@pytest.mark.statistical
 def test_a_reader_that_goes(folder):
     (folder / "in.nc").write_text(PROGRAM.replace("M30", "X100.\nX200.\n" * 20_000 + "M30"))
     done = shell(f"ncomp in.nc {' '.join(GANTRY)} --json out.json | head -1; exit ${{PIPESTATUS[0]}}")

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from support.programs import correct, load, random_model, read, shifted
+from support.tiers import drawn
 
 from kinematics.user_error import UserError
 from postproc.verification.verify import verify
@@ -168,7 +168,11 @@ sums = st.recursive(
 )
 
 
-@given(st.lists(st.one_of(st.tuples(names, sums), st.tuples(st.sampled_from("XYZ"), sums)), min_size=3, max_size=12))
+@drawn(
+    few=20,
+    many=100,
+    parts=st.lists(st.one_of(st.tuples(names, sums), st.tuples(st.sampled_from("XYZ"), sums)), min_size=3, max_size=12),
+)
 def test_generated_formulas_keep_their_values(parts):
     head = HEAD + "#1=1\n#2=2\n#150=3\n#<a>=4\n"
     text = head + "".join(f"{name}={value}\n" if name[0] == "#" else f"{name}{value}\n" for name, value in parts)

@@ -1,9 +1,9 @@
 """Generated ISO programs with variables, loops, subprograms, arcs, offsets and cycles: read as LinuxCNC reads them."""
 
 import numpy as np
-from hypothesis import given, settings
 from support.iso_generator import HEAD, OUTSIDE, lines
 from support.programs import correct, load, read, shifted
+from support.tiers import drawn
 
 from postproc.motion.moves import Kind
 
@@ -21,8 +21,7 @@ def seen_by(linuxcnc, program, drilling):
     return np.array([move.machine[:3] for move in result.moves if move.line not in drilling]).reshape(-1, 3)
 
 
-@settings(max_examples=15)
-@given(lines(OUTSIDE, []))
+@drawn(few=5, many=15, body=lines(OUTSIDE, []))
 def test_linuxcnc_runs_the_same_moves(linuxcnc, body):
     """The program, and its correction for a constant error, which moves every end by just that."""
     machine, text = load("gantry"), HEAD + body + "M2\n"

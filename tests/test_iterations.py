@@ -4,10 +4,10 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import correct, load, random_model, read, setup_of, shifted, source_of
 from support.three_dialects import WRITERS, loops, paths
+from support.tiers import drawn
 
 from kinematics.user_error import UserError
 from postproc.correct.pipeline import Job, Pipeline
@@ -63,8 +63,7 @@ def drifting(draw):
 
 
 @pytest.mark.parametrize("writer", WRITERS)
-@settings(max_examples=8)
-@given(part=drifting(), seed=st.integers(0, 2**32 - 1))
+@drawn(few=3, many=8, part=drifting(), seed=st.integers(0, 2**32 - 1))
 def test_what_is_predicted_is_what_is_written(writer, part, seed):
     text, dialect = writer().program(part), find_dialect(writer.name, "", "")
     setup = setup_of(GANTRY, [f"{'0' if writer.name == 'heidenhain' else 'G54'}=1000,1000,500"], ["T1=80"])

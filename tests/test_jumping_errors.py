@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import WHOLE, correct, load, model_of, random_model, read
+from support.tiers import drawn
 
 from kinematics.correction import correct_position
 from kinematics.effects import QuantisedCompensation
@@ -20,8 +20,7 @@ def jumping(machine, step, pitch, axes="XYZ"):
     return model_of(machine, *(QuantisedCompensation(axis, step, pitch, 10.0) for axis in axes))
 
 
-@settings(max_examples=40)
-@given(step=sizes, pitch=st.floats(5.0, 80.0), seed=st.integers(0, 2**32 - 1))
+@drawn(few=12, many=40, step=sizes, pitch=st.floats(5.0, 80.0), seed=st.integers(0, 2**32 - 1))
 def test_no_position_is_worse_and_most_are_right(step, pitch, seed):
     rng = np.random.default_rng(seed)
     model = jumping(GANTRY, step, pitch)

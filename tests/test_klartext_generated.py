@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.klartext_programs import correct, read
 from support.programs import load, random_model
+from support.tiers import drawn
 
 from kinematics.user_error import UserError
 from postproc.heidenhain.blocks import parse_block, read_block
@@ -73,8 +74,7 @@ def test_words_stand_where_they_say(text):
     assert edited(text, same) == text
 
 
-@settings(max_examples=60)
-@given(st.lists(steps, max_size=8))
+@drawn(few=20, many=60, body=st.lists(steps, max_size=8))
 def test_a_program_comes_back_or_is_refused(body):
     """And its correction is read again, as the same moves."""
     text = (

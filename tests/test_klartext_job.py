@@ -4,9 +4,9 @@ import io
 import re
 
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 from support.klartext_programs import KLARTEXT, numbered_program
+from support.tiers import drawn, quick
 
 import machines
 from kinematics.error_model.model import read_model
@@ -44,7 +44,7 @@ def without_number(line):
     return re.sub(r"^\d+ ", "", line)
 
 
-@pytest.mark.parametrize("name", ["xg_model3.h", "YL-01.h"])
+@pytest.mark.parametrize("name", quick(["xg_model3.h", "YL-01.h"], ["xg_model3.h"]))
 def test_real_five_axis_programs(nc_data, name):
     source = open_source(str(nc_data / "heidenhain" / "five_axis_bc" / name))
     verdict, text = judged(source)
@@ -90,7 +90,11 @@ def test_tcp_programs_are_corrected_in_the_workpiece_frame():
     assert "B22 C20 F500" in text
 
 
-@given(st.lists(st.tuples(st.sampled_from("XYZ"), st.floats(-60, 60), st.booleans()), min_size=1, max_size=12))
+@drawn(
+    few=15,
+    many=100,
+    moves=st.lists(st.tuples(st.sampled_from("XYZ"), st.floats(-60, 60), st.booleans()), min_size=1, max_size=12),
+)
 def test_modal_and_incremental_blocks_reach_the_nominal_points(moves):
     lines = "".join(f"L {'I' * step}{axis}{value / (9 if step else 1):.3f} F300\r\n" for axis, value, step in moves)
     verdict, _ = judged(numbered_program(lines))

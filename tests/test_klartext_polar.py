@@ -5,10 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from support.klartext_programs import HEAD, OFFSET, SHIFT, TAIL, correct, read
 from support.programs import load, model_of, random_model, shifted
+from support.tiers import drawn
 
 from kinematics.effects import Backlash
 from kinematics.user_error import UserError
@@ -251,8 +252,7 @@ def test_a_called_position_is_corrected():
     ]  # fmt: skip
 
 
-@settings(max_examples=20)
-@given(st.data())
+@drawn(few=8, many=20, data=st.data())
 def test_generated_programs_are_corrected(data):
     lines = [POLE.strip(), "LP PR+40 PA+0 F500"]
     for _ in range(data.draw(st.integers(1, 8))):

@@ -100,12 +100,9 @@ def test_the_machine_without_errors():
     assert decode_model(encode_model(model), "none") == model
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize(
-    "covariance",
-    [
-        pytest.param(None, id="independent", marks=pytest.mark.statistical),
-        pytest.param(correlated(12, seed=7), id="correlated"),
-    ],
+    "covariance", [pytest.param(None, id="independent"), pytest.param(correlated(12, seed=7), id="correlated")]
 )
 def test_standard_uncertainty_equals_monte_carlo_through_the_exact_kinematics(covariance):
     model = msgspec.structs.replace(SMALL, covariance=None if covariance is None else as_rows(covariance))

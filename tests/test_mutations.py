@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import load
 from support.real_data import NC_DATA
+from support.tiers import drawn
 
 from kinematics.error_model.model import no_errors
 from kinematics.user_error import UserError
@@ -83,22 +84,19 @@ def check(name: str, text: str, dialect: str) -> None:
 
 
 @pytest.mark.usefixtures("nc_data")
-@settings(max_examples=60)
-@given(st.data())
+@drawn(few=25, many=60, data=st.data())
 def test_iso(data):
     check(*data.draw(spoilt("iso")), "iso")
 
 
 @pytest.mark.usefixtures("nc_data")
-@settings(max_examples=25)
-@given(st.data())
+@drawn(few=10, many=25, data=st.data())
 def test_siemens(data):
     check(*data.draw(spoilt("siemens")), "siemens")
 
 
 @pytest.mark.usefixtures("nc_data")
-@settings(max_examples=25)
-@given(st.data())
+@drawn(few=8, many=25, data=st.data())
 def test_klartext(data):
     check(*data.draw(spoilt("heidenhain")), "heidenhain")
 

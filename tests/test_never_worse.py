@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import load, model_of, read, setup_of, source_of
+from support.tiers import drawn
 
 from kinematics.effects import Cyclic, LocationError, QuantisedCompensation
 from kinematics.error_model.model import write_model
@@ -37,8 +37,14 @@ def judged(text, model, tolerance_um):
 
 
 @pytest.mark.parametrize("tolerance", [1.0, 5.0, 1000.0])
-@settings(max_examples=12)
-@given(amplitude=st.floats(0.1, 6.0), period=st.floats(7.0, 90.0), start=st.integers(100, 160), way=st.booleans())
+@drawn(
+    few=5,
+    many=12,
+    amplitude=st.floats(0.1, 6.0),
+    period=st.floats(7.0, 90.0),
+    start=st.integers(100, 160),
+    way=st.booleans(),
+)
 def test_a_wave_within_the_tolerance_does_not_double(tolerance, amplitude, period, start, way):
     """Corrected at its ends alone, a move may deviate from its path by twice its error in the input."""
     model = model_of(GANTRY, Cyclic("X", "X", period, (amplitude,), (0.0,)))
@@ -48,8 +54,7 @@ def test_a_wave_within_the_tolerance_does_not_double(tolerance, amplitude, perio
     assert verdict.path_after.largest <= max(verdict.path_before.largest, amplitude) + 4 * ROUNDING_UM
 
 
-@settings(max_examples=20)
-@given(step=st.floats(0.2, 20.0), pitch=st.floats(9.0, 80.0), start=st.integers(100, 160))
+@drawn(few=6, many=20, step=st.floats(0.2, 20.0), pitch=st.floats(9.0, 80.0), start=st.integers(100, 160))
 def test_a_jump_is_crossed_in_its_middle(step, pitch, start):
     """Beside a jump the machine errs by half of it at least; the ramp of a line over it may leave no more."""
     model = model_of(GANTRY, QuantisedCompensation("X", step, pitch, 10.0))

@@ -12,9 +12,10 @@ from types import MappingProxyType, ModuleType
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume
 from hypothesis import strategies as st
 from support.program_runs import BEGINS, DIALECTS, REFUSED, Program, corrected, everything, job_of, programs
+from support.tiers import drawn, quick
 
 import machines
 from postproc.correct.check import check
@@ -31,8 +32,7 @@ def in_chunks(patch, size):
         patch.setattr(f"postproc.{module}.CHUNK", size)
 
 
-@settings(max_examples=10)
-@given(program=programs(), seed=seeds, size=st.sampled_from([1, 2, 3, 7]))
+@drawn(few=4, many=10, program=programs(), seed=seeds, size=st.sampled_from([1, 2, 3, 7]))
 def test_chunks_change_nothing(program, seed, size):
     job = job_of(program, seed)
     whole = everything(job)
@@ -74,8 +74,7 @@ MOVES = {"iso": "G1 X5. Y5. Z5. F500\n", "siemens": "G1 X5 Y5 Z5 F500\n", "heide
 UNKNOWN = {"iso": "G1 X#500\n", "siemens": "G1 X=R500\n", "heidenhain": "L X+Q99\n"}
 
 
-@settings(max_examples=5)
-@given(first=programs(), second=programs(), seed=seeds)
+@drawn(few=2, many=5, first=programs(), second=programs(), seed=seeds)
 def test_a_run_leaves_nothing_to_the_next(first, second, seed):
     """After another program, after a refused one and after one that was stopped, on the same machine and set-up."""
     job = job_of(first, seed)
@@ -121,8 +120,13 @@ def lines_of(found):
     return [line for line in found["text"].splitlines() if "NCOMP" not in line]
 
 
-@settings(max_examples=10)
-@given(program=programs(), seed=seeds, names=st.lists(st.sampled_from(sorted(TAILS["iso"])), min_size=1, unique=True))
+@drawn(
+    few=4,
+    many=10,
+    program=programs(),
+    seed=seeds,
+    names=st.lists(st.sampled_from(sorted(TAILS["iso"])), min_size=1, unique=True),
+)
 def test_lines_do_not_depend_on_later_text(program, seed, names):
     """Except for refusals, and for these decisions, which need more than the lines before:
 
@@ -192,7 +196,7 @@ def writable(value, path, seen):
             yield from writable(entry, f"{path}.{name}", seen)
 
 
-@pytest.mark.parametrize("name", machines.names())
+@pytest.mark.parametrize("name", quick(machines.names(), ["gantry", "dmu50", "head_table"]))
 def test_runs_change_neither_modules_nor_what_they_are_given(name):
     """Of every shipped machine, in every dialect: correct, check and verify."""
     jobs = [job_of(Program(name, dialect, BEGINS[dialect] + MOVES[dialect]), 1) for dialect in DIALECTS]

@@ -20,7 +20,8 @@ from support.programs import (
     shifted,
     source_of,
 )
-from support.real_programs import ACCEPTED, machine_for, real_programs, run
+from support.real_programs import ACCEPTED, LINES_OF_REAL_PROGRAMS, first_lines, machine_for, real_programs, run
+from support.tiers import drawn
 
 from kinematics.basis import Polynomial
 from kinematics.effects import ErrorMotion
@@ -48,8 +49,7 @@ def others(line):
 
 
 @pytest.mark.parametrize("name", MACHINES)
-@settings(max_examples=25)
-@given(seed=seeds, tcp=st.booleans(), blocks=st.integers(3, 60))
+@drawn(few=6, many=25, seed=seeds, tcp=st.booleans(), blocks=st.integers(3, 60))
 def test_random_programs(name, seed, tcp, blocks):
     machine = load(name)
     tcp &= name in ("dmu50", "head_table")
@@ -87,8 +87,7 @@ def test_random_programs(name, seed, tcp, blocks):
 
 
 @pytest.mark.parametrize("name", ["gantry", pytest.param("dmu50", marks=pytest.mark.statistical)])
-@settings(max_examples=8)
-@given(seed=seeds)
+@drawn(few=2, many=8, seed=seeds)
 def test_chunks_of_any_size_give_the_same_bytes(name, seed):
     machine = load(name)
     text = RandomProgram(machine, seed).text(25)
@@ -105,8 +104,7 @@ def test_chunks_of_any_size_give_the_same_bytes(name, seed):
             assert (one.count, one.largest) == (other.count, pytest.approx(other.largest))
 
 
-@settings(max_examples=25)
-@given(seed=seeds, um=st.tuples(*[st.integers(-1000, 1000).map(lambda n: n / 10)] * 3))
+@drawn(few=8, many=25, seed=seeds, um=st.tuples(*[st.integers(-1000, 1000).map(lambda n: n / 10)] * 3))
 def test_a_constant_shift_moves_everything_by_just_that(seed, um):
     """End points and arc centres of a gantry that is off by the same everywhere."""
     machine = load("gantry")
@@ -163,7 +161,7 @@ def test_no_move_goes_elsewhere_whatever_the_offsets_really_are(name, seed, tcp,
 @settings(max_examples=150)
 @given(seed=seeds, tcp=st.booleans())
 def test_many_random_programs(name, seed, tcp):
-    test_random_programs.hypothesis.inner_test(name, seed, tcp, 80)
+    test_random_programs.holds(name, seed, tcp, 80)
     test_no_move_goes_elsewhere_whatever_the_offsets_really_are.hypothesis.inner_test(name, seed, tcp, False)
 
 
@@ -182,9 +180,10 @@ REASONS = {
 }
 
 
-def test_real_programs(nc_data):
+@LINES_OF_REAL_PROGRAMS
+def test_real_programs(nc_data, lines, tmp_path):
     read_names = set()
-    for path in real_programs(nc_data):
+    for path in first_lines(real_programs(nc_data), lines, tmp_path):
         machine = machine_for(path)
         if path.name in REASONS:
             with pytest.raises(UserError, match=REASONS[path.name]):

@@ -22,6 +22,7 @@ from support.programs import (
     source_of,
 )
 from support.real_data import FREECAD
+from support.tiers import quick
 
 from kinematics.effects import Backlash
 from kinematics.machine import Machine
@@ -141,7 +142,10 @@ REAL = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", REAL)
+LONG = ("impeller-7bl-xyzac.ngc", "PARALLEL.NC")
+
+
+@pytest.mark.parametrize("name", quick(REAL, [name for name in REAL if name not in LONG]))
 def test_real_programs(linuxcnc, nc_data, name):
     (path,) = [*(nc_data / "iso").rglob(name), *FREECAD.glob(name)]
     machine = load("trunnion_ac" if "xyzac" in name else "dmu50")
@@ -223,9 +227,7 @@ def test_programs_with_take_ups(linuxcnc, name):
 
 
 @pytest.mark.parametrize("machine", ["gantry", "head_table"])
-@pytest.mark.parametrize(
-    "seed", [*range(8), *[pytest.param(seed, marks=pytest.mark.statistical) for seed in range(8, 120)]]
-)
+@pytest.mark.parametrize("seed", quick(range(120), range(4)))
 def test_random_programs(linuxcnc, machine, seed):
     machine = load(machine)
     setup = random_setup(machine)

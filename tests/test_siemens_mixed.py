@@ -3,10 +3,10 @@
 import contextlib
 
 import numpy as np
-from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.programs import load, random_model
 from support.siemens_programs import correct, read
+from support.tiers import drawn
 
 from kinematics.user_error import UserError
 
@@ -83,9 +83,11 @@ CYCLE832(0.01)
 """.splitlines()
 
 
-@settings(max_examples=40)
-@given(
-    st.lists(st.sampled_from(BLOCKS), min_size=1, max_size=14), st.sampled_from(["trunnion_bc", "head_table", "dmu50"])
+@drawn(
+    few=15,
+    many=40,
+    blocks=st.lists(st.sampled_from(BLOCKS), min_size=1, max_size=14),
+    machine=st.sampled_from(["trunnion_bc", "head_table", "dmu50"]),
 )
 def test_blocks_in_any_order(blocks, machine):
     text = "".join(f"N{10 * i} {block}\n" for i, block in enumerate(["G0 X1 Y2 Z60 B5 C5", *blocks], start=1))

@@ -1,6 +1,7 @@
 """The command line in this process: its tree of commands is built once, and no process is started."""
 
 import io
+import signal
 import sys
 from collections.abc import Callable
 from typing import NamedTuple
@@ -47,13 +48,16 @@ def refusal(*arguments: object) -> str:
 
 
 def _run(entry: Callable[[], object], arguments: tuple[object, ...], stdin: bytes = b"") -> Done:
-    """Call an entry point with its own arguments and streams."""
+    """Call an entry point with its own arguments and streams; signals act on the tests as before."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     given = io.TextIOWrapper(io.BytesIO(stdin))
-    status = 0
+    status, handlers = 0, {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     with mock.patch.multiple(sys, argv=["ncomp", *map(str, arguments)], stdin=given, stdout=out, stderr=err):
         try:
             entry()
         except SystemExit as end:
             status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
     return Done(status, out.buffer.getvalue(), err.buffer.getvalue().decode())  # type: ignore[attr-defined]

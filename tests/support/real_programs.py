@@ -2,13 +2,13 @@
 
 import io
 
+import pytest
+
 from postproc.control.setup import make_setup
 from postproc.correct.pipeline import Job, Pipeline
 from postproc.dialects import find_dialect
 from postproc.text.source import open_source
-from support.programs import (
-    load,
-)
+from support.programs import load
 from support.real_data import FREECAD
 
 REAL_SETUP = {"five_axis_ac": "trunnion_ac"}
@@ -16,6 +16,23 @@ REAL_SETUP = {"five_axis_ac": "trunnion_ac"}
 
 def real_programs(nc_data):
     return sorted((nc_data / "iso").rglob("*.*")) + sorted(FREECAD.glob("*.nc"))
+
+
+LINES_OF_REAL_PROGRAMS = pytest.mark.parametrize("lines", [600, pytest.param(None, marks=pytest.mark.statistical)])
+"""Long programs are read to this line in the default tiers, and whole in the statistical tier."""
+
+
+def first_lines(programs, lines, folder):
+    """The programs, those that are longer than some lines as copies of their first lines; None: all whole."""
+    for path in programs:
+        text = path.read_bytes().splitlines(keepends=True)
+        if lines is None or len(text) <= lines:
+            yield path
+        else:
+            short = folder / path.parent.name / path.name
+            short.parent.mkdir(exist_ok=True)
+            short.write_bytes(b"".join(text[:lines]))
+            yield short
 
 
 def machine_for(path):
