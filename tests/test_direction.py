@@ -192,7 +192,7 @@ def test_without_play_nothing_is_added():
 @pytest.mark.parametrize(
     "name", ["gantry", *(pytest.param(name, marks=pytest.mark.statistical) for name in ("dmu50", "head_table"))]
 )
-@drawn(few=1, many=4, found={"seed": 144, "tcp": True}, seed=seeds, tcp=st.booleans())
+@drawn(few=1, many=4, also={"seed": 144, "tcp": True}, seed=seeds, tcp=st.booleans())
 def test_random_programs_are_verified_and_do_not_depend_on_chunks(name, seed, tcp):
     machine = load(name)
     tcp &= name != "gantry"

@@ -12,11 +12,11 @@ STATISTICAL = pytest.mark.statistical
 
 
 def drawn(
-    few: int, many: int, found: dict[str, Any] | None = None, **strategies: SearchStrategy[Any]
+    few: int, many: int, also: dict[str, Any] | None = None, **strategies: SearchStrategy[Any]
 ) -> Callable[[Callable[..., None]], Any]:
     """A property of hypothesis with few examples in the default tiers and with many in the statistical tier.
 
-    `found`: an example beside them in both.
+    `also`: an example beside them in both.
     """
 
     def decorate(holds: Callable[..., None]) -> Any:
@@ -26,7 +26,7 @@ def drawn(
 
             of_example.__name__ = holds.__name__
             each = settings(max_examples=examples)(given(**strategies)(of_example))
-            (example(**found)(each) if found else each)()
+            (example(**also)(each) if also else each)()
 
         signature = inspect.signature(holds)
         own = [value for name, value in signature.parameters.items() if name not in strategies]
