@@ -86,7 +86,9 @@ def _bounded(read_block: Callable[[int, str], Block]) -> Callable[[int, str], Bl
         try:
             return read_block(line, text)
         except RecursionError:
-            raise Refusal(line, text, "the formula is too long or nested too deeply: divide it") from None
+            raise Refusal(
+                line, text, "the formula is too long or nested too deeply: split it into several blocks"
+            ) from None
 
     return read
 

@@ -157,11 +157,11 @@ def program_format(machine: Machine, settings: ProgramSettings, dialect: str) ->
     """The form of the program in a dialect; UserError if machine, dialect or `settings` do not allow a program."""
     for name in machine.names:
         if len(name) > 1:
-            raise UserError(f"--nc: axis {name} has no word of its own in NC programs that ncomp writes")
+            raise UserError(f"--nc: ncomp writes axes of one letter only, and the machine has the axis {name}")
     if machine.control.tcp_at_start and machine.rotary.any():
         raise UserError(
             f"--nc: the control of {machine.name} positions the tool point from the start (tcp_at_start); "
-            "a plan gives positions of axes"
+            "a plan gives axis positions, which such a control does not accept"
         )
     if dialect == "heidenhain":
         return _Klartext(settings)

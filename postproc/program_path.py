@@ -72,9 +72,9 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
             lengths.append(ways)
             counts.append(feeds[row])
     if not positions or len(np.concatenate(lengths)) < 2:
-        raise UserError(f"{source.name}: the program says no path: two positions of all linear axes at least")
+        raise UserError(f"{source.name}: the program has no path: expected at least two positions of all linear axes")
     names = [axis.name for axis, not_programmed in zip(machine.axes, assumed, strict=True) if not_programmed]
-    home = f"{source.name} gives no position of {', '.join(names)}: assumed at home" if names else ""
+    home = f"{source.name} gives no position of {', '.join(names)}: home is assumed" if names else ""
     notes = tuple(note for note in (interpreter.control_state.assumption(), home) if note)
     return ProgramPath(np.concatenate(positions), np.cumsum(np.concatenate(lengths)), np.concatenate(counts), notes)
 
@@ -84,11 +84,13 @@ def _path_rows(motions: Motions, *, begun: bool) -> np.ndarray:
     linear = [i for i, axis in enumerate(motions.machine.axes) if not axis.rotary]
     programmed = (motions.known[:, linear] != Known.ASSUMED).all(axis=1)
     for row in np.flatnonzero(motions.kind == Kind.CYCLE):
-        raise motions.blocks[motions.block[row]].refuse("a canned cycle is no path that can be followed")
+        raise motions.blocks[motions.block[row]].refuse(
+            "a canned cycle cannot be part of a measured path: write its moves out"
+        )
     first = 0 if begun else int(np.argmax(programmed)) if programmed.any() else len(programmed)
     for row in np.flatnonzero(~programmed[first:]):
         raise motions.blocks[motions.block[first + row]].refuse(
-            "where a linear axis stands, the program does not say here: a path that is measured must say it all along"
+            "the position of a linear axis is unknown here: a measured path must give all linear axes throughout"
         )
     return np.arange(first, len(motions))
 

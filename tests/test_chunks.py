@@ -27,7 +27,7 @@ def test_one_arc_does_not_take_the_take_ups_of_other_moves_away(more):
     alone, beside = (correct(HEAD + LINES + text, GANTRY, model) for text in ("", more))
     assert alone.text.count("TAKE-UP") == 3
     assert beside.text.splitlines()[1 : len(alone.text.splitlines())] == alone.text.splitlines()[1:]
-    assert not [note for note in beside.report.notes if "(line 5" in note and "turns back in it" in note]
+    assert not [note for note in beside.report.notes if "(line 5" in note and "reverses within the move" in note]
 
 
 def test_one_move_under_tcp_does_not_take_the_take_ups_of_other_moves_away():

@@ -76,7 +76,7 @@ def test_a_lag_runs_over_the_log(log):
     lagging = DriftWithSensor(component="Z", sensor="spindle", coefficient=-6.0, lag_s=900.0)
     line, report = corrected(model_of(GANTRY, lagging), make_conditions(log=path))
     assert line == f"G0 X1000.0 Y500.0 Z{100 + 0.06 * (1 - np.exp(-1)):.4f}"
-    assert not [note for note in report.notes if "settled" in note]
+    assert not [note for note in report.notes if "steady state" in note]
     # the last row is now, and options overrule it
     line, _ = corrected(model_of(GANTRY, lagging), make_conditions(["spindle=30"], 5000.0, path))
     assert line == f"G0 X1000.0 Y500.0 Z{100 + 0.06 * (1 - np.exp(-1)):.4f}"
@@ -133,9 +133,9 @@ def test_notes():
         make_conditions(["spindle=25", "bed=22"]),
     )
     assert notes == [
-        "settling X, following-error Y: no program can put that right; left out, of what is predicted too",
+        "settling X, following-error Y: no program can correct this, and predicted errors do not contain it",
         "temperature bed was given and no effect uses it",
-        "thermal-drift-sensor Z spindle: taken as settled at the temperature given; a --log shows how it came",
+        "thermal-drift-sensor Z spindle: a steady state at the given temperature is assumed; --log gives its history",
     ]
 
 
@@ -171,15 +171,18 @@ def test_every_effect_of_a_machine_serves_in_a_program():
 
 
 BAD_LOGS = [
-    ("", "no column time_s"),
-    ("time,temp_a\n0,20\n", ":1: no column time_s; columns are time_s and temp_NAME; time is neither"),
+    ("", "expected one column time_s, found none"),
+    (
+        "time,temp_a\n0,20\n",
+        ":1: expected one column time_s, found none; the columns of a log are time_s and temp_NAME, and time is neither",
+    ),
     ("time_s,temp_a\n0,-300\n", ":2, column temp_a: -300 degC is below absolute zero"),
-    ("time_s,temp_a,temp_a\n0,20,20\n", ":1: 2 column temp_a"),
-    ("time_s,temp_a\n", "no rows"),
-    ("time_s,temp_a\n0,20\n1\n", ":3: 1 values, the header has 2 columns"),
+    ("time_s,temp_a,temp_a\n0,20,20\n", ":1: expected one column temp_a, found 2"),
+    ("time_s,temp_a\n", "has no rows of values"),
+    ("time_s,temp_a\n0,20\n1\n", ":3: the row has 1 values, and the header 2 columns"),
     ("time_s,temp_a\n0,warm\n", ":2, column temp_a: 'warm' is no number"),
     ("time_s,temp_a\n0,nan\n", ":2, column temp_a: 'nan' is no number"),
-    ("# a\ntime_s,temp_a\n5,20\n4,20\n", ":4, column time_s: runs back"),
+    ("# a\ntime_s,temp_a\n5,20\n4,20\n", ":4, column time_s: the time is before that of the last row"),
     ('time_s,temp_a\n0,"20\n', ":2: "),
 ]
 
@@ -196,13 +199,13 @@ def test_bad_logs(log, text, message):
 @pytest.mark.parametrize(
     ("temperatures", "elapsed", "message"),
     [
-        (["spindle"], None, "--temperature spindle: expected e.g. spindle=31.5"),
+        (["spindle"], None, "--temperature spindle: expected SENSOR=degC, for example spindle=31.5"),
         (["=5"], None, "--temperature =5: expected"),
         (["spindle=warm"], None, "--temperature spindle=warm: 'warm' is no number"),
         (["spindle=-300"], None, "--temperature spindle=-300: -300 degC is below absolute zero"),
         (["a=20", "a=21"], None, "--temperature a is given twice"),
-        ((), float("nan"), "--elapsed nan: not a time"),
-        ((), -5.0, "--elapsed -5: negative"),
+        ((), float("nan"), "--elapsed nan: expected a time"),
+        ((), -5.0, "--elapsed -5: expected a time"),
     ],
 )
 def test_bad_options(temperatures, elapsed, message):

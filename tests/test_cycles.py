@@ -130,7 +130,7 @@ def test_repeats_by_increments(linuxcnc):
         seen = linuxcnc.run(program)
         motions, lines = read_lines(program, machine)
         np.testing.assert_allclose(bottoms(seen.moves, lines, rows), motions.machine_target[rows], atol=1e-6)
-    with pytest.raises(UserError, match="drills several holes, which want different corrections"):
+    with pytest.raises(UserError, match="the block drills several holes that need different corrections"):
         correct(text, machine, random_model(machine, 5), travel_check=False)
 
 

@@ -307,7 +307,10 @@ def test_a_work_offset_that_is_used_with_the_table_turned(command):
     """The position of the touch-off is an option: the default is home."""
     head = "G21 G90 G54 T1 M6\nG43 H1\n"
     options = ("-m", "dmu50", "--work-offset", "G54=0,0,100", "--tool-length", "T1=80", "-o", "out.nc")
-    note = "G54 is first used at B30,C90 and taken as touched off elsewhere: --datum G54=probed@B30,C90 if it was there"
+    note = (
+        "G54 is first used at B30,C90, and its touch-off is assumed elsewhere: if it was touched off there, give --datum "
+        "G54=probed@B30,C90"
+    )
     for line, extra, expected in (
         ("G0 X0. Y0. Z0. B30. C90.\n", (), True),
         ("G0 X0. Y0. Z0. B30. C90.\n", ("--datum", "G54=probed@B30,C90"), False),

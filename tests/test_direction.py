@@ -155,10 +155,13 @@ def test_directions_go_on_from_chunk_to_chunk(chunk, seed):
 
 NOTED = {
     "a new frame": ("G1 X120\nG43 H1 G1 X100", "X .*its block changes the frame"),
-    "another frame": ("G1 X120\nG55 G1 X100", "X .*the program has not given its position"),
-    "after an unknown M function": ("G1 X120\nM77\nX100", "X .*the program has not given its position"),
-    "an M function in an arc": ("G2 X130 I10 M5", "one piece .*an M function in its block may run before or after it"),
-    "first moves": ("G1 X120", "X taken in the middle of its play until it moves"),
+    "another frame": ("G1 X120\nG55 G1 X100", "X .*the program has not given the position of the axis"),
+    "after an unknown M function": ("G1 X120\nM77\nX100", "X .*the program has not given the position of the axis"),
+    "an M function in an arc": (
+        "G2 X130 I10 M5",
+        "an arc is not cut .*an M function in its block may run before or after the move",
+    ),
+    "first moves": ("G1 X120", "X is assumed in the middle of its backlash until it moves"),
     "no F under G93": ("G1 X120\nG93 X100", "X .*has no F under G93"),
 }
 
@@ -280,7 +283,7 @@ def test_a_drill_returns_before_the_next_move(cycle, to, expected):
 def test_a_feed_move_that_turns_back_behind_a_cycle_is_noted():
     text = HEAD + "G99 G81 X120. Y100. Z90. R105.\nG1 X150. Z95.\nM2\n"
     notes = correct(text, GANTRY, PLAYED).report.notes
-    assert any("the play of Z is taken up along a feed move" in note and "line 5" in note for note in notes), notes
+    assert any("the backlash of Z is taken up along a feed move" in note and "line 5" in note for note in notes), notes
 
 
 def test_a_rapid_of_the_tool_point_that_turns_an_axis_back_inside():

@@ -49,7 +49,7 @@ def test_sums_go_into_parameters_of_our_own():
 def test_a_program_that_has_these_parameters_itself():
     text = HEAD + "FN 0: QL450 =+5\nL X+QL450 F500\n" + TAIL
     assert correct(text) == text
-    with pytest.raises(UserError, match="QL450 is one of the variables that corrections are put into"):
+    with pytest.raises(UserError, match="QL450 is a variable for the corrections of ncomp"):
         correct(text, model=shifted(load("gantry"), **OFFSET))
 
 

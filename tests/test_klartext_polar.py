@@ -173,7 +173,7 @@ def test_formulas_take_the_correction_by_a_parameter():
 
 def test_ctp_by_parameters_is_refused():
     text = "Q1 = 10\nCC X+10 Y+10\nL X+10 Y+0\nCTP PR+Q1 PA+0\n"
-    with pytest.raises(UserError, match="CTP by parameters"):
+    with pytest.raises(UserError, match="CTP with parameters cannot be corrected"):
         correct(HEAD + text + TAIL, model=MODEL)
 
 
@@ -238,7 +238,7 @@ def test_a_pattern_goes_as_a_whole(pattern, words):
 
 
 def test_a_pattern_whose_holes_want_different_corrections():
-    with pytest.raises(UserError, match=r"the holes of this pattern want corrections that differ by \d+\.\d um"):
+    with pytest.raises(UserError, match=r"the holes of this pattern need corrections that differ by \d+\.\d um"):
         correct(HEAD + DRILL + LINES + TAIL, model=MODEL, tolerance_um=1.0)
 
 

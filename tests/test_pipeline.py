@@ -65,7 +65,7 @@ def test_random_programs(name, seed, tcp, blocks):
     verdict = verify(nominal, commanded, model)
     assert verdict.moves == report.moves == len(nominal)
     kept = kept_before_turning(nominal, commanded)
-    assert not kept.any() or any("would be worse with this correction" in note for note in report.notes)
+    assert not kept.any() or any("feed move of rotary axes only worse" in note for note in report.notes)
     rows = exact_rows(nominal) & ~kept
     q, target = commanded.machine_target[rows], nominal.machine_target[rows]
     assert pose_errors(machine, model, q, target, nominal.tool[rows]).point_um.max(initial=0.0) < ROUNDING_UM
@@ -347,9 +347,9 @@ def test_notes():
     text = "G21 G90 G0 X-200.0 Y0.0\nG1 Z10.0 F100\nX0.0\nC10.0\n"
     notes = correct(text, machine, model, offsets=["G55=1,2,3"]).report.notes
     assert notes == [
-        "B not said by the program yet, taken at its home 0 (line 1, 4 times)",
-        "C not said by the program yet, taken at its home 0 (line 1, 3 times)",
-        "Z not said by the program yet, taken at its home 400 (line 1)",
+        "the program has not given B yet: its home 0 is assumed (line 1, 4 times)",
+        "the program has not given C yet: its home 0 is assumed (line 1, 3 times)",
+        "the program has not given Z yet: its home 400 is assumed (line 1)",
         "work offset G55 was given and is not used",
         "E_XX is used up to 100 mm beyond its calibrated range; its end value is held there",
     ]

@@ -367,9 +367,13 @@ def test_feeds_per_minute_are_said_once():
 @pytest.mark.parametrize(
     ("body", "reason", "line"),
     [
-        ("G1 X800. M9", "an M function in its block may run before or after it", 3),
-        ("G93 G1 X800.", "no F under G93", 3),
-        ("#1=1\nWHILE[#1 LE 2]DO1\nG1 X[400.*#1]\n#1=#1+1\nEND1", "its block runs several times, in different ways", 5),
+        ("G1 X800. M9", "an M function in its block may run before or after the move", 3),
+        ("G93 G1 X800.", "its block has no F under G93", 3),
+        (
+            "#1=1\nWHILE[#1 LE 2]DO1\nG1 X[400.*#1]\n#1=#1+1\nEND1",
+            "its block runs several times with different moves",
+            5,
+        ),
     ],
 )
 def test_what_stays_whole_is_said(body, reason, line):
@@ -402,7 +406,7 @@ def test_a_block_that_runs_twice_from_other_places_stays_whole():
     start = "G21 G90 G54 G0 X0. Y0. Z0.\nM98 P100\nG0 X300.\nM98 P100\nM30\nO100\nG1 X800. F100\nM99\n"
     run = Run(start, GANTRY, BOWED)
     assert run.report.added_blocks == 0
-    assert any("runs several times, in different ways (lines 7)" in note for note in run.report.notes)
+    assert any("runs several times with different moves (lines 7)" in note for note in run.report.notes)
 
 
 @pytest.mark.parametrize("name", ["gantry", "dmu50"])

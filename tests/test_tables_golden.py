@@ -251,24 +251,24 @@ def test_mitsubishi_s_formula():
 
 
 REFUSED = {
-    "fanuc: a point missing": ("fanuc", {"p.txt": FANUC_TEXT.replace("N10035P1\n", "")}, "no value of point 35"),
+    "fanuc: a point missing": ("fanuc", {"p.txt": FANUC_TEXT.replace("N10035P1\n", "")}, "the value of point 35 (N10035) is missing"),
     "fanuc: a point twice": ("fanuc", {"p.txt": FANUC_TEXT + "N10035P1\n"}, "p.txt:25: 'N10035P1': a second value"),
     "fanuc: half an increment": ("fanuc", {"p.txt": FANUC_TEXT.replace("N10035P1", "N10035P1.5")}, "whole number"),
-    "fanuc: a program": ("fanuc", {"p.txt": "G10 L50\nN10035 R1\nG11\n"}, "p.txt:1: 'G10 L50': no N...P..."),
-    "fanuc: no interval": ("fanuc", {"p.txt": FANUC_TEXT.replace("N03624", "N03699")}, "lacks N03624"),
-    "fanuc: reference outside": ("fanuc", {"p.txt": FANUC_TEXT.replace("P40", "P99")}, "reference point 99 is not in"),
-    "heidenhain: no end": ("heidenhain", {"A.COM": NEW[:-6], "c.cma": cma(X="A.COM")}, "does not end with"),
+    "fanuc: a program": ("fanuc", {"p.txt": "G10 L50\nN10035 R1\nG11\n"}, "p.txt:1: 'G10 L50': expected N...P..."),
+    "fanuc: no interval": ("fanuc", {"p.txt": FANUC_TEXT.replace("N03624", "N03699")}, "N03624 missing"),
+    "fanuc: reference outside": ("fanuc", {"p.txt": FANUC_TEXT.replace("P40", "P99")}, "the reference point 99 is outside"),
+    "heidenhain: no end": ("heidenhain", {"A.COM": NEW[:-6], "c.cma": cma(X="A.COM")}, "the last line must be [END]"),
     "heidenhain: a gap": (
         "heidenhain",
         {"A.COM": NEW.replace("-0.0040", ""), "c.cma": cma(X="A.COM")},
         "column X has values in 1 of 2 rows",
     ),
-    "heidenhain: no assignment": ("heidenhain", {"A.COM": NEW}, "the .CMA file (one) must be among the files"),
+    "heidenhain: no assignment": ("heidenhain", {"A.COM": NEW}, "expected one .CMA file among the files"),
     "heidenhain: a file that is not there": ("heidenhain", {"c.cma": cma(X="A.COM")}, "not among the files"),
     "heidenhain: unevenly spaced": (
         "heidenhain",
         {"A.COM": OLD.replace("+50.0000    -", "+60.0000    -"), "c.cma": cma(X="A.COM")},
-        "not DATUM and so many times DISTANCE",
+        "the position differs from DATUM plus a multiple of DISTANCE",
     ),
     "heidenhain: two active lines": (
         "heidenhain",
@@ -277,48 +277,48 @@ REFUSED = {
     ),
     "isg: increments": ("isg", {"a.lis": SSFK.replace("unit                         1", "unit 0")}, "unit must be 1"),
     "isg: more than said": ("isg", {"a.lis": SSFK.replace("nr_max                    3", "nr_max 2")}, "beyond"),
-    "isg: no value": ("isg", {"a.lis": SSFK.replace("kw.ssfk.table[1].neg", "kw.x")}, "no kw.ssfk.table[1].neg"),
-    "isg: twice": ("isg", {"a.lis": SSFK + "kw.ssfk.unit 1\n"}, "a second value"),
+    "isg: no value": ("isg", {"a.lis": SSFK.replace("kw.ssfk.table[1].neg", "kw.x")}, "kw.ssfk.table[1].neg is missing"),
+    "isg: twice": ("isg", {"a.lis": SSFK + "kw.ssfk.unit 1\n"}, "the entry has a value already"),
     "isg: no axis": ("isg", {"a.lis": "kw.ssfk.kw_nr_max 0\n"}, "kopf.log_achs_name is missing"),
     "isg-volumetric: two arguments": ("isg-volumetric", {"v.csv": "Z X EXX\n0 0 1\n"}, "X over Z is not read"),
-    "isg-volumetric: a column short": ("isg-volumetric", {"v.csv": "X EXX\n0 0\n1\n"}, "2 columns are needed"),
-    "etalon: no end": ("etalon", {"e.txt": "[EXX]\nGridpoints = {\n0 0\n"}, "have no end"),
+    "isg-volumetric: a column short": ("isg-volumetric", {"v.csv": "X EXX\n0 0\n1\n"}, "expected 2 columns"),
+    "etalon: no end": ("etalon", {"e.txt": "[EXX]\nGridpoints = {\n0 0\n"}, "after the last grid points is missing"),
     "etalon: no block": ("etalon", {"e.txt": "VALUE = 3\n"}, "e.txt:1"),
     "etalon: another axis": ("etalon", {"e.txt": ETALON}, "has no such axis"),
     "klipper: two profiles": ("klipper", {"k.cfg": "[skew_correction a]\n[skew_correction b]\n"}, "2 profiles"),
-    "klipper: upsampled": ("klipper", {"k.cfg": "[bed_mesh a]\nmesh_x_pps = 2\nmesh_y_pps = 2\n"}, "is not read"),
+    "klipper: upsampled": ("klipper", {"k.cfg": "[bed_mesh a]\nmesh_x_pps = 2\nmesh_y_pps = 2\n"}, "are not read"),
     "reprap: not probed": (
         "reprap",
         {"h.csv": "RepRapFirmware height map file v2\naxis0,axis1,min0,max0,min1,max1,radius,spacing0,spacing1,num0,num1\n"
          "X,Y,0,1,0,1,-1,1,1,2,2\n 0.1, 0\n 0.1, 0.2\n"},
-        "a position that was not probed",
+        "the position was not probed",
     ),
     "mitsubishi: out of range": (
         "mitsubishi",
         {"parameters.csv": "h\nX,0,100.0,1\n", "error_data.csv": "h\nX,0,0,0\nX,1,100,128\n"},
-        "a value lies in -128 ... 127",
+        "expected a value in -128 ... 127",
     ),
     "csv: another unit": ("csv", {"e.csv": "error,axis,position,forward,backward,unit\nE_XX,X,0,1,1,mm\n"}, "E_XX in mm"),
-    "heidenhain: inches": ("heidenhain", {"A.COM": NEW.replace("MM", "INCH"), "c.cma": cma(X="A.COM")}, "inches are not read"),
-    "linuxcnc: no number of a joint": ("linuxcnc", {"a.ini": "[JOINT_X]\nCOMP_FILE = a.txt\n"}, "[JOINT_X] is no joint"),
+    "heidenhain: inches": ("heidenhain", {"A.COM": NEW.replace("MM", "INCH"), "c.cma": cma(X="A.COM")}, "tables in inches are not read"),
+    "linuxcnc: no number of a joint": ("linuxcnc", {"a.ini": "[JOINT_X]\nCOMP_FILE = a.txt\n"}, "[JOINT_X] is not one of the joints"),
     "linuxcnc: another type": (
-        "linuxcnc", {"a.ini": "[JOINT_0]\nCOMP_FILE = a.txt\nCOMP_FILE_TYPE = 2\n", "a.txt": "0 0 0\n"}, "COMP_FILE_TYPE 2: 0 or 1"
+        "linuxcnc", {"a.ini": "[JOINT_0]\nCOMP_FILE = a.txt\nCOMP_FILE_TYPE = 2\n", "a.txt": "0 0 0\n"}, "COMP_FILE_TYPE 2: expected 0 or 1"
     ),
-    "siemens-cec: no number of a table": ("siemens-cec", {"c.ini": "$AN_CEC[x,0]=1\n"}, "c.ini:1: '$AN_CEC[x,0]=1': an index is"),
-    "siemens-eec: half a point": ("siemens-eec", {"e.ini": "$AA_ENC_COMP[0,1.5,X1]=1\n"}, "an index is a whole number"),
+    "siemens-cec: no number of a table": ("siemens-cec", {"c.ini": "$AN_CEC[x,0]=1\n"}, "c.ini:1: '$AN_CEC[x,0]=1': an index must be"),
+    "siemens-eec: half a point": ("siemens-eec", {"e.ini": "$AA_ENC_COMP[0,1.5,X1]=1\n"}, "an index must be a whole number"),
     "siemens-eec: more points than memory": (
         "siemens-eec",
         {"e.ini": "$AA_ENC_COMP[0,0,X1]=1\n$AA_ENC_COMP_STEP[0,X1]=1\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=1e15\n"},
-        "1 are given",
+        "found 1",
     ),
-    "fanuc: more points than memory": ("fanuc", {"p.txt": FANUC_TEXT.replace("A1P49", "A1P99999999999")}, "no value of point 50"),
-    "isg: no points": ("isg", {"a.lis": SSFK.partition("kw.ssfk.table")[0].replace("nr_max                    3", "nr_max 0")}, "a table of Y without points"),
-    "isg: no start": ("isg", {"a.lis": SSFK.replace("interval                     0", "interval 10").replace("kw_startpos", "x")}, "no kw.ssfk.kw_startpos"),
+    "fanuc: more points than memory": ("fanuc", {"p.txt": FANUC_TEXT.replace("A1P49", "A1P99999999999")}, "the value of point 50 (N10050) is missing"),
+    "isg: no points": ("isg", {"a.lis": SSFK.partition("kw.ssfk.table")[0].replace("nr_max                    3", "nr_max 0")}, "the table of Y has no points"),
+    "isg: no start": ("isg", {"a.lis": SSFK.replace("interval                     0", "interval 10").replace("kw_startpos", "x")}, "kw.ssfk.kw_startpos is missing"),
     "isg-cross: more points than memory": (
         "isg-cross",
         {"a.lis": "kopf.log_achs_name Z\nkw.crosscomp2.unit 1\nkw.crosscomp2.interval 1\nkw.crosscomp2.master1_ax_nr 1\n"
          "kw.crosscomp2.start_position_master1 0\nkw.crosscomp2.last_index_master1 999999999999\n"},
-        "no more than 10200",
+        "exceeds the most, 10200",
     ),
     "klipper: more points than memory": (
         "klipper",
@@ -334,7 +334,7 @@ REFUSED = {
     "reprap: a label missing": (
         "reprap",
         {"h.csv": "RepRapFirmware height map file v2\naxis0,axis1,min0,spacing0,num0,num1\nX,Y,0,1,2,2\n 0.1, 0.3\n"},
-        "not a value for each label",
+        "expected a value for each label",
     ),
     "isg-volumetric: one row": ("isg-volumetric", {"v.csv": "X EXX\n0 1\n"}, "v.csv: E_XX: nodes must be at least two"),
     "nothing": ("siemens-eec", {"e.ini": "M17\n"}, "no table of format siemens-eec"),
@@ -349,7 +349,7 @@ def test_what_is_not_understood_is_refused(format, files, said):
 
 WRITERS = {
     "fanuc increments": ("fanuc", ("interval=400", "unit_um=0.1"), "XX", "do not reach"),
-    "fanuc points": ("fanuc", ("total=5", "largest=60"), "XX YY ZZ", "and 5 are there"),
+    "fanuc points": ("fanuc", ("total=5", "largest=60"), "XX YY ZZ", "and the control has 5"),
     "heidenhain old with backlash": ("heidenhain", ("layout=old", "backlash=true"), "XX", "no column BACKLASH"),
     "heidenhain old, too many rows": ("heidenhain", ("layout=old", "distance=0.5"), "XX", "do not reach"),
     "mitsubishi steps": ("mitsubishi", ("unit_um=0.01", "interval=300"), "XX", "do not reach"),

@@ -84,14 +84,17 @@ def test_two_directions_and_a_product():
 
 
 BROKEN = {
-    "points missing": (EEC.replace("$AA_ENC_COMP[0,400,X1]=0.0", ";"), "points 0 to 800 are needed"),
+    "points missing": (EEC.replace("$AA_ENC_COMP[0,400,X1]=0.0", ";"), "expected the points 0 to 800"),
     "a point twice": (EEC + "$AA_ENC_COMP[0,3,X1]=0.0\n", "a second value of this point"),
-    "no whole number of steps": (EEC.replace("STEP[0,X1]=1.0", "STEP[0,X1]=0.99"), "not a whole number"),
-    "another axis": (EEC.replace("X1", "Q1"), "axis Q1 is none of X Y Z; give --set names=AXIS:Q1"),
+    "no whole number of steps": (EEC.replace("STEP[0,X1]=1.0", "STEP[0,X1]=0.99"), "must be a whole number of steps"),
+    "another axis": (EEC.replace("X1", "Q1"), "axis Q1 is not one of X Y Z; give --set names=AXIS:Q1"),
     "another measuring system": (EEC.replace("[0,", "[1,"), "give --set system=1"),
-    "no step": (EEC.replace("$AA_ENC_COMP_STEP", "; "), "no _STEP"),
+    "no step": (EEC.replace("$AA_ENC_COMP_STEP", "; "), "_STEP missing"),
     "a word": (EEC.replace("=0.003", "=x"), "a.ini:3"),
-    "modulo of a linear axis": (EEC.replace("MODULO[0,X1]=0", "MODULO[0,X1]=1"), "IS_MODULO without a turn"),
+    "modulo of a linear axis": (
+        EEC.replace("MODULO[0,X1]=0", "MODULO[0,X1]=1"),
+        "IS_MODULO needs a rotary axis and a turn",
+    ),
     "a blank for =": (EEC.replace("$AA_ENC_COMP[0,0,X1]=", "$AA_ENC_COMP[0,0,X1] "), "a.ini:3"),
 }
 
@@ -151,13 +154,15 @@ def test_limits_broken_on_purpose_are_refused():
     good = Term("X", (Curve("X", np.array([0.0, 300.0, 600.0]), np.array([0.0, 0.01, 0.0])),))
     check_terms([good], limits, "CEC", CFRAME)
     bad = {
-        "holds 1 tables, these are 2": [good, good],
-        "no more than 3 fit": [Term("X", (Curve("X", np.arange(4.0), np.zeros(4)),))],
+        "holds at most 1 tables, and the correction needs 2": [good, good],
+        "exceed the most, 3": [Term("X", (Curve("X", np.arange(4.0), np.zeros(4)),))],
         "must be equidistant": [Term("X", (Curve("X", np.array([0.0, 1.0, 3.0]), np.zeros(3)),))],
-        "numbers that increase": [Term("X", (Curve("X", np.array([0.0, 1.0, 1.0]), np.zeros(3)),))],
-        "none may exceed": [Term("X", (Curve("X", np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.2, 0])),))],
-        "a value is no number": [Term("X", (Curve("X", np.array([0.0, 1.0, 2.0]), np.array([0.0, np.nan, 0])),))],
-        "where it must be 0": [Term("X", (Curve("X", np.array([0.0, 1.0, 2.0]), np.array([0.01, 0, 0])),))],
+        "finite numbers that increase": [Term("X", (Curve("X", np.array([0.0, 1.0, 1.0]), np.zeros(3)),))],
+        "exceeds the largest": [Term("X", (Curve("X", np.array([0.0, 1.0, 2.0]), np.array([0.0, 0.2, 0])),))],
+        "a value is not a finite number": [
+            Term("X", (Curve("X", np.array([0.0, 1.0, 2.0]), np.array([0.0, np.nan, 0])),))
+        ],
+        "it must be 0": [Term("X", (Curve("X", np.array([0.0, 1.0, 2.0]), np.array([0.01, 0, 0])),))],
     }
     for said, terms in bad.items():
         with pytest.raises(UserError, match=said):

@@ -50,5 +50,5 @@ def test_a_wave_too_short_for_few_points_is_named():
 
 def test_nothing_but_short_waves_is_refused():
     machine = load("gantry")
-    with pytest.raises(UserError, match="no errors that a table could hold"):
+    with pytest.raises(UserError, match="no errors that a table can hold"):
         exported(machine, Cyclic("X", "X", 2.0, (6.0,), (3.0,)), QuantisedCompensation("Y", 4.0, 1.0))

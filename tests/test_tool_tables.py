@@ -90,10 +90,10 @@ def test_several(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
-        ("", "no line that names its columns"),
-        ("T  NAME  L\nX  A     +1\n", "'X' in column T is no number of a line"),
+        ("", "expected a line with the names of the columns"),
+        ("T  NAME  L\nX  A     +1\n", "'X' in column T is not the number of a line"),
         ("T  NAME  L\n1  A     +1\n1  A     +1\n", "1 is in the table twice: delete one line"),
-        ("T  NAME  L\n1  A     one\n", "L: 'one' is no number"),
+        ("T  NAME  L\n1  A     one\n", "L: 'one' is not a number"),
         ("T  NAME  L\n1  A     nan\n", "nan is not finite"),
     ],
 )
@@ -171,15 +171,15 @@ def test_fanuc(tmp_path, name, end):
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ("G10 L10 P1 R1. X5.", "this kind of data is not known"),
-        ("G10 L2 P0 X1.", "this kind of data is not known"),
-        ("G10 L2 P1 R5.", "this kind of data is not known"),
-        ("G10 L10 R5.", "without L and P"),
-        ("G10 L50 P1 R5.", "this kind of data is not known"),
-        ("G0 X5.", "G0 in a list of offsets"),
-        ("X5.", "no G10"),
-        ("H1 twelve", "is none of"),
-        ("G10 L10 P1 P2 R5.", "one address twice"),
+        ("G10 L10 P1 R1. X5.", "this kind of data is unknown"),
+        ("G10 L2 P0 X1.", "this kind of data is unknown"),
+        ("G10 L2 P1 R5.", "this kind of data is unknown"),
+        ("G10 L10 R5.", "G10 needs L and P"),
+        ("G10 L50 P1 R5.", "this kind of data is unknown"),
+        ("G0 X5.", "G0 may not be in a list of offsets"),
+        ("X5.", "expected G10"),
+        ("H1 twelve", "expected FANUC's offsets"),
+        ("G10 L10 P1 P2 R5.", "an address is given twice"),
         ("H1 5.", "1 is given twice"),
     ],
 )

@@ -202,7 +202,7 @@ def test_a_feed_move_of_rotary_axes_keeps_the_linear_axes(block):
     lines = out.text.splitlines()
     assert lines[2] == block
     assert lines[3] == "G90 G1 X19.9550"
-    assert any(note.startswith("a feed move of rotary axes alone keeps the linear axes") for note in out.report.notes)
+    assert any(note.startswith("a feed move of rotary axes only keeps its linear axes") for note in out.report.notes)
     assert out.report.after.largest == pytest.approx(45.0, abs=0.1)
 
 
@@ -294,7 +294,7 @@ def test_nearly_full_circles(gap, form):
 
 
 @pytest.mark.parametrize(
-    ("end", "reason"), [("99.9999", "the other way round"), ("99.9996", "rounding makes it the other")]
+    ("end", "reason"), [("99.9999", "rounding would reverse this arc"), ("99.9996", "rounding would exchange this arc")]
 )
 def test_arcs_that_rounding_would_turn_round_are_refused(end, reason):
     """The start is rounded up to Y100.000, and the end, which has more decimals, is not."""

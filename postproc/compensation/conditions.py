@@ -60,9 +60,9 @@ class Conditions:
 
     def text(self) -> str:
         """Text for the user; empty if no condition is given."""
-        said = [] if self.elapsed is None else [f"{self.elapsed:g} s after time zero"]
-        said += [f"{name} {value:g} degC" for name, value in self.temperatures.items()]
-        return ", ".join(said) + (", held over the program" if said else "")
+        texts = [] if self.elapsed is None else [f"{self.elapsed:g} s after time zero"]
+        texts += [f"{name} {value:g} degC" for name, value in self.temperatures.items()]
+        return ", ".join(texts) + (", held over the program" if texts else "")
 
     def _in_log(self) -> str:
         """Columns of the log, for messages about missing ones."""
@@ -75,7 +75,7 @@ class Conditions:
         """Notes for the user on a model under these conditions; UserError if a condition that it needs is missing."""
         of_machine = [effect for effect in model.effects if effect.ACTS_ON != "instrument"]
         used: set[str] = set()
-        settled: list[str] = []
+        steady: list[str] = []
         for effect in of_machine:
             used.update(effect.sensors)
             for sensor in effect.sensors:
@@ -83,14 +83,16 @@ class Conditions:
                     give = f"--temperature {sensor}=degC or --log"
                     raise UserError(f"{effect.name} needs the temperature {sensor!r}: give {give}{self._in_log()}")
             if effect.HAS_MEMORY and "time" in effect.needs:
-                settled += [effect.name] if self.past is None else []
+                steady += [effect.name] if self.past is None else []
             elif "time" in effect.needs and self.elapsed is None:
                 raise UserError(f"{effect.name} needs the time since its zero: give --elapsed s or --log")
         logged = () if self.past is None else self.past.temperatures
         unused = [name for name in self.temperatures if name not in used and name not in logged]
         notes = [f"temperature {name} was given and no effect uses it" for name in unused]
-        if settled:
-            notes.append(f"{', '.join(settled)}: taken as settled at the temperature given; a --log shows how it came")
+        if steady:
+            notes.append(
+                f"{', '.join(steady)}: a steady state at the given temperature is assumed; --log gives its history"
+            )
         return notes
 
 
@@ -98,10 +100,8 @@ def make_conditions(
     temperatures: Iterable[str] = (), elapsed: float | None = None, log: Path | None = None
 ) -> Conditions:
     """The conditions from the options of the command line, which overrule the last row of the log."""
-    if elapsed is not None and not math.isfinite(elapsed):
-        raise UserError(f"--elapsed {elapsed}: not a time")
-    if elapsed is not None and elapsed < 0:
-        raise UserError(f"--elapsed {elapsed:g}: negative")
+    if elapsed is not None and not 0.0 <= elapsed < math.inf:
+        raise UserError(f"--elapsed {elapsed:g}: expected a time in s, not below 0")
     given = given_once(map(parse_temperature, temperatures), "--temperature ")
     if log is None:
         return Conditions(elapsed, given)
@@ -120,7 +120,7 @@ def parse_temperature(text: str) -> tuple[str, float]:
     """Sensor and temperature, degC, of a text such as `spindle=31.5`; UserError if it has another form."""
     name, _, value = text.partition("=")
     if not name.strip() or not value.strip():
-        raise UserError(f"--temperature {text}: expected e.g. spindle=31.5")
+        raise UserError(f"--temperature {text}: expected SENSOR=degC, for example spindle=31.5")
     return name.strip(), degrees(value, f"--temperature {text}")
 
 
@@ -137,7 +137,7 @@ def _neither(names: Sequence[str]) -> str:
     if not names:
         return ""
     verb = "is" if len(names) == 1 else "are"
-    return f"; columns are time_s and temp_NAME; {', '.join(names)} {verb} neither"
+    return f"; the columns of a log are time_s and temp_NAME, and {', '.join(names)} {verb} neither"
 
 
 def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
@@ -148,7 +148,7 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
     try:
         text = read_input(path, "log").decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise UserError(f"log {path}: not UTF-8 text") from None
+        raise UserError(f"log {path} is not UTF-8 text: save it as UTF-8") from None
     rows = _rows(text, path)
     line, header = next(rows, (1, []))
     names = [name.strip() for name in header]
@@ -157,19 +157,22 @@ def _read_log(path: Path) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
     for name in ("time_s", *(names[i] for i in temperatures)):
         if names.count(name) != 1:
             lacks = _neither(unread) if name not in names else ""
-            raise UserError(f"log {path}:{line}: {names.count(name) or 'no'} column {name}{lacks}")
+            found = names.count(name) or "none"
+            raise UserError(f"log {path}:{line}: expected one column {name}, found {found}{lacks}")
     columns = [names.index("time_s"), *temperatures]
     values = []
     for line, row in rows:
         if len(row) != len(names):
-            raise UserError(f"log {path}:{line}: {len(row)} values, the header has {len(names)} columns")
-        places = [f"log {path}:{line}, column {names[i]}" for i in columns]
+            raise UserError(f"log {path}:{line}: the row has {len(row)} values, and the header {len(names)} columns")
+        locations = [f"log {path}:{line}, column {names[i]}" for i in columns]
         readers = [given_number, *[degrees] * len(temperatures)]
-        values.append([read(row[i], at) for read, i, at in zip(readers, columns, places, strict=True)])
+        values.append([read(row[i], at) for read, i, at in zip(readers, columns, locations, strict=True)])
         if len(values) > 1 and values[-1][0] < values[-2][0]:
-            raise UserError(f"log {path}:{line}, column time_s: runs back")
+            raise UserError(
+                f"log {path}:{line}, column time_s: the time is before that of the last row: sort the rows by time"
+            )
     if not values:
-        raise UserError(f"log {path}: no rows")
+        raise UserError(f"log {path} has no rows of values")
     time, *courses = np.array(values).T
     return time, {names[i].removeprefix(TEMPERATURE): t for i, t in zip(temperatures, courses, strict=True)}, unread
 

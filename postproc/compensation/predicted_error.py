@@ -33,8 +33,10 @@ def in_a_program(effect: Effect) -> bool:
 def model_notes(model: ErrorModel, conditions: Conditions) -> list[str]:
     """Notes for the user on a model under these conditions; UserError if a condition that it needs is missing."""
     beyond = [e.name for e in model.effects if e.ACTS_ON != "instrument" and not in_a_program(e)]
-    left = [f"{', '.join(beyond)}: no program can put that right; left out, of what is predicted too"] if beyond else []
-    return left + conditions.notes(model.part(in_a_program))
+    notes = (
+        [f"{', '.join(beyond)}: no program can correct this, and predicted errors do not contain it"] if beyond else []
+    )
+    return notes + conditions.notes(model.part(in_a_program))
 
 
 class MachineStates:

@@ -24,7 +24,8 @@ from postproc.motion.moves import Known
 TURNED = 1e-3
 """Difference of a rotary position, degrees, above which a note is given."""
 NOTE_TURNED = (
-    "{name} is first used at {at} and taken as touched off elsewhere: --datum {name}=probed@{at} if it was there"
+    "{name} is first used at {at}, and its touch-off is assumed elsewhere: if it was touched off there, give --datum "
+    "{name}=probed@{at}"
 )
 LISTED = 12
 """Largest number of listed touch-offs; a program that sets its work offsets itself may have any number."""
@@ -156,7 +157,7 @@ class UsedDatums:
             if not low - TURNED <= value <= high + TURNED:
                 self._outside.append(
                     f"the touch-off of {there.name} takes {axis.name} to {value:.4g} {axis.unit}, outside its travel "
-                    f"{low:g}..{high:g} {axis.unit}: is the work offset, or the length of the probe, the right one?"
+                    f"{low:g}..{high:g} {axis.unit}: check the work offset and the length of the probe"
                 )
         beyond = model.outside(machine, conditions.state(q, np.zeros_like(q)))
         self._outside += [
@@ -169,7 +170,7 @@ class UsedDatums:
         """Texts for the user: all touch-offs, and those work offsets of `offsets` that are true."""
         rows = [fact for there in self.used[:LISTED] for fact in there.facts()]
         if len(self.used) > LISTED:
-            rows.append(("datum", f"{len(self.used) - LISTED} more that the program sets"))
+            rows.append(("datum", f"{len(self.used) - LISTED} more are not listed"))
         return [*rows, *(("datum", f"{name}: true") for name in self._true(offsets))]
 
     def json(self, offsets: Iterable[str]) -> list[dict[str, Any]]:

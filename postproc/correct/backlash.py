@@ -37,7 +37,9 @@ from postproc.write.added_blocks import NO_INSERTION, START_M
 
 PRECISION = 0.1
 """Last step of the iteration that finds the directions of moves, as a fraction of the dead band."""
-NOT_READY = "its block changes the frame, turns rotary axes alone, is polar or shifted, or has no F under G93"
+NOT_READY = "its block changes the frame, moves rotary axes only, is polar, has locked axes, or has no F under G93"
+
+TAKEN_UP_ALONG = "the backlash of {} is taken up along a feed move and not before it"
 
 
 class Directed(NamedTuple):
@@ -87,7 +89,7 @@ class BacklashTakeUps:
             block = motions.blocks[motions.block[row]]
             obstacle = _obstacle(motions, row, block)
             if obstacle:
-                self._note("an arc stays in one piece though an axis turns back in it", obstacle, block)
+                self._note("an arc is not cut where an axis reverses", obstacle, block)
                 continue
             # a segment by its radius is at most a quarter: near half a circle a radius hardly determines the centre
             every = arc.form.startswith("radius")
@@ -143,16 +145,16 @@ class BacklashTakeUps:
         for row, axis in np.argwhere((asked & linear & ~possible) | others):
             block = motions.blocks[motions.block[row]]
             why = (
-                "not an axis that is corrected"
+                "ncomp does not correct this axis"
                 if others[row, axis]
                 else NO_INSERTION
                 if block.no_insertion
                 else NOT_READY
                 if not ready[row]
-                else "the program has not given its position"
+                else "the program has not given the position of the axis"
             )
             name = self.machine.names[axis]
-            self._note(f"the play of {name} is taken up along a feed move, not before it", why, block)
+            self._note(TAKEN_UP_ALONG.format(name), why, block)
         rows = np.flatnonzero(possible.any(axis=1))
         taken_up = np.where(possible & asked, first, before)[rows]
         approach = np.insert(last, rows, taken_up, axis=0)
@@ -163,7 +165,7 @@ class BacklashTakeUps:
         for row, axis in np.argwhere(turns):
             block = motions.blocks[motions.block[row]]
             name = self.machine.names[axis]
-            self._note(f"the play of {name} is taken up along a feed move, not before it", "it turns back in it", block)
+            self._note(TAKEN_UP_ALONG.format(name), "the axis reverses within the move", block)
 
     def _note_returned(self, motions: Motions, first: Array) -> None:
         """Note the feed moves at whose start an axis reverses after the return of a canned cycle."""
@@ -172,7 +174,7 @@ class BacklashTakeUps:
         for row, axis in np.argwhere(turns):
             name = self.machine.names[axis]
             block = motions.blocks[motions.block[row]]
-            self._note(f"the play of {name} is taken up along a feed move, not before it", "a cycle ends there", block)
+            self._note(TAKEN_UP_ALONG.format(name), "a canned cycle ends at its start", block)
 
     def _note_unknown(self, motions: Motions, approach: Array) -> None:
         """Note the axes that are assumed in the middle of their backlash."""
@@ -181,11 +183,11 @@ class BacklashTakeUps:
             if rows.size:
                 line = motions.blocks[motions.block[rows[0]]].line
                 name = self.machine.names[axis]
-                text = f"{name} taken in the middle of its play until it moves from where the program has put it"
+                text = f"{name} is assumed in the middle of its backlash until it moves from a programmed position"
                 self.notes.add(text, line, rows.size)
 
     def _note(self, what: str, why: str, block: Block) -> None:
-        self.notes.add(f"{what}: {why}; until its end it may be off by the play", block.line)
+        self.notes.add(f"{what}, because {why}: the move may deviate by the backlash until its end", block.line)
 
 
 def _obstacle(motions: Motions, row: int, block: Block) -> str:
@@ -194,14 +196,14 @@ def _obstacle(motions: Motions, row: int, block: Block) -> str:
     codes = {word.value or 0.0 for word in block.words if word.address == "M"}
     obstacles = {
         NO_INSERTION: block.no_insertion,
-        "under TCP its axes are not those of the machine": motions.frames[motions.frame[row]].tcp,
-        "radius compensation follows all its pieces": row in motions.cutter_compensated,
-        "other axes turn or move with it": any(axis not in motions.machine.translators for axis in named),
-        "an increment from an unknown position": (motions.known[row, named] != Known.PROGRAM).any(),
-        "an M function in its block may run before or after it": not START_M.issuperset(codes),
-        "no F under G93": motions.timed[row] and not _has_feed(block),
+        "under TCP its axes are not the axes of the machine": motions.frames[motions.frame[row]].tcp,
+        "cutter compensation is active": row in motions.cutter_compensated,
+        "other axes move with it": any(axis not in motions.machine.translators for axis in named),
+        "it has an increment from an unknown position": (motions.known[row, named] != Known.PROGRAM).any(),
+        "an M function in its block may run before or after the move": not START_M.issuperset(codes),
+        "its block has no F under G93": motions.timed[row] and not _has_feed(block),
     }
-    return next((obstacle for obstacle, stands in obstacles.items() if stands), "")
+    return next((obstacle for obstacle, present in obstacles.items() if present), "")
 
 
 def _has_feed(block: Block) -> bool:

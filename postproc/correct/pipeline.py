@@ -58,8 +58,8 @@ BETWEEN = (0.25, 0.5, 0.75)
 """Shares of the path of a written block at which the error between its ends is predicted."""
 CLOSELY = tuple(i / 32 for i in range(1, 33))
 """Shares for moves that may be worse than in the input."""
-ERROR_JUMPS = "its error jumps, or an axis with play turns back in it"
-ROTARY_ONLY = "a feed move of rotary axes alone keeps the linear axes: with them F would mean something else"
+ERROR_JUMPS = "its error jumps, or an axis with backlash reverses within it"
+ROTARY_ONLY = "a feed move of rotary axes only keeps its linear axes, because F would mean another speed with them"
 
 
 @dataclass(frozen=True)
@@ -183,8 +183,8 @@ class Pipeline:
             for (name, unit), excess in sorted(self._outside.largest.items())
         ]
         left = [
-            f"{axes} not corrected: not named since a new frame, a move in machine coordinates or an M function that "
-            f"ncomp does not know (lines {shortened(ranges(lines))})"
+            f"{axes} not corrected: the program has not named the axis since a new frame, a move in machine "
+            f"coordinates or an unknown M function (lines {shortened(ranges(lines))})"
             for axes, lines in self.report.left.items()
         ]
         left += self._flat_arcs.notes() + self.guard.notes()
@@ -239,14 +239,16 @@ class Pipeline:
         for block in blocks:
             used = own.search(block.text) if own is not None and not self.job.force else None
             if used is not None:
-                raise block.refuse(f"{used[0].upper()} is one of the variables that corrections are put into")
+                raise block.refuse(f"{used[0].upper()} is a variable for the corrections of ncomp: use another one")
             mark = mark_in(block.text)
             if mark is None:
                 continue
             calibration = mark.calibration
             if not self.job.force:
-                raise block.refuse(f"already corrected by ncomp (calibration {calibration}); --force corrects it again")
-            self.notes.add(f"already corrected (calibration {calibration}), corrected again", block.line)
+                raise block.refuse(
+                    f"the program is already corrected by ncomp (calibration {calibration}); --force corrects it again"
+                )
+            self.notes.add(f"already corrected (calibration {calibration}) and corrected again", block.line)
 
     def _judge(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Add the corrections, and the errors that the exact model predicts before and after them, to the report."""
@@ -308,7 +310,7 @@ class Pipeline:
             rows = np.flatnonzero(correctable & (motions.known[:, i] == Known.ASSUMED))
             if rows.size:
                 line = motions.blocks[motions.block[rows[0]]].line
-                text = f"{axis.name} not said by the program yet, taken at its home {axis.home:g}"
+                text = f"the program has not given {axis.name} yet: its home {axis.home:g} is assumed"
                 self.notes.add(text, line, rows.size)
 
     def _note_left(self, motions: Motions) -> None:

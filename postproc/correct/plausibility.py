@@ -41,8 +41,8 @@ OUTSIDE_SHARE = 0.01
 MOST = 0.5
 """Share of the moves worth correcting that may have an improvement that is not significant."""
 ROTARY_ONLY_HINT = (
-    ": rotary axes turn at feed, and the linear axes keep the correction from before; turn at rapid (G0), or move X, Y "
-    "or Z in this block"
+    ": rotary axes move at feed, and the linear axes keep their earlier correction; move at rapid (G0), or program X, "
+    "Y or Z in this block"
 )
 HIGHEST_UM = 500.0
 """Largest correction, um, unless the user sets another limit."""
@@ -61,7 +61,7 @@ def parse_accepted(text: str | None, allowed: Iterable[str] = REASONS) -> frozen
     names = [name.strip().lower() for name in (text or "").split(",")] if text is not None else []
     for name in names:
         if name not in allowed:
-            raise UserError(f"--accept {text}: no name {name!r}; the names are {', '.join(allowed)}")
+            raise UserError(f"--accept {text}: {name!r} is unknown; expected {', '.join(allowed)}")
     return frozenset(names)
 
 
@@ -254,7 +254,7 @@ class CorrectionLimit:
         if self._given_um is not None:
             return "--max-correction-um"
         if self._turns:
-            return "no calibration allows more by itself"
+            return "the largest correction without --max-correction-um"
         return f"twice the largest error of the calibration over the machine's travel, at most {HIGHEST_UM:g} um"
 
     def check(self, motions: Motions, nominal: Array, corrected: Array) -> float:
@@ -272,8 +272,8 @@ class CorrectionLimit:
             i = int(np.argmax(size[row]))
             raise motions.blocks[motions.block[row]].refuse(
                 f"{motions.machine.names[columns[i]]} would be corrected by {size[row, i]:.4g} um, more than "
-                f"{limit[row]:.4g} um ({self.origin}): is this the calibration of this machine, and is the set-up "
-                "right? --max-correction-um sets another limit"
+                f"{limit[row]:.4g} um ({self.origin}): check calibration, machine and set-up; "
+                "--max-correction-um sets another limit"
             )
         return float(limits.max(initial=0.0))
 

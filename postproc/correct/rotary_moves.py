@@ -21,7 +21,7 @@ from postproc.text.notes import Notes
 
 WITHIN, AT_END = (0.25, 0.5, 0.75), (1.0,)
 """Shares of the move whose largest errors are compared."""
-NOTE = "left as in the input: the feed move of rotary axes alone behind it would be worse with this correction"
+NOTE = "not corrected: its correction would make the next feed move of rotary axes only worse"
 
 
 def uncorrected_before_rotary_moves(

@@ -96,18 +96,19 @@ def _obstacle(motions: Motions, row: int, paths: CorrectedPaths, varied: frozens
     turned = paths.extents[row] * machine.rotary
     obstacles = {
         NO_INSERTION: block.no_insertion,
-        "its block runs several times, in different ways": int(motions.block[row]) in varied,
+        "its block runs several times with different moves": int(motions.block[row]) in varied,
         "its block makes several moves": np.count_nonzero(motions.block == motions.block[row]) > 1,
-        "the control shifts it by the radius of the tool": row in motions.cutter_compensated,
-        "polar coordinates": row in motions.polars or (arc is None and any(w.word < 0 for w in motions.words[row])),
-        "an axis that no word may name": row in motions.locked_axes,
-        "the program has not given the positions of all its axes before it": (said != Known.PROGRAM).any(),
-        "rotary axes turn along an arc": arc is not None and turned.any(),
-        "a rotary axis turns by half a turn or more, and which way round depends on the control": (
+        "cutter compensation is active": row in motions.cutter_compensated,
+        "its end is given in polar coordinates": row in motions.polars
+        or (arc is None and any(w.word < 0 for w in motions.words[row])),
+        "no word may be added for one of its axes": row in motions.locked_axes,
+        "the program has not yet given the positions of all its axes": (said != Known.PROGRAM).any(),
+        "rotary axes move along an arc": arc is not None and turned.any(),
+        "a rotary axis turns by half a turn or more, and its direction depends on the control": (
             (turned > HALF_TURN) & _endless(machine)
         ).any(),
     }
-    return next((reason for reason, there in obstacles.items() if there), "") or _obstacle_in_words(
+    return next((reason for reason, present in obstacles.items() if present), "") or _obstacle_in_words(
         block, timed=bool(motions.timed[row])
     )
 
@@ -115,13 +116,13 @@ def _obstacle(motions: Motions, row: int, paths: CorrectedPaths, varied: frozens
 def _obstacle_in_words(block: Block, *, timed: bool) -> str:
     said = {word.value or 0.0 for word in block.words if word.address == "M"}
     if not said <= START_M | END_M:
-        return "an M function in its block may run before or after it"
+        return "an M function in its block may run before or after the move"
     if any(word.address in SINGLE_FEEDS for word in block.words):
-        return "its feed holds for one block"
+        return "its feed is in force for one block only"
     if any(word.mode in LASTING for word in block.words):
-        return "DC, ACP or ACN says which way round an axis turns"
+        return "DC, ACP or ACN gives the direction of a rotary axis"
     if timed and not any(word.address == "F" and word.value and word.formula is None for word in block.words):
-        return "no F under G93"
+        return "its block has no F under G93"
     return ""
 
 

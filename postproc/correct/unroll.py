@@ -146,7 +146,7 @@ def _call(block: Block, word: Word, written: Word) -> list[Edit]:
         elif isinstance(argument, Constant):
             texts.append(f'"{argument.value}"' if isinstance(argument.value, str) else f"{argument.value:.10g}")
         else:
-            raise block.refuse(f"an argument of {word.address} is not known, and it can't be unrolled")
+            raise block.refuse(f"an argument of {word.address} is unknown: the call cannot be unrolled")
     return [Edit(word.at, word.end, f"{block.text[word.at : word.end].partition('(')[0]}({','.join(texts)})")]
 
 
@@ -159,7 +159,7 @@ def _literal(block: Block, word: Word) -> list[Edit]:
     if word.formula is None or word.formula.instead:
         return []
     if word.value is None:
-        raise block.refuse(f"{block.text[word.at : word.end]}: its value is not known, and it can't be unrolled")
+        raise block.refuse(f"{block.text[word.at : word.end]}: the value is unknown, and the block cannot be unrolled")
     text = f"{round(word.value, DECIMALS) + 0.0:.{DECIMALS}f}".rstrip("0")
     if text.endswith(".") and word.address.removeprefix("I") not in COORDINATES:
         text = text[:-1]

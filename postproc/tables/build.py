@@ -195,7 +195,8 @@ class _Writer:
         if closing and limits.turns:
             turns = len(turns_of(source, x[0], limits.turns))
             if limits.points < 8 * turns + 1:
-                raise UserError(f"axis {source.name}: {limits.points} points are too few for {turns} turns")
+                few = f"{limits.points} points are too few for {turns} turns"
+                raise UserError(f"axis {source.name}: {few}; expected at least {8 * turns + 1}")
             limits = replace(limits, points=(limits.points - 1) // turns + 1)
         curves = np.concatenate([curves for _, curves in together], axis=1)
         nodes = choose_nodes(x, curves, limits, source.home, closing=closing)

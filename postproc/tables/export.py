@@ -81,7 +81,7 @@ class Exported:
 def sign_of(format: Format, given: str | None) -> Sign:
     """Meaning of the values of its files; UserError if it is not known, or contradicts the option."""
     if given not in (None, "error", "correction"):
-        raise UserError(f"--sign {given}: error or correction")
+        raise UserError(f"--sign {given}: expected error or correction")
     if format.sign is None and given is None:
         raise UserError(
             f"no source states whether values of {format.name} are errors or corrections: find out with the table that "
@@ -99,7 +99,7 @@ def export(
     whole = model.part(positional)
     part = whole.part(lambda effect: not too_fine(effect, machine))
     if not part.effects:
-        raise UserError("the calibration has no errors that a table could hold")
+        raise UserError("the calibration has no errors that a table can hold")
     limits = format.limits(settings)
     if format.capabilities is None:
         target = Target(machine, part, np.array(tool))

@@ -60,7 +60,7 @@ def check_terms(terms: Sequence[Term], limits: Limits, what: str, machine: Machi
     """UserError, naming the table, for a table that the control `what` would refuse or truncate without a message."""
     count = sum(len(term.factors) for term in terms)
     if limits.tables is not None and count > limits.tables:
-        raise UserError(f"{what} holds {limits.tables} tables, these are {count}")
+        raise UserError(f"{what} holds at most {limits.tables} tables, and the correction needs {count}")
     for term in terms:
         crossing = len(term.inputs) == 1 and term.inputs != (term.output,)
         own = limits.cross if limits.cross is not None and crossing else limits
@@ -82,14 +82,14 @@ def _check_ends(curve: Curve, limits: Limits, where: str, axis: Axis, direction:
         raise UserError(f"{where}: {axis.name} turns fully, so its first and last value must be equal")
     at_home = float(np.interp(axis.home, curve.nodes, curve.values))
     if limits.zero_at_home and direction >= 0 and abs(at_home) > limits.resolution:
-        raise UserError(f"{where}: {at_home:g} at the reference position {axis.home:g}, where it must be 0")
+        raise UserError(f"{where}: the value at the reference position {axis.home:g} is {at_home:g}; it must be 0")
 
 
 def _check_nodes(nodes: Array, limits: Limits, where: str) -> None:
     if not np.isfinite(nodes).all() or not (np.diff(nodes) > 0).all():
-        raise UserError(f"{where}: positions must be numbers that increase")
+        raise UserError(f"{where}: positions must be finite numbers that increase")
     if len(nodes) > limits.points:
-        raise UserError(f"{where}: {len(nodes)} points, and no more than {limits.points} fit")
+        raise UserError(f"{where}: {len(nodes)} points exceed the most, {limits.points}")
     if limits.equidistant and len(nodes) > 2:
         apart = np.diff(nodes)
         if np.ptp(apart) > 1e-9 * max(1.0, float(np.abs(nodes).max())):
@@ -98,9 +98,9 @@ def _check_nodes(nodes: Array, limits: Limits, where: str) -> None:
 
 def _check_values(values: Array, limits: Limits, where: str) -> None:
     if not np.isfinite(values).all():
-        raise UserError(f"{where}: a value is no number")
+        raise UserError(f"{where}: a value is not a finite number")
     steps = np.abs(np.diff(values)).max(initial=0.0)
     if steps > limits.steepest * (1 + 1e-9):
-        raise UserError(f"{where}: a step of {steps:g} between points, and none may exceed {limits.steepest:g}")
+        raise UserError(f"{where}: a step of {steps:g} between points exceeds the largest, {limits.steepest:g}")
     if np.abs(values).max(initial=0.0) > limits.largest:
-        raise UserError(f"{where}: a value of {np.abs(values).max():g}, and none may exceed {limits.largest:g}")
+        raise UserError(f"{where}: a value of {np.abs(values).max():g} exceeds the largest, {limits.largest:g}")

@@ -108,7 +108,7 @@ def _check_divides(turn: float, interval: float, limits: Limits) -> None:
     near = [f"{e:g}" for e in [*narrower[:1], *wider[-1:]]]
     raise UserError(
         f"an interval of {interval:g} does not divide the {turn:g} degrees of an axis that turns fully, after which "
-        f"its table begins again: take {' or '.join(near)}"
+        f"its table begins again: give {' or '.join(near)}"
     )
 
 

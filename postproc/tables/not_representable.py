@@ -89,7 +89,7 @@ def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: i
         beside = (grid - grid.mean(axis=others, keepdims=True) if k // 6 < count else grid).reshape(-1, 1)
         left = float(np.sqrt(np.mean(np.sum((transform[:, :, k] * beside) ** 2, axis=1)))) * 1e3
         if left > WORTH:
-            found.append(Unrepresented(name, round(left, 4), "depends on other axes too"))
+            found.append(Unrepresented(name, round(left, 4), "depends on other axes as well"))
     return sorted(found, key=lambda left: -left.rms_um)
 
 
@@ -123,8 +123,8 @@ def _beside_tables(target: Target, wanted: Array, terms: Sequence[Term]) -> Arra
 def _reason(name: str) -> str:
     component = name[2] if name.startswith("E_") else ""
     if component in tuple("ABC"):
-        return "angular: effect away from the line that the tables correct"
-    return "in a direction, or along an axis, that the tables don't have" if component else "at the tool"
+        return "angular error: it acts away from the line that the tables correct"
+    return "the tables have no function for its direction or its axis" if component else "at the tool"
 
 
 def _reversals(target: Target, terms: Sequence[Term]) -> list[Unrepresented]:
@@ -150,5 +150,5 @@ def _reversals(target: Target, terms: Sequence[Term]) -> list[Unrepresented]:
 def _beyond(whole: ErrorModel) -> list[Unrepresented]:
     """Effects that depend on variables that tables do not have: their size is not known."""
     beyond = [e for e in whole.effects if e.ACTS_ON != "instrument" and not positional(e)]
-    reasons = {e.name: ", ".join(e.needs).replace("_", " ") or "nothing that a table can put right" for e in beyond}
+    reasons = {e.name: ", ".join(e.needs).replace("_", " ") or "variables that no table has" for e in beyond}
     return [Unrepresented(name, float("nan"), f"depends on {why}") for name, why in reasons.items()]

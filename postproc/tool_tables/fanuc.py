@@ -83,7 +83,7 @@ def _read_line(lists: _Lists, content: str) -> None:
             lists.add(kind + 1, entry[2], float(entry[4]))
         return
     if not _WORDS.fullmatch(content):
-        raise ValueError(f"is none of {FORM}")
+        raise ValueError(f"expected {FORM}")
     words = [(address.upper(), value) for address, value in _WORD.findall(content) if address.upper() != "N"]
     codes = {f"{address}{float(value):g}" for address, value in words if address in "GM"}
     if "G20" in codes:
@@ -92,25 +92,25 @@ def _read_line(lists: _Lists, content: str) -> None:
         lists.unit = 1.0
     others = {address: value for address, value in words if address not in "GM"}
     if len(others) + sum(address in "GM" for address, _ in words) < len(words):
-        raise ValueError("one address twice")
+        raise ValueError("an address is given twice")
     if codes - _SILENT - {"G10"}:
-        raise ValueError(f"{', '.join(sorted(codes - _SILENT - {'G10'}))} in a list of offsets")
+        raise ValueError(f"{', '.join(sorted(codes - _SILENT - {'G10'}))} may not be in a list of offsets")
     if "G10" in codes:
         _read_data(lists, others)
     elif others.keys() - {"O"}:
-        raise ValueError("no G10")
+        raise ValueError("expected G10")
 
 
 def _read_data(lists: _Lists, words: dict[str, str]) -> None:
     if not {"L", "P"} <= words.keys():
-        raise ValueError("G10 without L and P")
+        raise ValueError("G10 needs L and P")
     kind, number = _count(words.pop("L")), _count(words.pop("P"))
     if kind in _LISTS and words.keys() == {"R"}:
         lists.add(kind, str(number), float(words["R"]))
         return
     name = f"G54.1P{number}" if kind == 20 else _OFFSETS.get(number) if kind == 2 else None
     if name is None or not words.keys() <= set("XYZABCUVW"):
-        raise ValueError("this kind of data is not known")
+        raise ValueError("this kind of data is unknown: expected L2, L20 with axes, or L10 to L13 with R")
     places = {axis: float(value) * (1.0 if axis in _ROTARY else lists.unit) for axis, value in words.items()}
     lists.work_offsets.setdefault(name, {}).update(places)
 
@@ -118,5 +118,5 @@ def _read_data(lists: _Lists, words: dict[str, str]) -> None:
 def _count(text: str) -> int:
     number = float(text)
     if number != int(number):
-        raise ValueError(f"{text} is no whole number")
+        raise ValueError(f"{text} is not a whole number")
     return int(number)

@@ -43,7 +43,7 @@ class _Line:
         try:
             return float(text.replace(",", ".").replace("+ ", "+").replace("- ", "-") or 0.0) * unit
         except ValueError:
-            raise UserError(f"tool table {self.path}:{self.number}: {column}: {text!r} is no number") from None
+            raise UserError(f"tool table {self.path}:{self.number}: {column}: {text!r} is not a number") from None
 
     def length(self, column: str) -> float:
         """A length in a column, mm."""
@@ -111,13 +111,15 @@ def _lines(path: Path, lines: list[str], keys: tuple[str, ...], unit: float) -> 
         fields = {name: line[start:end].strip() for name, start, end in columns}
         key = fields[columns[0][0]]
         if not re.fullmatch(r"\d+(\.\d+)?", key):
-            raise UserError(f"tool table {path}:{number}: {key!r} in column {columns[0][0]} is no number of a line")
+            raise UserError(
+                f"tool table {path}:{number}: {key!r} in column {columns[0][0]} is not the number of a line"
+            )
         if key in done:
             raise UserError(f"tool table {path}:{number}: {key} is in the table twice: delete one line")
         done.add(key)
         yield key, _Line(path, number, fields, unit)
     if not columns:
-        raise UserError(f"tool table {path}: no line that names its columns: {' or '.join(keys)} first")
+        raise UserError(f"tool table {path}: expected a line with the names of the columns, {' or '.join(keys)} first")
 
 
 def _columns(line: str, keys: tuple[str, ...]) -> list[tuple[str, int, int | None]]:

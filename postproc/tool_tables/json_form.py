@@ -36,5 +36,5 @@ def read(path: Path, text: str) -> ToolTable:
         raise UserError(f'tool table {path}: {fault}; expected {{"1": 120.5, ...}}') from None
     for number in (*whole.tools, *whole.radii):
         if not is_number(number):
-            raise UserError(f"tool table {path}: tool {number!r} is no number")
+            raise UserError(f"tool table {path}: tool {number!r} is not a number")
     return ToolTable(whole.tools, whole.work_offsets, whole.radii, whole.datums)

@@ -31,10 +31,14 @@ def read(path: Path, text: str) -> ToolTable:
         match = _ENTRY.match(content)
         length = _LENGTH.search(content)
         if match is None or length is None:
-            raise UserError(f"tool table {path}:{i}: {line.strip()!r} is no LinuxCNC tool entry (T1 P1 Z120.5)")
+            raise UserError(
+                f"tool table {path}:{i}: {line.strip()!r} is not a tool entry of LinuxCNC; expected T1 P1 Z120.5"
+            )
         sideways = _SIDEWAYS.search(content)
         if sideways is not None:
-            raise UserError(f"tool table {path}:{i}: an offset in {sideways[1].upper()} is not corrected for")
+            raise UserError(
+                f"tool table {path}:{i}: an offset in {sideways[1].upper()} is not supported: expected Z and D only"
+            )
         lengths[match["number"]] = float(length[1])
         diameter = _DIAMETER.search(content)
         if diameter is not None:

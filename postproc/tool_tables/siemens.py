@@ -46,7 +46,7 @@ def read(path: Path, text: str) -> ToolTable:
 def _take(block: Block, scope: SiemensVariables) -> None:
     for word in block.words:
         if word.address == "CHANDATA" and (not word.arguments or whole(word.arguments[0], scope) != 1):
-            raise NotKnown("data of another channel than the first")
+            raise NotKnown("data of another channel than the first are not read")
     for step in block.code.before if block.code is not None else ():
         if isinstance(step, Assign):
             step.run(scope)

@@ -15,9 +15,7 @@ from postproc.text.editing import Iterations, Layout, place
 
 ARCS = frozenset((2.0, 3.0))
 MODES = DISTANCES | FEED_MODES | UNITS.keys()
-NO_INSERTION = (
-    "no block may stand beside it: a jump, a call, radius compensation, a rounded corner, a cycle or a tool axis"
-)
+NO_INSERTION = "no block can be added beside it (jump, call, cutter compensation, rounded corner, cycle or tool vector)"
 """Reason why no block may be added beside a block."""
 START_M = frozenset((3.0, 4.0, 7.0, 8.0, 13.0, 14.0))
 """M functions that every control runs before the move of their block: they stay with its first segment."""

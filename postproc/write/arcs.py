@@ -65,10 +65,12 @@ class CircleWriter:
         arc, block = motions.arcs[row], motions.blocks[motions.block[row]]
         i, j = arc.plane[:2]
         if (motions.known_start[row, [i, j]] != Known.PROGRAM).any():
-            raise block.refuse("an arc from a position that the program has not given in this frame")
+            raise block.refuse(
+                "the arc starts at a position that the program has not given in this frame: program the start before it"
+            )
         start, end = ((at[i], at[j]) for at in ends)
         if same(start, end) != arc.full:
-            raise block.refuse("an arc so short, or so nearly a full circle, that rounding makes it the other")
+            raise block.refuse("rounding would exchange this arc and a full circle: its end points are too close")
         turned = arc_turned(motions, row)
         centre = _new_centre(motions, row, start, end, middle_shift)
         unit = float(motions.unit[row])
@@ -90,9 +92,9 @@ class CircleWriter:
             abs(sweep(start, end, centre, arc.sense, arc.full, arc.turns) - turned) > 1.0
             and math.dist(start, centre) > DOT
         ):
-            raise block.refuse(f"an arc of {math.degrees(turned):.4f} deg that rounding would send the other way round")
+            raise block.refuse(f"rounding would reverse this arc of {math.degrees(turned):.4f} deg: it is too short")
         if math.dist(start, centre) < SAME or math.dist(end, centre) < SAME:
-            raise block.refuse("an arc so small that rounding leaves it no radius")
+            raise block.refuse("rounding would leave this arc without a radius: it is too small")
         return arc._replace(centre=centre)
 
     def _helix_beside(self, arc: Arc, editor: WordEditor | AddedBlock) -> bool:
@@ -136,7 +138,9 @@ class CircleWriter:
             radius = editor.agreed("R", round(radius, decimals), decimals)
             by_radius = centre_from_radius(start, end, radius * unit, arc.sense)
             if by_radius is None or _middle_deviation(start, end, centre, by_radius, arc.sense) >= LARGEST_DEVIATION:
-                raise editor.beside.refuse("rounding its radius would move this arc in pieces: give its centre (CC, C)")
+                raise editor.beside.refuse(
+                    "rounding the radius would move the segments of this arc: give its centre (CC and C)"
+                )
             editor.insert("R", radius, decimals)
             return by_radius
         index = arc.words[0]
@@ -149,7 +153,7 @@ class CircleWriter:
             editor.set(index, signed, decimals)
             return by_radius
         if editor.block.kind != "words":
-            raise editor.block.refuse("rounding its radius would move this arc: give its centre (CC and C)")
+            raise editor.block.refuse("rounding the radius would move this arc: give its centre (CC and C)")
         base = (0.0, 0.0) if arc.form == "radius-absolute" else start
         letters = [self._centre_letter(axis) for axis in arc.plane[:2]]
         offsets = [round((c - b) / unit, decimals) for c, b in zip(centre, base, strict=True)]

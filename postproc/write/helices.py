@@ -74,6 +74,6 @@ class FlatArcs:
         if not self.lines:
             return []
         return [
-            f"arcs stay in their plane: up to {self.largest_um:.3g} um of the correction across it waits for the next "
+            f"arcs stay in their plane: up to {self.largest_um:.3g} um of the correction across it is left to the next "
             f"line (lines {shortened(ranges(self.lines))}; see klartext_arcs of the machine file)"
         ]

@@ -90,7 +90,7 @@ def write_tangent_as_circle(
     if polar is not None:
         indices = [i for i in (polar.radius, polar.angle) if i is not None]
         if any(block.words[i].formula for i in indices):
-            raise block.refuse("CTP by parameters: it has to be written as C, with X and Y")
+            raise block.refuse("CTP with parameters cannot be corrected: program C with X and Y")
         editor.replace(indices[0], end, decimals)
         for i in indices[1:]:
             editor.remove(i)

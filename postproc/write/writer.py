@@ -168,8 +168,8 @@ class Writer:
         apart = max((abs(float(own[axis] - shift[axis])) for axis in named), default=0.0) * 1e3
         if apart > self.tolerance_um:
             raise motions.blocks[motions.block[row]].refuse(
-                f"the holes of this pattern want corrections that differ by {apart:.1f} um, more than --tolerance-um, "
-                "and it has one place to say them: give the holes one by one"
+                f"the holes of this pattern need corrections that differ by {apart:.1f} um, more than --tolerance-um, "
+                "and the pattern has one position only: program the holes one by one"
             )
         for axis in cartesian(self.machine)[:2]:
             held[axis] = float(motions.target[row, axis] + shift[axis])
@@ -222,7 +222,9 @@ class Writer:
         if row in motions.cycles:
             self._write_depth(motions, correction, row, held, editor)
         if again and sorted(editor.edits) != sorted(self._editor(motions, block).edits):
-            raise motions.blocks[block].refuse("drills several holes, which want different corrections")
+            raise motions.blocks[block].refuse(
+                "the block drills several holes that need different corrections: program them one by one"
+            )
         if self._inner[row]:
             self._at_end[block] = [editor.cut(word) for word in end_words(editor.block)]
             for word in editor.block.words if row in motions.arcs else ():

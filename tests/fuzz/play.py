@@ -181,6 +181,6 @@ def _from(points: Array, place: Array) -> float:
 def _excused(report: dict[str, object]) -> int:
     """Number of moves that may be off by a play according to a note."""
     notes = [str(note) for note in report.get("notes", ())]  # type: ignore[attr-defined]
-    said = [note for note in notes if "taken up along" in note or "turns back" in note]
+    said = [note for note in notes if "taken up along" in note or "is not cut where an axis reverses" in note]
     counts = [note.rpartition(", ")[2].partition(" times")[0] for note in said]
     return sum(int(count) if count.isdigit() else 1 for count in counts)

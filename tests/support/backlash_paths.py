@@ -150,7 +150,7 @@ class Path:
         self.emit(self.rng.choice(("G2", "G3")), targets, f" R{radius:.4f}")
 
 
-TOO_SMALL = re.compile("the other way round|rounding makes it the other|rounding leaves it no radius")
+TOO_SMALL = re.compile("rounding would (reverse this arc|exchange this arc|leave this arc without a radius)")
 """Why arcs are refused that are smaller than the play: their ends, or one of them and the centre, may fall together."""
 ROUNDING = 0.1
 BAND = 0.5

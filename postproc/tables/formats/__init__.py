@@ -30,5 +30,5 @@ FORMATS: dict[str, Format] = {
 def find_format(name: str) -> Format:
     """The format of that name; UserError names those there are."""
     if name not in FORMATS:
-        raise UserError(f"--format {name}: none of {', '.join(FORMATS)}")
+        raise UserError(f"--format {name}: expected one of {', '.join(FORMATS)}")
     return FORMATS[name]

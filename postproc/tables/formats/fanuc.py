@@ -60,7 +60,7 @@ def write(content: Content) -> dict[str, str]:
                 data.append(f"N{TEXT + n}P{value}")
             point += len(own.nodes)
         if point > settings.total:
-            raise UserError(f"fanuc: points up to {point - 1}, and {settings.total} are there")
+            raise UserError(f"fanuc: the tables need points up to {point - 1}, and the control has {settings.total}")
     files = {
         "pitch.csv": "\n".join([*pitch, ""]),
         "parameters.csv": "\n".join([*table, ""]),
@@ -99,8 +99,8 @@ def _reference(axis: Axis, nodes: Array, interval: float) -> int:
     share = (axis.home - float(nodes[0])) / interval
     if abs(share - round(share)) > 1e-6 or (closes(axis) and round(share) != 0):
         raise UserError(
-            f"fanuc, axis {axis.name}: the points of an axis that turns without end begin at its reference position, "
-            f"here {axis.home:g}, and these at {nodes[0]:g}"
+            f"fanuc, axis {axis.name}: the points of an axis that turns without end must begin at its reference "
+            f"position {axis.home:g}; these begin at {nodes[0]:g}"
         )
     return round(share)
 
@@ -112,8 +112,8 @@ def _increments(content: Content, axis: Axis, values: Array, step: float) -> lis
     largest = content.settings.largest
     if max(map(abs, steps)) > largest:
         raise UserError(
-            f"fanuc, axis {axis.name}: an increment of {max(map(abs, steps))}, and none may exceed {largest}: "
-            "raise the magnification, or take a shorter interval (--set magnification=, --set interval=)"
+            f"fanuc, axis {axis.name}: an increment of {max(map(abs, steps))} exceeds the largest, {largest}: "
+            "give a larger magnification or a shorter interval (--set magnification=, --set interval=)"
         )
     return [steps[-1] if closes(axis) else 0, *steps]
 

@@ -122,7 +122,9 @@ def write_kinematics(content: Content) -> dict[str, str]:
         comptab += len(across)
         rows += _rows(axis, across)
     if comptab > COMPTAB_ROWS - len(content.machine.axes):
-        raise UserError(f"heidenhain-kinematics: {comptab} rows with COMPTAB, and {COMPTAB_ROWS} less the axes fit")
+        raise UserError(
+            f"heidenhain-kinematics: {comptab} rows with COMPTAB; {COMPTAB_ROWS} less the number of axes fit"
+        )
     head = f"{'NR':<4}{'DOC':<18}{'KEY':<10}{'AXIS':<6}{'COORD':<16}{'COMPTAB':<10}"
     numbered = [f"{k:<4}{row}" for k, row in enumerate(rows)]
     files["kinematics.txt"] = "\n".join(line.rstrip() for line in [head, *numbered, "[END]", ""])

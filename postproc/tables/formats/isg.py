@@ -167,7 +167,7 @@ def check_axes(content: Content) -> dict[str, str]:
     """The volumetric files; UserError for a machine that the control's model does not take."""
     linear = [axis for axis in content.machine.axes if not axis.rotary]
     if len(linear) != 3 or len(content.machine.axes) > 6:
-        raise UserError("isg-volumetric: exactly three linear and at most three rotary axes")
+        raise UserError("isg-volumetric: expected a machine with exactly three linear and at most three rotary axes")
     return write_volumetric(content)
 
 

@@ -37,7 +37,9 @@ def write(content: Content) -> dict[str, str]:
         if table is None:
             continue
         if axis.name not in joints:
-            raise UserError(f"--set joints={settings.joints}: {axis.name} has a table and is no joint")
+            raise UserError(
+                f"--set joints={settings.joints}: {axis.name} has a table; expected its letter among the joints"
+            )
         forward, backward = table.forward, table.backward
         if settings.type == 0:
             forward, backward = table.nodes - forward, table.nodes - backward

@@ -116,7 +116,9 @@ def write_cec(content: Content) -> dict[str, str]:
             index += 1
     control = content.settings.control
     if index > TABLES[control]:
-        raise UserError(f"siemens-cec: tables up to {index - 1}, and {control} has {TABLES[control]}")
+        raise UserError(
+            f"siemens-cec: the tables need numbers up to {index - 1}; {control} has {TABLES[control]} tables"
+        )
     return {"nc_cec.ini": "\n".join([*lines, "M17", ""])}
 
 
@@ -143,7 +145,7 @@ def _limits(settings: EecSettings | CecSettings) -> Limits:
     if isinstance(settings, CecSettings):
         tables, most = TABLES[settings.control] - settings.first, POINTS[settings.control]
         if points > most:
-            raise UserError(f"--set points={points}: {settings.control} holds {most} points a table")
+            raise UserError(f"--set points={points}: {settings.control} holds at most {most} points in a table")
     return Limits(
         points=points,
         resolution=10.0**-DECIMALS,

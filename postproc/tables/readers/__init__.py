@@ -33,7 +33,7 @@ READERS: dict[str, Callable[[Source], list[Effect]]] = {
 def read_tables(format: str, source: Source) -> list[Effect]:
     """The errors that tables take away; UserError for an unknown format, or files without any table."""
     if format not in READERS:
-        raise UserError(f"--format {format}: none of {', '.join(READERS)}")
+        raise UserError(f"--format {format}: expected one of {', '.join(READERS)}")
     found = READERS[format](source)
     if not found:
         raise UserError(f"no table of format {format} in {', '.join(source.files) or 'no file'}")

@@ -23,7 +23,7 @@ def read(source: Source) -> list[Effect]:
     for name, text in source.files.items():
         for block in _blocks(name, text):
             if block[0]["axis"] not in source.machine.names:
-                raise refusal(name, block[1], block[0][0], f"machine {source.machine.name} has no such axis")
+                raise refusal(name, block[1], block[0][0], f"the machine {source.machine.name} has no such axis")
             found.append(_effect(name, block, sign))
     return found
 
@@ -41,7 +41,7 @@ def _blocks(name: str, text: str) -> list[Block]:
         elif inside:
             point = numbers(content.split(), name, line, row)
             if len(point) != 2:
-                raise refusal(name, line, row, "a grid point is a position and a value")
+                raise refusal(name, line, row, "expected a grid point: position and value")
             blocks[-1][2].append((line, point))
         elif head is not None:
             blocks.append((head, line, [], []))
@@ -50,9 +50,9 @@ def _blocks(name: str, text: str) -> list[Block]:
         elif blocks and re.match(r"VALUE\s*=", content):
             blocks[-1][3].extend(numbers([content.partition("=")[2]], name, line, row))
         else:
-            raise refusal(name, line, row, "no [EXX] or [C0Y], VALUE =, or Gridpoints = {")
+            raise refusal(name, line, row, "expected [EXX], [C0Y], VALUE = or Gridpoints = {")
     if inside:
-        raise UserError(f"{name}: the last grid points have no end '}}'")
+        raise UserError(f"{name}: the '}}' after the last grid points is missing")
     return blocks
 
 
@@ -62,10 +62,10 @@ def _effect(name: str, block: Block, sign: float) -> Effect:
     size = sign * (1e6 if component in "ABC" else 1e3)
     if head["zero"]:
         if len(values) != 1 or points:
-            raise refusal(name, line, head[0], "a location error has one VALUE")
+            raise refusal(name, line, head[0], "expected one VALUE for a location error, and no grid points")
         return LocationError(component, axis, size * values[0])  # type: ignore[arg-type]
     if len(points) < 2 or values:
-        raise refusal(name, line, head[0], "an error motion has at least two grid points")
+        raise refusal(name, line, head[0], "expected at least two grid points for an error motion, and no VALUE")
     increasing(points, name)
     nodes, errors = zip(*(point for _, point in points), strict=True)
     um = tuple(size * v for v in errors)

@@ -19,7 +19,7 @@ def read(source: Source) -> list[Effect]:
     """The running sums of all axes, and straightness."""
     files = [name for name in source.files if name.lower().endswith(".txt")]
     if len(files) != 1:
-        raise UserError("FANUC tables: one text of N...P... must be among the files")
+        raise UserError("FANUC tables: expected one text (.txt) of N...P... among the files")
     said, points = _words(files[0], source.files[files[0]])
     unit = _number(source, "unit_um", "1.0") * 1e-3
     sign = 1.0 if source.value_is == "correction" else -1.0
@@ -27,25 +27,25 @@ def read(source: Source) -> list[Effect]:
     found: list[Effect] = []
     for k, parameters in sorted(said.items()):
         if not 1 <= k <= len(lettered):
-            raise UserError(f"{files[0]}: axis A{k}, and the machine has {len(lettered)}")
+            raise UserError(f"{files[0]}: axis A{k} does not exist: the machine has {len(lettered)} axes")
         axis = lettered[k - 1]
         lacking = [f"N{name:05d}" for name in NEEDED if name not in parameters]
         if lacking:
-            raise UserError(f"{files[0]}: axis {axis} lacks {', '.join(lacking)}")
+            raise UserError(f"{files[0]}: axis {axis}: {', '.join(lacking)} missing")
         step = sign * unit * parameters.get(3623, 1.0)
         reference, low, high = (int(parameters[name]) for name in NEEDED[:3])
         if not low <= reference <= high:
-            raise UserError(f"{files[0]}: axis {axis}: reference point {reference} is not in {low} ... {high}")
+            raise UserError(f"{files[0]}: axis {axis}: the reference point {reference} is outside {low} ... {high}")
         home = source.machine.axes[source.machine.index(axis)].home
         up = _sums(files[0], points, low, reference, high)
         down = up
         if 3626 in parameters:
             start = int(parameters[3626])
             if parameters.get(3623, 1.0) != 1.0:
-                raise UserError(f"{files[0]}: axis {axis}: 3627 beside a magnification (3623) has no known size")
+                raise UserError(f"{files[0]}: axis {axis}: the size of 3627 is unknown with a magnification (3623)")
             if start <= high and low <= start + high - low:
                 raise UserError(
-                    f"{files[0]}: axis {axis}: points of negative travel from {start} on overlap {low} ... {high}"
+                    f"{files[0]}: axis {axis}: the points of negative travel from {start} on overlap {low} ... {high}"
                 )
             amount = parameters.get(3627, 0.0)
             shifted = _sums(files[0], points, start, start + reference - low, start + high - low)
@@ -70,7 +70,7 @@ def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int,
             continue
         match = _WORD.fullmatch(content)
         if match is None:
-            raise refusal(name, line, row, "no N...P...")
+            raise refusal(name, line, row, "expected N...P...")
         (value,) = numbers([match[3]], name, line, row)
         number = int(match[1])
         if match[2]:
@@ -78,7 +78,7 @@ def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int,
         elif number in points:
             raise refusal(name, line, row, "a second value of this point")
         elif value != int(value):
-            raise refusal(name, line, row, "an increment is a whole number")
+            raise refusal(name, line, row, "an increment must be a whole number")
         else:
             points[number] = value
     return said, points
@@ -88,7 +88,7 @@ def _sums(name: str, points: Mapping[int, float], low: int, reference: int, high
     """Amounts at the points low ... high: running sums, 0 at the reference."""
     lacking = next((n for n in range(low + 1, high + 1) if TEXT + n not in points), None)
     if lacking is not None:
-        raise UserError(f"{name}: no value of point {lacking} (N{TEXT + lacking})")
+        raise UserError(f"{name}: the value of point {lacking} (N{TEXT + lacking}) is missing")
     found = {reference: 0.0}
     for n in range(reference + 1, high + 1):
         found[n] = found[n - 1] + points[TEXT + n]
@@ -104,11 +104,11 @@ def _straightness(source: Source, step: float) -> list[Effect]:
         for line, row in enumerate(source.files[name].splitlines()[1:], 2):
             words = row.split(",")
             if len(words) != 4:
-                raise refusal(name, line, row, "four columns are needed")
+                raise refusal(name, line, row, "expected four columns")
             rows.setdefault((words[0], words[1]), []).append((line, numbers(words[2:], name, line, row)))
         for (moving, compensated), points in rows.items():
             if len(points) > 4:
-                raise refusal(name, points[4][0], compensated, "a straightness compensation has four points")
+                raise refusal(name, points[4][0], compensated, "a straightness compensation has at most four points")
             increasing(points, name)
             nodes, amounts = zip(*(row for _, row in points), strict=True)
             source.machine.index(moving), source.machine.index(compensated)

@@ -22,7 +22,7 @@ def read_klipper(source: Source) -> list[Effect]:
         for kind, read in (("skew_correction", _klipper_skew), ("bed_mesh", _klipper_mesh)):
             profiles = [section for section in config.sections() if section.startswith(f"{kind} ")]
             if len(profiles) > 1:
-                raise UserError(f"{name}: {len(profiles)} profiles of {kind}; keep one")
+                raise UserError(f"{name}: {len(profiles)} profiles of {kind}; expected one")
             for profile in profiles:
                 found += read(source, name, dict(config[profile]))
     return found
@@ -30,7 +30,7 @@ def read_klipper(source: Source) -> list[Effect]:
 
 def _value(name: str, section: dict[str, str], key: str) -> float:
     if key not in section:
-        raise UserError(f"{name}: no {key}")
+        raise UserError(f"{name}: {key} is missing")
     return numbers([section[key]], name, 1, f"{key} = {section[key]}")[0]
 
 
@@ -49,7 +49,7 @@ def _line(source: Source, output: str, of: str, tangent: float) -> ControlTable:
 
 def _klipper_mesh(source: Source, name: str, section: dict[str, str]) -> list[Effect]:
     if _value(name, section, "mesh_x_pps") or _value(name, section, "mesh_y_pps"):
-        raise UserError(f"{name}: a mesh with points between (mesh_x_pps, mesh_y_pps) is not read")
+        raise UserError(f"{name}: mesh_x_pps and mesh_y_pps must be 0: interpolated points are not read")
     rows = [row for row in section.get("points", "").splitlines() if row.strip()]
     heights = [numbers(row.split(","), name, 1, row) for row in rows]
     nodes = []
@@ -57,10 +57,10 @@ def _klipper_mesh(source: Source, name: str, section: dict[str, str]) -> list[Ef
         low, high = _value(name, section, f"min_{axis}"), _value(name, section, f"max_{axis}")
         count = int(_value(name, section, f"{axis}_count"))
         if not 2 <= count <= max(len(heights), *map(len, heights), 2) or low >= high:
-            raise UserError(f"{name}: {axis}_count {count} from {low:g} to {high:g}")
+            raise UserError(f"{name}: {axis}_count {count} from {low:g} to {high:g} does not fit the points")
         nodes.append([low + (high - low) * k / (count - 1) for k in range(count)])
     if [len(row) for row in heights] != [len(nodes[0])] * len(nodes[1]):
-        raise UserError(f"{name}: points are not {len(nodes[1])} rows of {len(nodes[0])}")
+        raise UserError(f"{name}: expected {len(nodes[1])} rows of {len(nodes[0])} points")
     return [source.table("Z", ("X", "Y"), nodes, [row[i] for i in range(len(nodes[0])) for row in heights])]
 
 
@@ -76,7 +76,7 @@ def read_reprap(source: Source) -> list[Effect]:
             if words[:1] == ["M556"]:
                 said = {word[0]: numbers([word[1:]], name, line, row)[0] for word in words[1:]}
                 if not said.get("S"):
-                    raise refusal(name, line, row, "no S")
+                    raise refusal(name, line, row, "the word S is missing")
                 for letter, (output, of) in zip("XYZ", (("X", "Y"), ("Y", "Z"), ("X", "Z")), strict=True):
                     if said.get(letter):
                         found.append(_line(source, output, of, said[letter] / said["S"]))
@@ -86,29 +86,31 @@ def read_reprap(source: Source) -> list[Effect]:
 def _height_map(source: Source, name: str, text: str) -> ControlTable:
     lines = text.rstrip().splitlines()
     if len(lines) < 4:
-        raise UserError(f"{name}: no height map")
+        raise UserError(f"{name}: the height map ends before its heights")
     labels, values = lines[1].split(","), lines[2].split(",")
     said = dict(zip(labels, values, strict=False))
     if len(labels) != len(values) or not {
         f"{key}{k}" for key in ("axis", "min", "spacing", "num") for k in "01"
     } <= set(said):
-        raise refusal(name, 3, lines[2], "not a value for each label")
+        raise refusal(
+            name, 3, lines[2], "expected a value for each label of the line above: axis, min, spacing, num, ..."
+        )
     nodes = []
     for k in "01":
         low, spacing, count = numbers([said[f"{key}{k}"] for key in ("min", "spacing", "num")], name, 3, lines[2])
         if count > 41:
-            raise refusal(name, 3, lines[2], "more than 41 points in a row")
+            raise refusal(name, 3, lines[2], "expected at most 41 points in a row")
         nodes.append([low + spacing * i for i in range(int(count))])
     rows = lines[3:]
     if len(rows) != len(nodes[1]):
-        raise UserError(f"{name}: {len(rows)} rows of heights, not {len(nodes[1])}")
+        raise UserError(f"{name}: {len(rows)} rows of heights; expected {len(nodes[1])}")
     heights = []
     for line, row in enumerate(rows, 4):
         cells = [cell.strip() for cell in row.split(",")]
         if "0" in cells:
-            raise refusal(name, line, row, "0 without a point: a position that was not probed")
+            raise refusal(name, line, row, "0 without a decimal point: the position was not probed")
         if len(cells) != len(nodes[0]):
-            raise refusal(name, line, row, f"{len(cells)} heights, not {len(nodes[0])}")
+            raise refusal(name, line, row, f"{len(cells)} heights; expected {len(nodes[0])}")
         heights.append(numbers(cells, name, line, row))
     corrections = [row[i] for i in range(len(nodes[0])) for row in heights]
     return source.table("Z", (said["axis0"], said["axis1"]), nodes, corrections)

@@ -31,7 +31,7 @@ def read(source: Source) -> list[Effect]:
         com = _com(source, file)
         backward = com.columns.pop("BACKLASH", None)
         if backward is not None and axis not in com.columns:
-            raise UserError(f"{file}: BACKLASH without a column {axis} of the axis itself")
+            raise UserError(f"{file}: BACKLASH needs a column {axis} for the axis itself")
         for output, values in com.columns.items():
             source.machine.index(output)
             corrections = [sign * v for v in values]
@@ -84,29 +84,29 @@ def _check_side(source: Source, name: str, behind: bool, place: tuple[str, int, 
     axis = source.machine.axes[source.machine.index(name)]
     moves_with_tool = (axis.side == "tool" and not axis.rotary) or (axis.side != "tool" and axis.rotary)
     if behind == moves_with_tool:
-        side = "before" if moves_with_tool else "behind"
-        raise refusal(*place, f"the errors of {name} on this machine are read from rows {side} MachAxis {name} only")
+        side = "before" if moves_with_tool else "after"
+        raise refusal(*place, f"on this machine the rows of the errors of {name} must be {side} MachAxis {name}")
 
 
 def _assigned(source: Source) -> list[tuple[str, str]]:
     """Axis and file by the active line of the assignment."""
     tables = [name for name in source.files if name.lower().endswith(".cma")]
     if len(tables) != 1:
-        raise UserError("HEIDENHAIN tables: the .CMA file (one) must be among the files: it assigns the variables")
+        raise UserError("HEIDENHAIN tables: expected one .CMA file among the files: it assigns the tables to axes")
     name = tables[0]
     lines = source.files[name].splitlines()
     starts = _heading(name, lines)
     rows = [(k, _cells(row, starts)) for k, row in enumerate(lines[2:], 3) if row.strip() and row.strip() != "[END]"]
     active = [(k, cells) for k, cells in rows if cells.get("ACTIVE", "*") == "*"]
     if len(active) != 1:
-        raise UserError(f"{name}: {len(active)} active lines, not one")
+        raise UserError(f"{name}: {len(active)} active lines; expected one")
     by_name = {file.upper(): file for file in source.files}
     found = []
     for axis, file in active[0][1].items():
         if axis in ("NR", "ACTIVE") or not file:
             continue
         if file.upper() not in by_name:
-            raise refusal(name, active[0][0], file, "not among the files")
+            raise refusal(name, active[0][0], file, "this file is not among the files")
         found.append((axis, by_name[file.upper()]))
     return found
 
@@ -114,7 +114,7 @@ def _assigned(source: Source) -> list[tuple[str, str]]:
 def _heading(name: str, lines: list[str]) -> dict[str, int]:
     """Where each column begins."""
     if len(lines) < 3 or not lines[0].startswith("BEGIN") or not lines[1].startswith("NR"):
-        raise UserError(f"{name}: no table of this kind: BEGIN ... and a line of columns NR ...")
+        raise UserError(f"{name}: expected a line BEGIN ... and a line of columns NR ...")
     return {match[0]: match.start() for match in re.finditer(r"\S+", lines[1])}
 
 
@@ -127,12 +127,12 @@ def _com(source: Source, name: str) -> _Com:
     lines = source.files[name].rstrip().splitlines()
     starts = _heading(name, lines)
     if lines[-1].strip() != "[END]":
-        raise UserError(f"{name}: it does not end with [END]")
+        raise UserError(f"{name}: the last line must be [END]")
     if lines[0].split()[-1].upper().startswith("INCH"):
-        raise refusal(name, 1, lines[0], "inches are not read")
+        raise refusal(name, 1, lines[0], "tables in inches are not read")
     old = _OLD.match(lines[0])
     if old is None and "AXISPOS" not in starts:
-        raise UserError(f"{name}: neither a column AXISPOS nor DATUM and DISTANCE")
+        raise UserError(f"{name}: expected a column AXISPOS, or DATUM and DISTANCE")
     if old is not None:
         starts = {"NR": 0, "AXISPOS": 8, **{column: at for column, at in starts.items() if column != "NR"}}
     rows: list[tuple[int, list[float]]] = []
@@ -146,7 +146,7 @@ def _com(source: Source, name: str) -> _Com:
         if old is not None:
             datum, distance = numbers([old[2], old[3]], name, 1, lines[0])
             if abs(rows[-1][1][0] - datum - (line - 3) * distance) > 2e-4 * max(1, line - 3):
-                raise refusal(name, line, row, "not DATUM and so many times DISTANCE")
+                raise refusal(name, line, row, "the position differs from DATUM plus a multiple of DISTANCE")
     increasing(rows, name)
     for column, values in columns.items():
         if len(values) != len(rows):

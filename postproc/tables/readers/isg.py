@@ -29,25 +29,25 @@ def _lists(source: Source) -> Iterator[tuple[str, str, List]]:
                 continue
             match = _ENTRY.match(content)
             if match is None:
-                raise refusal(name, line, row, "no 'name value'")
+                raise refusal(name, line, row, "expected a name and a value")
             key = re.sub(r"\s", "", match[1])
             if key == "kopf.log_achs_name":
                 axis = match[2]
                 continue
             if key in entries:
-                raise refusal(name, line, row, "a second value of this entry")
+                raise refusal(name, line, row, "the entry has a value already")
             (entries[key],) = numbers([match[2]], name, line, row)
         if axis not in lettered:
-            raise UserError(f"{name}: kopf.log_achs_name {axis or 'is missing'}: none of {' '.join(lettered)}")
+            raise UserError(f"{name}: kopf.log_achs_name {axis or 'is missing'}: expected one of {' '.join(lettered)}")
         for structure in ("kw.ssfk", "kw.crosscomp", "kw.crosscomp2"):
             if any(key.startswith(f"{structure}.") for key in entries) and entries.get(f"{structure}.unit") != 1:
-                raise UserError(f"{name}: {structure}.unit must be 1: increments of an encoder have no size here")
+                raise UserError(f"{name}: {structure}.unit must be 1: the size of encoder increments is unknown")
         yield name, axis, entries
 
 
 def _entry(name: str, entries: List, key: str) -> float:
     if key not in entries:
-        raise UserError(f"{name}: no {key}")
+        raise UserError(f"{name}: {key} is missing")
     return entries[key]
 
 
@@ -68,7 +68,7 @@ def read_ssfk(source: Source) -> list[Effect]:
             down = _entry(name, entries, place + "neg") if bilateral else up
             rows.append((k + 1, (x * _UNIT, sign * up, sign * down)))
         if f"kw.ssfk.table[{count}].pos" in entries:
-            raise UserError(f"{name}: entries beyond kw.ssfk.kw_nr_max {count}")
+            raise UserError(f"{name}: there are entries beyond kw.ssfk.kw_nr_max {count}")
         increasing(rows, name)
         found += source.own(axis, [row for _, row in rows])
     return found
@@ -82,7 +82,7 @@ def read_cross(source: Source) -> list[Effect]:
     def named(name: str, entries: List, key: str) -> str:
         k = int(_entry(name, entries, key))
         if not 1 <= k <= len(lettered):
-            raise UserError(f"{name}: {key} {k}, and the machine has {len(lettered)} axes")
+            raise UserError(f"{name}: {key} is {k}, and the machine has {len(lettered)} axes")
         return lettered[k - 1]
 
     found: list[Effect] = []
@@ -103,7 +103,7 @@ def read_cross(source: Source) -> list[Effect]:
                 start = _UNIT * _entry(name, entries, f"kw.crosscomp2.start_position_master{k}")
                 last = int(_entry(name, entries, f"kw.crosscomp2.last_index_master{k}"))
                 if last > MOST:
-                    raise UserError(f"{name}: kw.crosscomp2.last_index_master{k} {last}: no more than {MOST} are read")
+                    raise UserError(f"{name}: kw.crosscomp2.last_index_master{k} {last} exceeds the most, {MOST}")
                 grids.append([start + interval * i for i in range(last + 1)])
             values = [
                 sign * _entry(name, entries, f"kw.crosscomp2.table[{j}][{i}].correction")
@@ -118,7 +118,7 @@ def read_volumetric(source: Source) -> list[Effect]:
     """Error motions over the position of their own axis; other arguments are refused."""
     angle = source.setting("angle", "rad")
     if angle not in ("rad", "deg"):
-        raise UserError(f"--set angle={angle}: rad or deg")
+        raise UserError(f"--set angle={angle}: expected rad or deg")
     turn = 1e6 if angle == "rad" else 1e6 * 3.141592653589793 / 180.0
     sign = 1.0 if source.value_is == "error" else -1.0
     found: list[Effect] = []
@@ -129,7 +129,7 @@ def read_volumetric(source: Source) -> list[Effect]:
             head = block[0].split()
             axis = head[0]
             if axis not in source.machine.names:
-                raise refusal(name, start, block[0], "the first column must be a linear or rotary axis of the machine")
+                raise refusal(name, start, block[0], "the first column must be an axis of the machine")
             rows = [
                 (start + k, numbers(row.split(), name, start + k, row))
                 for k, row in enumerate(block[1:], 1)
@@ -137,13 +137,13 @@ def read_volumetric(source: Source) -> list[Effect]:
             ]
             for line, row in rows:
                 if len(row) != len(head):
-                    raise refusal(name, line, " ".join(map(str, row)), f"{len(head)} columns are needed")
+                    raise refusal(name, line, " ".join(map(str, row)), f"expected {len(head)} columns")
             increasing(rows, name)
             nodes = tuple(row[0] for _, row in rows)
             for k, error in enumerate(head[1:], 1):
                 component = error[1:2]
                 if error != f"E{component}{axis}" or component not in tuple("XYZABC"):
-                    raise refusal(name, start, block[0], f"{error} over {axis} is not read")
+                    raise refusal(name, start, block[0], f"{error} over {axis} is not read: expected E{{X...C}}{axis}")
                 size = sign * (turn if component in "ABC" else 1e3)
                 values = tuple(size * row[k] for _, row in rows)
                 found.append(source.motion(component, axis, nodes, values))

@@ -21,17 +21,19 @@ def read(source: Source) -> list[Effect]:
         tables: dict[tuple[str, str], list[tuple[int, list[float]]]] = {}
         lines = [(k, row) for k, row in enumerate(text.splitlines(), 1) if row.strip() and not row.startswith("#")]
         if not lines or lines[0][1].split(",") != COLUMNS:
-            raise UserError(f"{name}: its first row must be {','.join(COLUMNS)}")
+            raise UserError(f"{name}: the first row must be {','.join(COLUMNS)}")
         for line, row in lines[1:]:
             words = row.split(",")
             if len(words) != len(COLUMNS):
-                raise refusal(name, line, row, f"{len(words)} columns, not {len(COLUMNS)}")
+                raise refusal(name, line, row, f"{len(words)} columns; expected {len(COLUMNS)}")
             error, axis, unit = words[0], words[1], words[5].strip()
             component = error[2:3]
             if error != f"E_{component}{axis}" or component not in tuple("XYZABC"):
-                raise refusal(name, line, row, f"{error} is no error motion of axis {axis}")
+                raise refusal(name, line, row, f"{error} is not an error motion of the axis {axis}")
             if unit != ("urad" if component in "ABC" else "um"):
-                raise refusal(name, line, row, f"{error} in {unit}")
+                raise refusal(
+                    name, line, row, f"{error} in {unit}: expected urad for rotations and um for translations"
+                )
             tables.setdefault((component, axis), []).append((line, numbers(words[2:5], name, line, row)))
         for (component, axis), rows in tables.items():
             increasing(rows, name)
@@ -44,7 +46,7 @@ def _effects(machine: Machine, component: str, axis: str, rows: list[list[float]
     nodes, forward, backward = (tuple(column) for column in zip(*rows, strict=True))
     if forward == backward:
         if len(nodes) < 2:
-            raise UserError(f"E_{component}{axis}: one position is no error motion")
+            raise UserError(f"E_{component}{axis}: an error motion needs at least two positions")
         return [ErrorMotion(cast(Component, component), axis, BSpline(nodes, 1), forward, u=(0.0,) * len(nodes))]
     if component != OWN.get(axis[0], axis[0]):
         raise UserError(f"E_{component}{axis}: only positioning errors can depend on the direction")

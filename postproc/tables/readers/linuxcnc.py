@@ -16,7 +16,7 @@ def read(source: Source) -> list[Effect]:
     found: list[Effect] = []
     inis = [name for name in source.files if name.lower().endswith(".ini")]
     if len(inis) != 1:
-        raise UserError("LinuxCNC tables: the INI file (one) must be among the files: it assigns tables to joints")
+        raise UserError("LinuxCNC tables: expected one INI file among the files: it assigns the tables to joints")
     ini = configparser.ConfigParser(strict=False, interpolation=None, comment_prefixes=("#", ";"))
     try:
         ini.read_string(source.files[inis[0]])
@@ -30,13 +30,13 @@ def read(source: Source) -> list[Effect]:
             continue
         joint = section.removeprefix("JOINT_")
         if joint not in map(str, range(len(joints))):
-            raise UserError(f"{inis[0]}: [{section}] is no joint of {' '.join(joints)}")
+            raise UserError(f"{inis[0]}: [{section}] is not one of the joints {' '.join(joints)}")
         name = file.rsplit("/", 1)[-1]
         if name not in source.files:
             raise UserError(f"{inis[0]}: [{section}] names {file}, which is not among the files")
         kind = ini.get(section, "COMP_FILE_TYPE", fallback="0").strip()
         if kind not in ("0", "1"):
-            raise UserError(f"{inis[0]}: [{section}] COMP_FILE_TYPE {kind}: 0 or 1")
+            raise UserError(f"{inis[0]}: [{section}] COMP_FILE_TYPE {kind}: expected 0 or 1")
         rows = _rows(name, source.files[name])
         if kind == "0":
             rows = [[nominal, nominal - up, nominal - down] for nominal, up, down in rows]
@@ -51,11 +51,11 @@ def _rows(name: str, text: str) -> list[list[float]]:
     for line, row in enumerate(lines, 1):
         words = row.split()
         if len(words) < 3:
-            raise refusal(name, line, row, "LinuxCNC stops reading at a line without three numbers")
+            raise refusal(name, line, row, "expected three numbers: LinuxCNC stops reading at this line")
         found.append((line, numbers(words[:3], name, line, row)))
     if len(found) > MOST:
-        raise refusal(name, MOST + 1, lines[MOST], f"LinuxCNC takes {MOST} rows")
+        raise refusal(name, MOST + 1, lines[MOST], f"LinuxCNC reads at most {MOST} rows")
     if not found:
-        raise UserError(f"{name}: no rows")
+        raise UserError(f"{name}: the file has no rows")
     increasing(found, name)
     return [row for _, row in found]

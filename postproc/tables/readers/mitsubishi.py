@@ -11,7 +11,7 @@ def read(source: Source) -> list[Effect]:
     """Running sums of all axes, 0 at the reference point."""
     for needed in ("parameters.csv", "error_data.csv"):
         if needed not in source.files:
-            raise UserError(f"Mitsubishi tables: {needed} must be among the files")
+            raise UserError(f"Mitsubishi tables: expected {needed} among the files")
     (unit,) = numbers([source.setting("unit_um", "1.0")], "--set", 1, "unit_um")
     parameters = {words[0]: words[1:] for _, words in _rows(source, "parameters.csv", 4)}
     values: dict[str, list[float]] = {}
@@ -19,18 +19,18 @@ def read(source: Source) -> list[Effect]:
         point, _, value = numbers(words[1:], "error_data.csv", line, ",".join(words))
         known = values.setdefault(words[0], [])
         if point != len(known):
-            raise refusal("error_data.csv", line, ",".join(words), f"point {len(known)} is next")
+            raise refusal("error_data.csv", line, ",".join(words), f"expected point {len(known)}")
         if not -128 <= value <= 127:
-            raise refusal("error_data.csv", line, ",".join(words), "a value lies in -128 ... 127")
+            raise refusal("error_data.csv", line, ",".join(words), "expected a value in -128 ... 127")
         known.append(value)
     found: list[Effect] = []
     for axis, steps in values.items():
         if axis not in parameters:
-            raise UserError(f"parameters.csv: no row of axis {axis}")
+            raise UserError(f"parameters.csv: the row of axis {axis} is missing")
         reference, interval, scale = numbers(parameters[axis], "parameters.csv", 1, axis)
         r = int(reference)
         if not 0 <= r < len(steps):
-            raise UserError(f"parameters.csv: axis {axis}: reference point {r} of {len(steps)}")
+            raise UserError(f"parameters.csv: axis {axis}: the reference point {r} is outside 0 ... {len(steps) - 1}")
         home = source.machine.axes[source.machine.index(axis)].home
         sums = [0.0]
         for step in steps[1:]:
@@ -46,6 +46,6 @@ def _rows(source: Source, name: str, columns: int) -> list[tuple[int, list[str]]
     for line, row in enumerate(source.files[name].splitlines()[1:], 2):
         words = row.split(",")
         if len(words) != columns:
-            raise refusal(name, line, row, f"{columns} columns are needed")
+            raise refusal(name, line, row, f"expected {columns} columns")
         found.append((line, words))
     return found

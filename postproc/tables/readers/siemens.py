@@ -27,15 +27,17 @@ class _Table:
         """Positions and values; UserError where the control would fill in or leave out some."""
         lacking = [what for what in _NEEDED if what not in self.said]
         if lacking:
-            raise UserError(f"{self.name}: no {', '.join(lacking)}")
+            raise UserError(f"{self.name}: {', '.join(lacking)} missing")
         step, low, high = (self.said[what] for what in _NEEDED)
         if step <= 0 or high <= low:
-            raise UserError(f"{self.name}: MIN {low:g}, MAX {high:g} and STEP {step:g} are no table")
+            raise UserError(
+                f"{self.name}: expected MIN below MAX and STEP above 0, found {low:g}, {high:g} and {step:g}"
+            )
         last = round((high - low) / step)
         if abs((high - low) / step - last) > 1e-6:
-            raise UserError(f"{self.name}: MAX - MIN is {(high - low) / step:.6g} steps, not a whole number")
+            raise UserError(f"{self.name}: MAX - MIN must be a whole number of steps and is {(high - low) / step:.6g}")
         if len(self.values) != last + 1 or sorted(self.values) != list(range(last + 1)):
-            raise UserError(f"{self.name}: points 0 to {last} are needed, each once; {len(self.values)} are given")
+            raise UserError(f"{self.name}: expected the points 0 to {last}, each once, found {len(self.values)}")
         return [(low + k * (high - low) / last, self.values[k]) for k in range(last + 1)]
 
 
@@ -64,14 +66,14 @@ def read_cec(source: Source) -> list[Effect]:
         output, of, points = _cross(source, table)
         direction = int(table.said.get("_DIRECTION", 0))
         if direction not in (-1, 0, 1):
-            raise UserError(f"{table.name}: DIRECTION {direction}")
+            raise UserError(f"{table.name}: DIRECTION {direction}: expected -1, 0 or 1")
         nodes, values = zip(*points, strict=True)
         second = int(table.said.get("_MULT_BY_TABLE", 0)) - 1
         if second < 0:
             found.append(source.table(output, (of,), (nodes,), [sign * v for v in values], direction))
             continue
         if second not in tables or second == index:
-            raise UserError(f"{table.name}: MULT_BY_TABLE names table {second}, which is not there")
+            raise UserError(f"{table.name}: MULT_BY_TABLE names the table {second}, which is missing")
         _, other, more = _cross(source, tables[second])
         places, shares = zip(*more, strict=True)
         products = [sign * v * share for v in values for share in shares]
@@ -82,7 +84,7 @@ def read_cec(source: Source) -> list[Effect]:
 def _cross(source: Source, table: _Table) -> tuple[str, str, list[tuple[float, float]]]:
     for what in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
         if what not in table.axes:
-            raise UserError(f"{table.name}: no {what}")
+            raise UserError(f"{table.name}: {what} is missing")
     of, output = (_axis(source, table.axes[what]) for what in ("_INPUT_AXIS", "_OUTPUT_AXIS"))
     return output, of, _modulo(source, of, table, table.points())
 
@@ -92,9 +94,9 @@ def _modulo(source: Source, axis: str, table: _Table, points: list[tuple[float, 
     if table.said.get("_IS_MODULO", 0) == 0:
         return points
     if not source.machine.axes[source.machine.index(axis)].rotary or abs(points[-1][0] - points[0][0] - 360) > 1e-9:
-        raise UserError(f"{table.name}: IS_MODULO without a turn of 360 degrees")
+        raise UserError(f"{table.name}: IS_MODULO needs a rotary axis and a turn of 360 degrees")
     if points[0][1] != points[-1][1]:
-        raise UserError(f"{table.name}: IS_MODULO, and its first and last value differ")
+        raise UserError(f"{table.name}: with IS_MODULO the first and the last value must be equal")
     return points
 
 
@@ -108,16 +110,16 @@ def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...],
             match = pattern.fullmatch(left.strip())
             if match is None:
                 if content.startswith(("$AA_ENC_COMP", "$AN_CEC")) and not (_EEC.match(left) or _CEC.match(left)):
-                    raise refusal(name, line, row, "no assignment to one element")
+                    raise refusal(name, line, row, "expected an assignment to one element")
                 continue
             if not equals:
-                raise refusal(name, line, row, "no assignment")
+                raise refusal(name, line, row, "expected an assignment")
             index, what = [part.strip() for part in match["index"].split(",")], match["what"] or ""
             key = (index[0], index[-1]) if pattern is _EEC else (index[0],)
             if len(index) != (2 if pattern is _EEC else 1) + (not what):
-                raise refusal(name, line, row, "not as many indices as it should have")
+                raise refusal(name, line, row, "the number of indices is wrong")
             if not all(part.isdecimal() for part in (index[:-1] if pattern is _EEC else index)):
-                raise refusal(name, line, row, "an index is a whole number")
+                raise refusal(name, line, row, "an index must be a whole number")
             table = found.setdefault(key, _Table(f"{name}, {left.strip().partition('[')[0]} {','.join(key)}"))
             if what in ("_INPUT_AXIS", "_OUTPUT_AXIS"):
                 table.axes[what] = right.strip().strip("()").strip()
@@ -141,9 +143,9 @@ def _axis(source: Source, name: str) -> str:
     lettered = sorted((a.name for a in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))
     if name.startswith("AX") and name[2:].isdigit():
         if not 1 <= int(name[2:]) <= len(lettered):
-            raise UserError(f"axis {name}: the machine has {len(lettered)}")
+            raise UserError(f"axis {name} does not exist: the machine has {len(lettered)} axes")
         return lettered[int(name[2:]) - 1]
     for axis in lettered:
         if name in (axis, f"{axis}1"):
             return axis
-    raise UserError(f"axis {name} is none of {' '.join(lettered)}; give --set names=AXIS:{name}")
+    raise UserError(f"axis {name} is not one of {' '.join(lettered)}; give --set names=AXIS:{name}")

@@ -56,7 +56,7 @@ class Source:
     def own(self, axis: str, rows: Sequence[Sequence[float]]) -> list[ControlTable]:
         """A table of an axis over itself, rows of position, forward and backward correction."""
         if not rows:
-            raise UserError(f"{', '.join(self.files)}: a table of {axis} without points")
+            raise UserError(f"{', '.join(self.files)}: the table of {axis} has no points")
         nodes, forward, backward = zip(*rows, strict=True)
         if forward == backward:
             return [self.table(axis, (axis,), (nodes,), forward)]
@@ -83,7 +83,7 @@ def numbers(words: Sequence[str], name: str, line: int, text: str) -> list[float
     except ValueError as fault:
         raise refusal(name, line, text, str(fault)) from None
     if not all(abs(number) <= LARGEST for number in found):
-        raise refusal(name, line, text, f"a number that is not finite, or beyond {LARGEST:g}")
+        raise refusal(name, line, text, f"a number is not finite, or beyond {LARGEST:g}")
     return found
 
 
@@ -91,4 +91,4 @@ def increasing(rows: Sequence[tuple[int, Sequence[float]]], name: str) -> None:
     """UserError, located, where the first number of a row is not above that of the row before."""
     for (_, before), (line, row) in pairwise(rows):
         if row[0] <= before[0]:
-            raise refusal(name, line, f"{row[0]:g}", f"positions must increase, and {before[0]:g} is before it")
+            raise refusal(name, line, f"{row[0]:g}", f"positions must increase, and the one before is {before[0]:g}")
