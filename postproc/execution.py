@@ -11,7 +11,7 @@ import pickle
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -68,32 +68,6 @@ def _joined(parts: list[Part]) -> Part:
     )
 
 
-class Execution(Protocol):
-    """Runs a program once, and puts its corrected blocks into the order of the text."""
-
-    @property
-    def source(self) -> Source:
-        """The text of the program."""
-
-    def parts(self) -> Iterator[Part]:
-        """The chunks in the order of execution; UserError, located in the program, for a block that is refused."""
-
-    def in_context(self) -> Iterator[Part]:
-        """The chunks of `parts` with their blocks that run several times with different moves."""
-
-    def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
-        """Blocks and texts, in the order of the program, that are final once a part has the corrected `texts`."""
-
-    def rest(self) -> tuple[Sequence[Block], list[str]]:
-        """Remaining blocks and texts at the end."""
-
-
-def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> Execution:
-    """The program, stored if it has a jump, a loop or a call, otherwise streamed."""
-    kind = StoredProgram if turns(source, dialect) else StreamedProgram
-    return kind(source, dialect, interpreter)
-
-
 def turns(source: Source, dialect: Dialect) -> bool:
     """True for a program with a jump, a loop or a call."""
     for line, text in dialect.join_lines(source.lines()):
@@ -109,14 +83,14 @@ def turns(source: Source, dialect: Dialect) -> bool:
 
 @dataclass
 class StreamedProgram:
-    """A program whose blocks run once, in the order of the text."""
+    """A program whose blocks run once: it is run, and its corrected blocks are put into the order of the text."""
 
     source: Source
     dialect: Dialect
     interpreter: Interpreter
 
     def parts(self) -> Iterator[Part]:
-        """Chunk by chunk."""
+        """The chunks in the order of execution; UserError, located in the program, for a block that is refused."""
         try:
             lines = self.dialect.join_lines(self.source.lines())
             read = (self.dialect.read_block(line, text) for line, text in lines)
@@ -130,25 +104,22 @@ class StreamedProgram:
         return self.interpreter.read(straight(_chunk(read, self.dialect.leads), self.interpreter.scope))
 
     def in_context(self) -> Iterator[Part]:
-        """As `parts`: every block runs once."""
+        """The chunks of `parts` with their blocks that run several times with different moves."""
         return self.parts()
 
     def finished(self, part: Part, texts: list[str]) -> tuple[Sequence[Block], list[str]]:
-        """All blocks of the part, with their texts."""
+        """Blocks and texts, in the order of the program, that are final once a part has the corrected `texts`."""
         return part.motions.blocks, texts
 
     def rest(self) -> tuple[Sequence[Block], list[str]]:
-        """Empty: every part has been finished."""
+        """Remaining blocks and texts at the end."""
         return [], []
 
 
 @dataclass
-class StoredProgram:
+class StoredProgram(StreamedProgram):
     """A program with jumps, loops or calls, stored as a whole and run in the order of execution."""
 
-    source: Source
-    dialect: Dialect
-    interpreter: Interpreter
     blocks: list[Block] = field(init=False, default_factory=list)
     texts: dict[int, str] = field(init=False, default_factory=dict)
     """Corrected texts of the blocks that ran."""
@@ -204,6 +175,12 @@ class StoredProgram:
     def rest(self) -> tuple[Sequence[Block], list[str]]:
         """All blocks with their texts; blocks that did not run are unchanged."""
         return self.blocks, [self.texts.get(i, block.text) for i, block in enumerate(self.blocks)]
+
+
+def execution(source: Source, dialect: Dialect, interpreter: Interpreter) -> StreamedProgram:
+    """The program, stored if it has a jump, a loop or a call, otherwise streamed."""
+    kind = StoredProgram if turns(source, dialect) else StreamedProgram
+    return kind(source, dialect, interpreter)
 
 
 class _Contexts:

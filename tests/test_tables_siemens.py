@@ -176,7 +176,7 @@ def test_limits_broken_on_purpose_are_refused():
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        (("control=828d", "points=201"), "828d holds 200 points a table"),
+        (("control=828d", "points=201"), "828d holds at most 200 points in a table"),
         (("interval=0.5",), "200 points 0.5 apart do not reach"),
         (("names=Q:X1",), "expected AXIS:NAME"),
         (("control=810",), "--set: Invalid enum value '810'"),

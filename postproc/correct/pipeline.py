@@ -38,7 +38,7 @@ from postproc.correct.trace import Trace
 from postproc.correct.travel import note_outside, refuse_outside
 from postproc.correct.unroll import unrolled
 from postproc.dialects import Dialect
-from postproc.execution import Execution, Part, StoredProgram, execution, joined_before_rotary_moves, turns
+from postproc.execution import Part, StoredProgram, StreamedProgram, execution, joined_before_rotary_moves, turns
 from postproc.iso.lines import refuse_lengthened
 from postproc.motion.motions import Motions
 from postproc.motion.moves import Kind, Known
@@ -160,7 +160,7 @@ class Pipeline:
             raise refusal.located(program.source.name, job.dialect.evidence) from None
         self._check_whole()
 
-    def _program(self) -> Execution:
+    def _program(self) -> StreamedProgram:
         """The program, or on request its text without loops and calls."""
         job = self.job
         if job.unroll and turns(job.source, job.dialect):

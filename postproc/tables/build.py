@@ -19,8 +19,8 @@ from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.tables.limits import Limits, check_terms
 from postproc.tables.nodes import choose_nodes, fitted
-from postproc.tables.target import Target, closes, evenly, spread_out
-from postproc.tables.terms import Curve, Surface, Term, added
+from postproc.tables.target import Target
+from postproc.tables.terms import Curve, Surface, Term, added, to_steps
 
 FINE, COARSE = {3: 401}, {3: 81}
 """Positions along an axis at which curves, and surfaces, are known, by the number of axes of the machine."""
@@ -128,7 +128,7 @@ def _of_two_axes(target: Target, outputs: Sequence[int], capabilities: Capabilit
         if capabilities.surfaces and not all(axes[k].name[0] in capabilities.surfaces for k in pair):
             continue
         n = COARSE.get(len(axes), FEW[1])
-        positions = tuple(evenly(target.bounds[k], n) for k in pair)
+        positions = tuple(target.evenly(k, n) for k in pair)
         both = target.mean(pair, positions)
         means = {pair[0]: both.mean(axis=1, keepdims=True), pair[1]: both.mean(axis=0, keepdims=True)}
         middle = both.mean(axis=(0, 1))
@@ -191,7 +191,7 @@ class _Writer:
         together = [(part, curves) for part, curves in zip(parts, wanted, strict=True) if _visible(curves, limits)]
         if not together:
             return
-        closing = closes(source)
+        closing = source.turns_fully
         if closing and limits.turns:
             turns = len(turns_of(source, x[0], limits.turns))
             if limits.points < 8 * turns + 1:
@@ -215,7 +215,7 @@ class _Writer:
             values = np.outer(nodes, slope)
         elif limits.zero_at_home:
             values = values - float(np.interp(source.home, nodes, values[:, 0]))
-        rounded = np.round(np.round(values / limits.resolution) * limits.resolution, 12)
+        rounded = to_steps(values, limits.resolution)
         for direction, column in zip((1, -1) if values.shape[1] == 2 else (0,), rounded.T, strict=True):
             if direction or column.any():
                 self.terms.append(Term(output.name, (Curve(source.name, nodes, column),), direction))
@@ -223,8 +223,7 @@ class _Writer:
     def balance(self) -> None:
         """Move the mean remaining constant over the volume into the axes' own tables, or into the datum."""
         machine = self._target.machine
-        low, high = self._target.bounds.T
-        q = (low + (high - low) * spread_out(BALANCE, len(low))) * machine.scale
+        q = self._target.volume(BALANCE) * machine.scale
         step = self._limits.resolution
         wanted = self._target.correction(q)
         left = (wanted - added(self.terms, machine, q)).mean(axis=0) / machine.scale
@@ -250,12 +249,12 @@ class _Writer:
             axis, x = axes[part.sources[k]], part.positions[k]
             limits = self._limits if k == 0 else replace(self._limits, resolution=FACTOR, finest=1e-4)
             at_home = values - np.interp(axis.home, x, values)
-            nodes = choose_nodes(x, at_home[:, None], limits, axis.home, closing=closes(axis))
+            nodes = choose_nodes(x, at_home[:, None], limits, axis.home, closing=axis.turns_fully)
             fit = fitted(x, at_home[:, None], nodes)[:, 0]
-            if closes(axis):
+            if axis.turns_fully:
                 fit[[0, -1]] = fit[[0, -1]].mean()
             fit = fit - np.interp(axis.home, nodes, fit)
-            factors.append(Curve(axis.name, nodes, np.round(np.round(fit / resolutions[k]) * resolutions[k], 12)))
+            factors.append(Curve(axis.name, nodes, to_steps(fit, resolutions[k])))
         self.terms.append(Term(axes[part.output].name, tuple(factors)))
 
     def surface(self, part: _Part) -> None:
@@ -270,12 +269,12 @@ class _Writer:
         nodes = [positions.round(9) for positions in nodes]
         values = fitted(part.positions[0], part.values, nodes[0])
         values = fitted(part.positions[1], values.T, nodes[1]).T
-        if closes(axes[0]):
+        if axes[0].turns_fully:
             values[[0, -1]] = values[[0, -1]].mean(axis=0)
-        if closes(axes[1]):
+        if axes[1].turns_fully:
             values[:, [0, -1]] = values[:, [0, -1]].mean(axis=1, keepdims=True)
         step = self._limits.resolution
-        rounded = np.round(np.round(values / step) * step, 12)
+        rounded = to_steps(values, step)
         surface = Surface((axes[0].name, axes[1].name), (nodes[0], nodes[1]), rounded)
         self.terms.append(Term(self._target.machine.axes[part.output].name, (surface,)))
 
@@ -290,7 +289,7 @@ class _Writer:
             here = np.ones_like(total)
             for factor in term.factors:
                 (axis,) = factor.axes
-                everywhere = evenly(self._target.bounds[machine.index(axis)], 401)
+                everywhere = self._target.evenly(machine.index(axis), 401)
                 mean = float(np.mean(_along(factor, everywhere)))
                 here = here * (_along(factor, part.positions[0]) if axis == source else mean)
             total += here if part.output == part.sources[0] else here - here.mean()

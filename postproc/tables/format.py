@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import msgspec
 
-from kinematics.machine import Axis, Machine
+from kinematics.machine import TURN, Axis, Machine
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.tables.build import Capabilities
@@ -36,7 +36,7 @@ class Content:
 
     @property
     def factor(self) -> float:
-        """Factor from a correction to a value of the file."""
+        """Factor from a correction to a value of the file; its opposite is that from an error."""
         return 1.0 if self.sign == "correction" else -1.0
 
 
@@ -97,22 +97,24 @@ class Own:
         return bool((self.forward != self.backward).any())
 
 
-def own_table(terms: Sequence[Term], axis: Axis) -> Own | None:
-    """The terms of an axis over its own position; None without any. Both directions share their nodes."""
-    found = {
-        term.direction: term.factors[0] for term in terms if term.output == axis.name and term.inputs == (axis.name,)
-    }
-    curves = {direction: factor for direction, factor in found.items() if isinstance(factor, Curve)}
-    if not curves:
-        return None
-    if 0 in curves:
-        return Own(curves[0].nodes, curves[0].values, curves[0].values)
-    return Own(curves[1].nodes, curves[1].values, curves[-1].values)
+def own_tables(content: Content) -> Iterator[tuple[Axis, Own]]:
+    """The axes with a table over their own position, in the order of `lettered`; directions share their nodes."""
+    for axis in lettered(content.machine):
+        own = [term for term in content.terms if term.output == axis.name and term.inputs == (axis.name,)]
+        curves = {term.direction: term.factors[0] for term in own}
+        forward, backward = curves.get(0, curves.get(1)), curves.get(0, curves.get(-1))
+        if isinstance(forward, Curve) and isinstance(backward, Curve):
+            yield axis, Own(forward.nodes, forward.values, backward.values)
 
 
 def lettered(machine: Machine) -> list[Axis]:
     """The axes of a machine in the order X Y Z A B C U V W, in which controls number them."""
     return sorted(machine.axes, key=lambda axis: ("XYZABCUVW".index(axis.name[0]), axis.name))
+
+
+def repeats(axis: Axis) -> bool:
+    """True if the table of an axis repeats (modulo): a rotary axis with a travel of more than a turn."""
+    return axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN
 
 
 def number(value: float, decimals: int) -> str:

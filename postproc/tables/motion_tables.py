@@ -16,7 +16,8 @@ from kinematics.state import State
 from kinematics.transforms import Array
 from postproc.tables.limits import Limits
 from postproc.tables.nodes import choose_nodes, fitted
-from postproc.tables.target import Target, closes, spread_out
+from postproc.tables.target import Target
+from postproc.tables.terms import to_steps
 
 FINE, OTHERS = 401, 16
 FINEST = (5e-6, 2e-8)
@@ -60,13 +61,10 @@ def build_motions(
     in rad. Positioning by direction only with `bidirectional`.
     """
     machine, found = target.machine, []
-    others = spread_out(OTHERS, len(machine.axes))
-    low, high = target.bounds.T
+    others = target.volume(OTHERS)
     for j, axis in enumerate(machine.axes):
         x = target.positions_along(j, FINE)
-        errors = {
-            direction: _mean_errors(target, j, x, direction, low + (high - low) * others) for direction in (1, -1)
-        }
+        errors = {direction: _mean_errors(target, j, x, direction, others) for direction in (1, -1)}
         curves = {c: _curves(errors, k, c, axis, bidirectional=bidirectional) for k, c in enumerate(COMPONENTS)}
         steps = {c: angular_resolution if c in "ABC" else limits.resolution for c in COMPONENTS}
         seen = {c: curve for c, curve in curves.items() if np.abs(curve).max() >= steps[c] / 2}
@@ -74,9 +72,9 @@ def build_motions(
             nodes = _nodes(x, {c: seen[c] for c in group}, steps, limits, axis)
             for component in group:
                 values = fitted(x, seen[component], nodes)
-                if closes(axis):
+                if axis.turns_fully:
                     values[[0, -1]] = values[[0, -1]].mean(axis=0)
-                values = np.round(np.round(values / steps[component]) * steps[component], 15)
+                values = to_steps(values, steps[component], 15)
                 found.append(MotionTable(component, axis.name, nodes, values[:, 0], values[:, -1]))
     return found
 
@@ -92,7 +90,7 @@ def _nodes(x: Array, curves: dict[str, Array], steps: dict[str, float], limits: 
     """Nodes for some components together, each in units of the RMS below which no nodes are added."""
     sizes = {c: max(0.25 * steps[c], FINEST["ABC".find(c) >= 0]) for c in curves}
     scaled = np.concatenate([curve / sizes[c] for c, curve in curves.items()], axis=1)
-    return choose_nodes(x, scaled, replace(limits, resolution=1.0, finest=1.0), axis.home, closing=closes(axis))
+    return choose_nodes(x, scaled, replace(limits, resolution=1.0, finest=1.0), axis.home, closing=axis.turns_fully)
 
 
 def _mean_errors(target: Target, column: int, x: Array, direction: int, others: Array) -> Array:

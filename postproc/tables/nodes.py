@@ -14,6 +14,7 @@ import numpy as np
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.tables.limits import Limits
+from postproc.tables.terms import to_steps
 
 ENOUGH = 0.25
 """Share of the resolution of values: below this RMS no further nodes are added."""
@@ -35,7 +36,7 @@ def choose_nodes(x: Array, curves: Array, limits: Limits, home: float, *, closin
         curves = np.stack([np.interp(on, x, curve) for curve in curves.T], axis=1)
         return _free(on, curves, limits.points, enough)
     nodes = _free(x, curves, limits.points, enough)
-    return np.unique(np.round(np.round(nodes / limits.spacing_step) * limits.spacing_step, 9))
+    return np.unique(to_steps(nodes, limits.spacing_step, 9))
 
 
 def fitted(x: Array, curves: Array, nodes: Array) -> Array:

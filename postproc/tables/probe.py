@@ -14,7 +14,7 @@ from postproc.tables.format import Content, Format, Settings
 from postproc.tables.limits import Limits
 from postproc.tables.motion_tables import MotionTable
 from postproc.tables.target import bounds
-from postproc.tables.terms import Curve, Surface, Term
+from postproc.tables.terms import Curve, Surface, Term, to_steps
 
 SIZE = 0.02
 """mm or degrees."""
@@ -30,7 +30,7 @@ def probe(machine: Machine, axis_name: str, format: Format, settings: Settings) 
     limits = format.limits(settings)
     beside = max(1, math.ceil(SIZE / limits.steepest - 1e-9))
     nodes, shares = _nodes(axis, limits, beside)
-    values = np.round(np.round(SIZE * shares / limits.resolution) * limits.resolution, 12)
+    values = to_steps(SIZE * shares, limits.resolution)
     if format.capabilities is None:
         size = values if not axis.rotary else np.radians(values)
         table = MotionTable(own_component(axis.name), axis.name, nodes, size, size)

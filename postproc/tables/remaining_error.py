@@ -12,9 +12,12 @@ from kinematics.correction import correct_position
 from kinematics.error_model.model import ErrorModel
 from kinematics.state import State
 from kinematics.transforms import Array
-from postproc.compensation.correction import PoseErrors, pose_errors
+from postproc.compensation.correction import COLD, PoseErrors, pose_errors
+from postproc.compensation.predicted_error import MachineStates
+from postproc.motion.motions import Motions
+from postproc.motion.reversals import INNER
 from postproc.tables.table_model import joined
-from postproc.tables.target import Target, spread_out
+from postproc.tables.target import Target
 
 GRID = 4096
 """Positions of the volume at which errors are calculated."""
@@ -35,10 +38,22 @@ class EvaluationPoints:
 
 def volume_points(target: Target) -> EvaluationPoints:
     """Spread evenly over the travels of all axes, come to from either side."""
-    low, high = target.bounds.T
-    q = (low + (high - low) * spread_out(GRID, len(low))) * target.machine.scale
+    q = target.volume(GRID) * target.machine.scale
     approach = np.random.default_rng(SEED).choice([-1.0, 1.0], q.shape)
     return EvaluationPoints(q, approach, np.broadcast_to(target.tool, (len(q), 3)))
+
+
+def program_points(motions: Motions, model: ErrorModel, tolerance_um: float = 1.0) -> EvaluationPoints:
+    """Positions of all moves with known ends and paths; half the tolerance is no reversal."""
+    machine = motions.machine
+    directions = MachineStates(model, machine, COLD, tolerance_um).along(motions)
+    q, approach, tool = [], [], []
+    shares = [(share, i, motions.evaluated_paths) for i, share in enumerate(INNER)]
+    for share, i, rows in [*shares, (1.0, -1, motions.evaluated)]:
+        q.append(motions.in_machine(motions.along(share))[rows])
+        approach.append(np.zeros_like(q[-1]) if directions is None else directions[rows, i])
+        tool.append(motions.tool[rows])
+    return EvaluationPoints(np.concatenate(q), np.concatenate(approach), np.concatenate(tool))
 
 
 def stages(

@@ -56,11 +56,6 @@ def too_fine(effect: Effect, machine: Machine) -> bool:
     return wave[1] * MOST_POSITIONS < PER_WAVE * (high - low)
 
 
-def volume(machine: Machine) -> Array:
-    """Bounds `(axes, 2)` of the working volume, mm and degrees; UserError where an axis has none."""
-    return np.array([bounds(axis) for axis in machine.axes])
-
-
 def bounds(axis: Axis) -> tuple[float, float]:
     """Its travel, or one turn of an axis that turns fully."""
     if axis.turns_fully:
@@ -69,11 +64,6 @@ def bounds(axis: Axis) -> tuple[float, float]:
     if np.isinf(low) or np.isinf(high):
         raise UserError(f"axis {axis.name} has no ends in its machine file: tables need its travel")
     return low, high
-
-
-def closes(axis: Axis) -> bool:
-    """True when it can turn once round, so that its table begins again where it ends."""
-    return axis.turns_fully
 
 
 @dataclass(frozen=True)
@@ -110,8 +100,17 @@ class Target:
 
     @cached_property
     def bounds(self) -> Array:
-        """`(axes, 2)`, mm and degrees."""
-        return volume(self.machine)
+        """Bounds `(axes, 2)` of the working volume, mm and degrees; UserError for an axis without ends."""
+        return np.array([bounds(axis) for axis in self.machine.axes])
+
+    def evenly(self, column: int, n: int) -> Array:
+        """n positions `(n,)` from one bound of an axis to the other, mm or degrees."""
+        return np.linspace(float(self.bounds[column, 0]), float(self.bounds[column, 1]), n)
+
+    def volume(self, n: int) -> Array:
+        """Positions `(n, axes)`, mm and degrees, spread over the working volume."""
+        low, high = self.bounds.T
+        return np.asarray(low + (high - low) * spread_out(n, len(low)))
 
     def mean(self, axes: Sequence[int], positions: Sequence[Array], direction: int = 0) -> Array:
         """Mean corrections over all other axes, on the grid of these: `(k, ..., axes)`, mm and degrees.
@@ -157,17 +156,12 @@ class Target:
         commands = stands - self.correction(q * machine.scale)[:, column] / machine.scale[column]
         low, high = self.bounds[column]
         inside = commands[(commands > low) & (commands < high)]
-        return np.unique(np.concatenate([evenly(self.bounds[column], n), inside]).round(9))
+        return np.unique(np.concatenate([self.evenly(column, n), inside]).round(9))
 
     def depends_on_direction(self, column: int) -> bool:
         """True when errors depend on the direction this axis comes from."""
         name = self.machine.names[column]
         return any("approach" in effect.needs and name in effect.axes for effect in self.model.effects)
-
-
-def evenly(bounds: Array, n: int) -> Array:
-    """n positions from one bound to the other."""
-    return np.linspace(float(bounds[0]), float(bounds[1]), n)
 
 
 def gauss(dimensions: int) -> tuple[Array, Array]:

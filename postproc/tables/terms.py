@@ -100,6 +100,11 @@ def added(terms: Iterable[Term], machine: Machine, q: Array, approach: Array | N
     return total
 
 
+def to_steps(values: Array, step: float, decimals: int = 12) -> Array:
+    """The values of any shape, rounded to whole steps, without the digits that binary numbers add."""
+    return np.asarray(np.round(np.round(values / step) * step, decimals))
+
+
 def into_the_turn(axis: Axis, x: Array) -> Array:
     """Positions `(n,)`, mm or degrees; of an axis that turns fully, those in the turn that its tables are over."""
     if not axis.turns_fully:

@@ -132,7 +132,7 @@ def _places(
     exported: Exported,
     setup: Setup,
 ) -> EvaluationPoints | None:
-    from postproc.tables.along_program import program_points
+    from postproc.tables.remaining_error import program_points
 
     if program is None:
         return None

@@ -18,12 +18,11 @@ class EtalonSettings(Settings, frozen=True, kw_only=True, forbid_unknown_fields=
 
 def write(content: Content) -> dict[str, str]:
     """`errors.etalon`."""
-    sign = 1.0 if content.sign == "error" else -1.0
     lines = [f"// ISO 230-1 error motions, values: {content.sign}; mm and rad"]
     for table in content.motions:
         name = f"E{table.component}{table.axis}"
         lines += [f"[{name}]", "Gridpoints = {"]
-        rows = zip(table.nodes.tolist(), (sign * table.mean).tolist(), strict=True)
+        rows = zip(table.nodes.tolist(), (-content.factor * table.mean).tolist(), strict=True)
         lines += [f"          {number(x, 4)} {number(value, 12)}" for x, value in rows]
         lines.append(f"}}  // end of {name}")
     return {"errors.etalon": "\n".join([*lines, ""])}

@@ -14,9 +14,8 @@ from kinematics.machine import Axis
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.tables.build import Capabilities
-from postproc.tables.format import Content, Format, Own, Settings, lettered, number, own_table
+from postproc.tables.format import Content, Format, Own, Settings, lettered, number, own_tables
 from postproc.tables.limits import Limits
-from postproc.tables.target import closes
 from postproc.tables.terms import Curve
 
 TEXT = 10000
@@ -45,13 +44,11 @@ def write(content: Content) -> dict[str, str]:
     step = _step(settings)
     table, data, pitch = ["axis,parameter,value"], [], ["axis,point,position,travel,value"]
     point = settings.first
-    for k, axis in enumerate(lettered(content.machine), 1):
-        own = own_table(content.terms, axis)
-        if own is None:
-            continue
-        said = _parameters(content, axis, own, point)
-        table += [f"{axis.name},{name},{value}" for name, value in said.items()]
-        data += [f"N{name}A{k}P{value}" for name, value in said.items()]
+    numbers = {axis.name: k for k, axis in enumerate(lettered(content.machine), 1)}
+    for axis, own in own_tables(content):
+        parameters = _parameters(content, axis, own, point)
+        table += [f"{axis.name},{name},{value}" for name, value in parameters.items()]
+        data += [f"N{name}A{numbers[axis.name]}P{value}" for name, value in parameters.items()]
         directions = {"positive": own.forward, "negative": own.backward} if own.bidirectional else {"both": own.forward}
         for travel, values in directions.items():
             rows = zip(own.nodes.tolist(), _increments(content, axis, values, step), strict=True)
@@ -79,25 +76,25 @@ def _parameters(content: Content, axis: Axis, own: Own, first: int) -> dict[str,
     settings: FanucSettings = content.settings
     count, interval = len(own.nodes), float(own.nodes[1] - own.nodes[0])
     home = first + _reference(axis, own.nodes, interval)
-    said = {
+    parameters = {
         "03620": str(home),
         "03621": str(first),
         "03622": str(first + count - 1),
         "03623": str(settings.magnification),
         "03624": number(interval, 4),
     }
-    if closes(axis):
-        said["03625"] = "360.0"
+    if axis.turns_fully:
+        parameters["03625"] = "360.0"
     if own.bidirectional:
         amount = float(np.interp(axis.home, own.nodes, own.backward - own.forward))
-        said |= {"03626": str(first + count), "03627": str(round(content.factor * amount / _step(settings)))}
-    return said
+        parameters |= {"03626": str(first + count), "03627": str(round(content.factor * amount / _step(settings)))}
+    return parameters
 
 
 def _reference(axis: Axis, nodes: Array, interval: float) -> int:
     """Index of the point at the reference position; UserError where none, or not the first of a turn, lies there."""
     share = (axis.home - float(nodes[0])) / interval
-    if abs(share - round(share)) > 1e-6 or (closes(axis) and round(share) != 0):
+    if abs(share - round(share)) > 1e-6 or (axis.turns_fully and round(share) != 0):
         raise UserError(
             f"fanuc, axis {axis.name}: the points of an axis that turns without end must begin at its reference "
             f"position {axis.home:g}; these begin at {nodes[0]:g}"
@@ -115,7 +112,7 @@ def _increments(content: Content, axis: Axis, values: Array, step: float) -> lis
             f"fanuc, axis {axis.name}: an increment of {max(map(abs, steps))} exceeds the largest, {largest}: "
             "give a larger magnification or a shorter interval (--set magnification=, --set interval=)"
         )
-    return [steps[-1] if closes(axis) else 0, *steps]
+    return [steps[-1] if axis.turns_fully else 0, *steps]
 
 
 def _straightness(content: Content, step: float) -> str:

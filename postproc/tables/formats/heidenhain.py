@@ -47,13 +47,14 @@ def write(content: Content) -> dict[str, str]:
     """`AXIS_X.COM` ..., and `config.cma`, which names each, as it is on disk, for the axis it is a function of."""
     if content.settings.layout == "old" and content.settings.backlash:
         raise UserError("--set backlash=true: the old layout has no column BACKLASH")
+    new = content.settings.layout == "new"
+    names = [axis.name for axis in lettered(content.machine)]
     files: dict[str, str] = {}
     for source in lettered(content.machine):
         columns = _columns(content, source)
         if columns:
-            nodes, cells = columns
-            table = _new if content.settings.layout == "new" else _old
-            files[_com(content, source)] = table(content, source, nodes, cells)
+            file, (nodes, cells) = _com(content, source), columns
+            files[file] = _new(file, nodes, ["BACKLASH", *names], cells) if new else _old(file, nodes, names, cells)
     files[CMA] = _assignment(content, files)
     return files
 
@@ -62,36 +63,37 @@ def _com(content: Content, axis: Axis) -> str:
     return f"AXIS{'_' if content.settings.layout == 'new' else '-'}{axis.name}.COM"
 
 
-def _columns(content: Content, source: Axis) -> tuple[Array, dict[str, Array]] | None:
+def _columns(content: Content, source: Axis) -> tuple[Array, dict[str, list[str]]] | None:
     """Nodes of an axis and values by column, in the file's sign."""
-    cells: dict[str, Array] = {}
+    cells: dict[str, list[str]] = {}
     nodes = None
     for term in content.terms:
         curve = term.factors[0]
         if term.inputs == (source.name,) and isinstance(curve, Curve):
             nodes = curve.nodes
-            cells["BACKLASH" if term.direction < 0 else term.output] = content.factor * curve.values
+            values = [_signed(value) for value in (content.factor * curve.values).tolist()]
+            cells["BACKLASH" if term.direction < 0 else term.output] = values
     return None if nodes is None else (nodes, cells)
 
 
-def _new(content: Content, source: Axis, nodes: Array, cells: Mapping[str, Array]) -> str:
-    names = ["AXISPOS", "BACKLASH", *(axis.name for axis in lettered(content.machine))]
-    lines = [f"BEGIN {_com(content, source)} MM", f"{'NR':<5}" + "".join(f"{name:<14}" for name in names)]
+def _new(file: str, nodes: Array, names: Sequence[str], cells: Mapping[str, Sequence[str]]) -> str:
+    """A table of the new layout with these columns, some of them empty."""
+    lines = [f"BEGIN {file} MM", f"{'NR':<5}" + "".join(f"{name:<14}" for name in ("AXISPOS", *names))]
     for k, position in enumerate(nodes.tolist()):
-        row = [_signed(position), *(_signed(cells[name][k]) if name in cells else "" for name in names[1:])]
+        row = [_signed(position), *(cells[name][k] if name in cells else "" for name in names)]
         lines.append(f"{k:<5}" + "".join(f"{cell:<14}" for cell in row))
     return "\n".join(line.rstrip() for line in [*lines, "[END]", ""])
 
 
-def _old(content: Content, source: Axis, nodes: Array, cells: Mapping[str, Array]) -> str:
-    names = [axis.name for axis in lettered(content.machine)]
+def _old(file: str, nodes: Array, names: Sequence[str], cells: Mapping[str, Sequence[str]]) -> str:
+    """A table of the old layout, as `_new`."""
     distance = (nodes[-1] - nodes[0]) / (len(nodes) - 1)
     lines = [
-        f"BEGIN {_com(content, source)}  DATUM:{_signed(nodes[0])} DISTANCE:{_signed(distance)}",
+        f"BEGIN {file}  DATUM:{_signed(nodes[0])} DISTANCE:{_signed(distance)}",
         f"{'NR':<20}" + "".join(f"{name:<11}" for name in names),
     ]
     for k, position in enumerate(nodes.tolist()):
-        row = [_signed(cells[name][k]) if name in cells else "" for name in names]
+        row = [cells[name][k] if name in cells else "" for name in names]
         lines.append(f"{k:<8}{_signed(position):<12}" + "".join(f"{cell:<11}" for cell in row))
     return "\n".join(line.rstrip() for line in [*lines, "[END]", ""])
 
@@ -149,26 +151,16 @@ def _rows(axis: Axis, tables: Sequence[MotionTable]) -> list[str]:
     return [*errors, *moved] if errors_before(axis) else [*moved, *errors]
 
 
-def _values(content: Content, table: MotionTable) -> Array:
-    """In the file's sign, mm or degrees."""
-    sign = 1.0 if content.sign == "error" else -1.0
-    return np.asarray(sign * (np.degrees(table.mean) if table.angular else table.mean))
-
-
 def _with_components(content: Content, axis: Axis, tables: Sequence[MotionTable]) -> str:
+    """A table of error motions in the file's sign, mm and degrees."""
     own = own_component(axis.name)
-    columns = [axis.name, *(f"C{k}" for k in range(1, 7))]
     cells: dict[str, list[str]] = {}
     for table in tables:
         name = axis.name if table.component == own else f"C{COMPONENTS.index(table.component) + 1}"
-        decimals = ANGLE_DECIMALS if table.angular else DECIMALS
-        cells[name] = [_signed(value, decimals) for value in _values(content, table).tolist()]
-    lines = [f"BEGIN AXIS_{axis.name}.COM MM", f"{'NR':<5}{'AXISPOS':<14}{'BACKLASH':<14}"]
-    lines[-1] += "".join(f"{name:<14}" for name in columns)
-    for k, position in enumerate(tables[0].nodes.tolist()):
-        row = "".join(f"{cells[name][k] if name in cells else '':<14}" for name in columns)
-        lines.append(f"{k:<5}{_signed(position):<14}{'':<14}{row}")
-    return "\n".join(line.rstrip() for line in [*lines, "[END]", ""])
+        values = -content.factor * (np.degrees(table.mean) if table.angular else table.mean)
+        cells[name] = [_signed(value, ANGLE_DECIMALS if table.angular else DECIMALS) for value in values.tolist()]
+    names = ["BACKLASH", axis.name, *(f"C{k}" for k in range(1, 7))]
+    return _new(f"AXIS_{axis.name}.COM", tables[0].nodes, names, cells)
 
 
 def _limits(settings: ComSettings | KinematicsSettings) -> Limits:

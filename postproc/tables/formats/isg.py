@@ -11,10 +11,10 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from kinematics.machine import TURN, Axis
+from kinematics.machine import Axis
 from kinematics.user_error import UserError
 from postproc.tables.build import Capabilities
-from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
+from postproc.tables.format import Content, Format, Settings, lettered, number, own_tables, repeats
 from postproc.tables.limits import Limits
 from postproc.tables.terms import Curve, Surface
 
@@ -60,11 +60,7 @@ def _line(name: str, value: int) -> str:
 def write_ssfk(content: Content) -> dict[str, str]:
     """`achskw_x.lis` ...: leadscrew error compensation, free nodes, both directions."""
     files = {}
-    for axis in lettered(content.machine):
-        table = own_table(content.terms, axis)
-        if table is None:
-            continue
-        turns = int(axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN)
+    for axis, table in own_tables(content):
         lines = ["# leadscrew error compensation; values: error, actual minus setpoint", *_head(content, axis)]
         lines += [
             _line("kw.ssfk.interval", 0),
@@ -72,7 +68,7 @@ def write_ssfk(content: Content) -> dict[str, str]:
             _line("kw.ssfk.kw_nr_max", len(table.nodes)),
             _line("kw.ssfk.unit", 1),
             _line("kw.ssfk.bilateral", 1),
-            _line("kw.ssfk.modulo", turns),
+            _line("kw.ssfk.modulo", int(repeats(axis))),
         ]
         for k, (x, up, down) in enumerate(zip(table.nodes, table.forward, table.backward, strict=True)):
             lines.append(_line(f"kw.ssfk.table[{k}].setpoint", _units(x)))
@@ -123,7 +119,6 @@ def _plane(content: Content, surface: Surface, numbers: dict[str, int]) -> Itera
 
 def write_volumetric(content: Content) -> dict[str, str]:
     """`volcomp.csv`, a block for each axis, and `volcomp.lis`, which loads it."""
-    sign = 1.0 if content.sign == "error" else -1.0
     turn = 1.0 if content.settings.angle == "rad" else float(np.degrees(1.0))
     blocks = []
     for axis in lettered(content.machine):
@@ -134,11 +129,11 @@ def write_volumetric(content: Content) -> dict[str, str]:
             "".join(f"{name:<20}" for name in (axis.name, *(f"E{t.component}{axis.name}" for t in tables))).rstrip()
         ]
         for k, x in enumerate(tables[0].nodes.tolist()):
-            values = [sign * t.mean[k] * (turn if t.angular else 1.0) for t in tables]
+            values = [-content.factor * t.mean[k] * (turn if t.angular else 1.0) for t in tables]
             lines.append("".join(f"{cell:<20}" for cell in (number(x, 4), *(number(v, 12) for v in values))).rstrip())
         blocks.append("\n".join(lines))
-    said = f"// ISO 230-1 parameters, values: {content.sign}; mm, {content.settings.angle}\n"
-    return {"volcomp.csv": said + "\n#\n".join(blocks) + "\n", "volcomp.lis": _config(content)}
+    head = f"// ISO 230-1 parameters, values: {content.sign}; mm, {content.settings.angle}\n"
+    return {"volcomp.csv": head + "\n#\n".join(blocks) + "\n", "volcomp.lis": _config(content)}
 
 
 def _config(content: Content) -> str:

@@ -8,7 +8,7 @@ from msgspec import Meta
 
 from kinematics.user_error import UserError
 from postproc.tables.build import Capabilities
-from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
+from postproc.tables.format import Content, Format, Settings, lettered, number, own_tables
 from postproc.tables.limits import Limits
 
 DECIMALS = 7
@@ -32,10 +32,7 @@ def write(content: Content) -> dict[str, str]:
     files: dict[str, str] = {}
     lines = []
     joints = _joints(content)
-    for axis in lettered(content.machine):
-        table = own_table(content.terms, axis)
-        if table is None:
-            continue
+    for axis, table in own_tables(content):
         if axis.name not in joints:
             raise UserError(
                 f"--set joints={settings.joints}: {axis.name} has a table; expected its letter among the joints"

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from postproc.tables.build import Capabilities
-from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
+from postproc.tables.format import Content, Format, Settings, number, own_tables
 from postproc.tables.limits import Limits
 
 LOWEST, HIGHEST = -128, 127
@@ -28,10 +28,7 @@ def write(content: Content) -> dict[str, str]:
     step = _step(content.settings)
     data = ["axis,point,position,value"]
     parameters = ["axis,reference point,interval,scale"]
-    for axis in lettered(content.machine):
-        table = own_table(content.terms, axis)
-        if table is None:
-            continue
+    for axis, table in own_tables(content):
         interval = float(table.nodes[1] - table.nodes[0])
         reference = round((axis.home - table.nodes[0]) / interval)
         parameters.append(f"{axis.name},{reference},{number(interval, 4)},{content.settings.scale}")

@@ -10,11 +10,11 @@ from typing import Annotated, Literal, NamedTuple
 
 from msgspec import Meta
 
-from kinematics.machine import TURN, Axis
+from kinematics.machine import Axis
 from kinematics.transforms import Array
 from kinematics.user_error import UserError
 from postproc.tables.build import Capabilities
-from postproc.tables.format import Content, Format, Settings, lettered, number, own_table
+from postproc.tables.format import Content, Format, Settings, number, own_tables, repeats
 from postproc.tables.limits import Limits
 from postproc.tables.terms import Curve, Term
 
@@ -72,8 +72,7 @@ class _Grid(NamedTuple):
 
 def _grid(nodes: Array, axis: Axis) -> _Grid:
     step = (nodes[-1] - nodes[0]) / (len(nodes) - 1)
-    modulo = int(axis.rotary and not axis.travel[1] - axis.travel[0] <= TURN)
-    return _Grid(len(nodes) - 1, number(step, 4), number(nodes[0], 4), number(nodes[-1], 4), modulo)
+    return _Grid(len(nodes) - 1, number(step, 4), number(nodes[0], 4), number(nodes[-1], 4), int(repeats(axis)))
 
 
 def write_eec(content: Content) -> dict[str, str]:
@@ -81,10 +80,7 @@ def write_eec(content: Content) -> dict[str, str]:
     names = machine_axis_names(content)
     e = content.settings.system
     lines = ["%_N_AX_EEC_INI", "CHANDATA(1)", "; value = error: measured minus programmed position, mm or degrees"]
-    for axis in lettered(content.machine):
-        table = own_table(content.terms, axis)
-        if table is None:
-            continue
+    for axis, table in own_tables(content):
         grid, name = _grid(table.nodes, axis), names[axis.name]
         lines += [
             f"$AA_ENC_COMP[{e},{k},{name}]={number(content.factor * value, DECIMALS)}"

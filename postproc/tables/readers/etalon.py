@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 
-from kinematics.basis import BSpline
-from kinematics.effects import Effect, ErrorMotion, LocationError
+from kinematics.effects import Effect, LocationError
 from kinematics.user_error import UserError
 from postproc.tables.readers.source import Source, increasing, numbers, refusal
 
@@ -18,13 +17,13 @@ Block = tuple[re.Match[str], int, list[tuple[int, list[float]]], list[float]]
 
 def read(source: Source) -> list[Effect]:
     """All blocks of all files."""
-    sign = 1.0 if source.value_is == "error" else -1.0
+    sign = source.sign("error")
     found: list[Effect] = []
     for name, text in source.files.items():
         for block in _blocks(name, text):
             if block[0]["axis"] not in source.machine.names:
                 raise refusal(name, block[1], block[0][0], f"the machine {source.machine.name} has no such axis")
-            found.append(_effect(name, block, sign))
+            found.append(_effect(source, name, block, sign))
     return found
 
 
@@ -56,7 +55,7 @@ def _blocks(name: str, text: str) -> list[Block]:
     return blocks
 
 
-def _effect(name: str, block: Block, sign: float) -> Effect:
+def _effect(source: Source, name: str, block: Block, sign: float) -> Effect:
     head, line, points, values = block
     component, axis = head["component"], head["axis"]
     size = sign * (1e6 if component in "ABC" else 1e3)
@@ -68,5 +67,4 @@ def _effect(name: str, block: Block, sign: float) -> Effect:
         raise refusal(name, line, head[0], "expected at least two grid points for an error motion, and no VALUE")
     increasing(points, name)
     nodes, errors = zip(*(point for _, point in points), strict=True)
-    um = tuple(size * v for v in errors)
-    return ErrorMotion(component, axis, BSpline(nodes, 1), um, u=(0.0,) * len(um))  # type: ignore[arg-type]
+    return source.motion(component, axis, nodes, [size * v for v in errors])

@@ -17,52 +17,42 @@ NEEDED = (3620, 3621, 3622, 3624)
 
 def read(source: Source) -> list[Effect]:
     """The running sums of all axes, and straightness."""
-    files = [name for name in source.files if name.lower().endswith(".txt")]
-    if len(files) != 1:
-        raise UserError("FANUC tables: expected one text (.txt) of N...P... among the files")
-    said, points = _words(files[0], source.files[files[0]])
-    unit = _number(source, "unit_um", "1.0") * 1e-3
-    sign = 1.0 if source.value_is == "correction" else -1.0
-    lettered = sorted((axis.name for axis in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))
+    file = source.only(".txt", "FANUC", "N...P...")
+    by_axis, points = _words(file, source.files[file])
+    unit = source.number("unit_um", "1.0") * 1e-3
+    sign = source.sign("correction")
     found: list[Effect] = []
-    for k, parameters in sorted(said.items()):
-        if not 1 <= k <= len(lettered):
-            raise UserError(f"{files[0]}: axis A{k} does not exist: the machine has {len(lettered)} axes")
-        axis = lettered[k - 1]
+    for k, parameters in sorted(by_axis.items()):
+        axis = source.numbered(k, f"{file}: axis A{k}")
         lacking = [f"N{name:05d}" for name in NEEDED if name not in parameters]
         if lacking:
-            raise UserError(f"{files[0]}: axis {axis}: {', '.join(lacking)} missing")
+            raise UserError(f"{file}: axis {axis}: {', '.join(lacking)} missing")
         step = sign * unit * parameters.get(3623, 1.0)
         reference, low, high = (int(parameters[name]) for name in NEEDED[:3])
         if not low <= reference <= high:
-            raise UserError(f"{files[0]}: axis {axis}: the reference point {reference} is outside {low} ... {high}")
+            raise UserError(f"{file}: axis {axis}: the reference point {reference} is outside {low} ... {high}")
         home = source.machine.axes[source.machine.index(axis)].home
-        up = _sums(files[0], points, low, reference, high)
+        up = _sums(file, points, low, reference, high)
         down = up
         if 3626 in parameters:
             start = int(parameters[3626])
             if parameters.get(3623, 1.0) != 1.0:
-                raise UserError(f"{files[0]}: axis {axis}: the size of 3627 is unknown with a magnification (3623)")
+                raise UserError(f"{file}: axis {axis}: the size of 3627 is unknown with a magnification (3623)")
             if start <= high and low <= start + high - low:
                 raise UserError(
-                    f"{files[0]}: axis {axis}: the points of negative travel from {start} on overlap {low} ... {high}"
+                    f"{file}: axis {axis}: the points of negative travel from {start} on overlap {low} ... {high}"
                 )
             amount = parameters.get(3627, 0.0)
-            shifted = _sums(files[0], points, start, start + reference - low, start + high - low)
+            shifted = _sums(file, points, start, start + reference - low, start + high - low)
             down = [value + amount for value in shifted]
         positions = [home + (n - reference) * parameters[3624] for n in range(low, high + 1)]
         found += source.own(axis, [(x, step * u, step * d) for x, u, d in zip(positions, up, down, strict=True)])
-    return found + _straightness(source, sign * unit * _number(source, "magnification", "1"))
-
-
-def _number(source: Source, name: str, default: str) -> float:
-    (value,) = numbers([source.setting(name, default)], "--set", 1, name)
-    return value
+    return found + _straightness(source, sign * unit * source.number("magnification", "1"))
 
 
 def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int, float]]:
     """Parameters by axis number, and values by point number."""
-    said: dict[int, dict[int, float]] = {}
+    by_axis: dict[int, dict[int, float]] = {}
     points: dict[int, float] = {}
     for line, row in enumerate(text.splitlines(), 1):
         content = row.strip()
@@ -74,14 +64,14 @@ def _words(name: str, text: str) -> tuple[dict[int, dict[int, float]], dict[int,
         (value,) = numbers([match[3]], name, line, row)
         number = int(match[1])
         if match[2]:
-            said.setdefault(int(match[2]), {})[number] = value
+            by_axis.setdefault(int(match[2]), {})[number] = value
         elif number in points:
             raise refusal(name, line, row, "a second value of this point")
         elif value != int(value):
             raise refusal(name, line, row, "an increment must be a whole number")
         else:
             points[number] = value
-    return said, points
+    return by_axis, points
 
 
 def _sums(name: str, points: Mapping[int, float], low: int, reference: int, high: int) -> list[float]:
@@ -101,16 +91,13 @@ def _straightness(source: Source, step: float) -> list[Effect]:
     found: list[Effect] = []
     for name in (name for name in source.files if "straight" in name.lower()):
         rows: dict[tuple[str, str], list[tuple[int, list[float]]]] = {}
-        for line, row in enumerate(source.files[name].splitlines()[1:], 2):
-            words = row.split(",")
-            if len(words) != 4:
-                raise refusal(name, line, row, "expected four columns")
-            rows.setdefault((words[0], words[1]), []).append((line, numbers(words[2:], name, line, row)))
+        for line, words in source.rows(name, 4):
+            row = numbers(words[2:], name, line, ",".join(words))
+            rows.setdefault((words[0], words[1]), []).append((line, row))
         for (moving, compensated), points in rows.items():
             if len(points) > 4:
                 raise refusal(name, points[4][0], compensated, "a straightness compensation has at most four points")
             increasing(points, name)
             nodes, amounts = zip(*(row for _, row in points), strict=True)
-            source.machine.index(moving), source.machine.index(compensated)
             found.append(source.table(compensated, (moving,), (nodes,), [step * a for a in amounts]))
     return found

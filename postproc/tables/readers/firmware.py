@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import configparser
 import re
 
 from kinematics.effects import ControlTable, Effect
 from kinematics.user_error import UserError
-from postproc.tables.readers.source import Source, numbers, refusal
+from postproc.tables.readers.source import Source, numbers, read_ini, refusal
 
 
 def read_klipper(source: Source) -> list[Effect]:
     """One profile of each."""
     found: list[Effect] = []
     for name, text in source.files.items():
-        config = configparser.ConfigParser(strict=False, interpolation=None, delimiters=("=", ":"))
-        try:
-            config.read_string(re.sub(r"^#\*# ?", "", text, flags=re.M))
-        except configparser.Error as fault:
-            raise UserError(f"{name}: {fault}") from None
+        config = read_ini(name, re.sub(r"^#\*# ?", "", text, flags=re.M), delimiters=("=", ":"))
         for kind, read in (("skew_correction", _klipper_skew), ("bed_mesh", _klipper_mesh)):
             profiles = [section for section in config.sections() if section.startswith(f"{kind} ")]
             if len(profiles) > 1:
@@ -74,12 +69,12 @@ def read_reprap(source: Source) -> list[Effect]:
         for line, row in enumerate(text.splitlines(), 1):
             words = row.partition(";")[0].split()
             if words[:1] == ["M556"]:
-                said = {word[0]: numbers([word[1:]], name, line, row)[0] for word in words[1:]}
-                if not said.get("S"):
+                values = {word[0]: numbers([word[1:]], name, line, row)[0] for word in words[1:]}
+                if not values.get("S"):
                     raise refusal(name, line, row, "the word S is missing")
                 for letter, (output, of) in zip("XYZ", (("X", "Y"), ("Y", "Z"), ("X", "Z")), strict=True):
-                    if said.get(letter):
-                        found.append(_line(source, output, of, said[letter] / said["S"]))
+                    if values.get(letter):
+                        found.append(_line(source, output, of, values[letter] / values["S"]))
     return found
 
 
@@ -88,16 +83,16 @@ def _height_map(source: Source, name: str, text: str) -> ControlTable:
     if len(lines) < 4:
         raise UserError(f"{name}: the height map ends before its heights")
     labels, values = lines[1].split(","), lines[2].split(",")
-    said = dict(zip(labels, values, strict=False))
+    named = dict(zip(labels, values, strict=False))
     if len(labels) != len(values) or not {
         f"{key}{k}" for key in ("axis", "min", "spacing", "num") for k in "01"
-    } <= set(said):
+    } <= set(named):
         raise refusal(
             name, 3, lines[2], "expected a value for each label of the line above: axis, min, spacing, num, ..."
         )
     nodes = []
     for k in "01":
-        low, spacing, count = numbers([said[f"{key}{k}"] for key in ("min", "spacing", "num")], name, 3, lines[2])
+        low, spacing, count = numbers([named[f"{key}{k}"] for key in ("min", "spacing", "num")], name, 3, lines[2])
         if count > 41:
             raise refusal(name, 3, lines[2], "expected at most 41 points in a row")
         nodes.append([low + spacing * i for i in range(int(count))])
@@ -113,4 +108,4 @@ def _height_map(source: Source, name: str, text: str) -> ControlTable:
             raise refusal(name, line, row, f"{len(cells)} heights; expected {len(nodes[0])}")
         heights.append(numbers(cells, name, line, row))
     corrections = [row[i] for i in range(len(nodes[0])) for row in heights]
-    return source.table("Z", (said["axis0"], said["axis1"]), nodes, corrections)
+    return source.table("Z", (named["axis0"], named["axis1"]), nodes, corrections)

@@ -25,7 +25,7 @@ class _Com(NamedTuple):
 def read(source: Source) -> list[Effect]:
     """The assignments of the active line of the .CMA."""
     found: list[Effect] = []
-    sign = 1.0 if source.value_is == "correction" else -1.0
+    sign = source.sign("correction")
     for axis, file in _assigned(source):
         source.machine.index(axis)
         com = _com(source, file)
@@ -46,7 +46,7 @@ def read(source: Source) -> list[Effect]:
 def read_kinematics(source: Source) -> list[Effect]:
     """Error motions of columns C1 ... C6 that the kinematics' rows name, and the positioning errors."""
     named = _named_columns(source)
-    sign = 1.0 if source.value_is == "error" else -1.0
+    sign = source.sign("error")
     found: list[Effect] = []
     for file in (name for name in source.files if name.lower().endswith(".com")):
         axis = file.lower().removesuffix(".com").removeprefix("axis_").upper()
@@ -79,21 +79,18 @@ def _named_columns(source: Source) -> set[tuple[str, str]]:
     return found
 
 
-def _check_side(source: Source, name: str, behind: bool, place: tuple[str, int, str]) -> None:
+def _check_side(source: Source, name: str, behind: bool, location: tuple[str, int, str]) -> None:
     """UserError for an error that the control takes up on the other side of its axis than ISO 230-1 counts it."""
     axis = source.machine.axes[source.machine.index(name)]
     moves_with_tool = (axis.side == "tool" and not axis.rotary) or (axis.side != "tool" and axis.rotary)
     if behind == moves_with_tool:
         side = "before" if moves_with_tool else "after"
-        raise refusal(*place, f"on this machine the rows of the errors of {name} must be {side} MachAxis {name}")
+        raise refusal(*location, f"on this machine the rows of the errors of {name} must be {side} MachAxis {name}")
 
 
 def _assigned(source: Source) -> list[tuple[str, str]]:
     """Axis and file by the active line of the assignment."""
-    tables = [name for name in source.files if name.lower().endswith(".cma")]
-    if len(tables) != 1:
-        raise UserError("HEIDENHAIN tables: expected one .CMA file among the files: it assigns the tables to axes")
-    name = tables[0]
+    name = source.only(".cma", "HEIDENHAIN", "the assignment of the tables to axes")
     lines = source.files[name].splitlines()
     starts = _heading(name, lines)
     rows = [(k, _cells(row, starts)) for k, row in enumerate(lines[2:], 3) if row.strip() and row.strip() != "[END]"]

@@ -19,7 +19,6 @@ List = dict[str, float]
 
 def _lists(source: Source) -> Iterator[tuple[str, str, List]]:
     """File, axis and entries of each list; comments are passed over."""
-    lettered = sorted((axis.name for axis in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))
     for name, text in source.files.items():
         entries: List = {}
         axis = ""
@@ -37,8 +36,10 @@ def _lists(source: Source) -> Iterator[tuple[str, str, List]]:
             if key in entries:
                 raise refusal(name, line, row, "the entry has a value already")
             (entries[key],) = numbers([match[2]], name, line, row)
-        if axis not in lettered:
-            raise UserError(f"{name}: kopf.log_achs_name {axis or 'is missing'}: expected one of {' '.join(lettered)}")
+        if axis not in source.machine.names:
+            raise UserError(
+                f"{name}: kopf.log_achs_name {axis or 'is missing'}: expected one of {' '.join(source.lettered)}"
+            )
         for structure in ("kw.ssfk", "kw.crosscomp", "kw.crosscomp2"):
             if any(key.startswith(f"{structure}.") for key in entries) and entries.get(f"{structure}.unit") != 1:
                 raise UserError(f"{name}: {structure}.unit must be 1: the size of encoder increments is unknown")
@@ -53,7 +54,7 @@ def _entry(name: str, entries: List, key: str) -> float:
 
 def read_ssfk(source: Source) -> list[Effect]:
     """Leadscrew error compensation of all axes."""
-    sign = _UNIT if source.value_is == "correction" else -_UNIT
+    sign = _UNIT * source.sign("correction")
     found: list[Effect] = []
     for name, axis, entries in _lists(source):
         if "kw.ssfk.kw_nr_max" not in entries:
@@ -62,10 +63,10 @@ def read_ssfk(source: Source) -> list[Effect]:
         bilateral = entries.get("kw.ssfk.bilateral", 0.0) == 1
         rows = []
         for k in range(count):
-            place = f"kw.ssfk.table[{k}]."
-            x = _entry(name, entries, "kw.ssfk.kw_startpos" if interval else place + "setpoint") + k * interval
-            up = _entry(name, entries, place + "pos")
-            down = _entry(name, entries, place + "neg") if bilateral else up
+            key = f"kw.ssfk.table[{k}]."
+            x = _entry(name, entries, "kw.ssfk.kw_startpos" if interval else key + "setpoint") + k * interval
+            up = _entry(name, entries, key + "pos")
+            down = _entry(name, entries, key + "neg") if bilateral else up
             rows.append((k + 1, (x * _UNIT, sign * up, sign * down)))
         if f"kw.ssfk.table[{count}].pos" in entries:
             raise UserError(f"{name}: there are entries beyond kw.ssfk.kw_nr_max {count}")
@@ -76,14 +77,11 @@ def read_ssfk(source: Source) -> list[Effect]:
 
 def read_cross(source: Source) -> list[Effect]:
     """Cross and plane compensation."""
-    sign = _UNIT if source.value_is == "correction" else -_UNIT
-    lettered = sorted((axis.name for axis in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))
+    sign = _UNIT * source.sign("correction")
 
     def named(name: str, entries: List, key: str) -> str:
         k = int(_entry(name, entries, key))
-        if not 1 <= k <= len(lettered):
-            raise UserError(f"{name}: {key} is {k}, and the machine has {len(lettered)} axes")
-        return lettered[k - 1]
+        return source.numbered(k, f"{name}: {key} {k}")
 
     found: list[Effect] = []
     for name, axis, entries in _lists(source):
@@ -120,7 +118,7 @@ def read_volumetric(source: Source) -> list[Effect]:
     if angle not in ("rad", "deg"):
         raise UserError(f"--set angle={angle}: expected rad or deg")
     turn = 1e6 if angle == "rad" else 1e6 * 3.141592653589793 / 180.0
-    sign = 1.0 if source.value_is == "error" else -1.0
+    sign = source.sign("error")
     found: list[Effect] = []
     for name, text in source.files.items():
         if name.endswith(".lis"):

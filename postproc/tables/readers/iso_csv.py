@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from kinematics.basis import BSpline
-from kinematics.effects import Component, ControlTable, Effect, ErrorMotion
-from kinematics.machine import Machine
+from kinematics.effects import ControlTable, Effect
 from kinematics.user_error import UserError
 from postproc.tables.readers.source import Source, increasing, numbers, refusal
 
@@ -37,20 +35,20 @@ def read(source: Source) -> list[Effect]:
             tables.setdefault((component, axis), []).append((line, numbers(words[2:5], name, line, row)))
         for (component, axis), rows in tables.items():
             increasing(rows, name)
-            found += _effects(source.machine, component, axis, [row for _, row in rows])
+            found += _effects(source, component, axis, [row for _, row in rows])
     return found
 
 
-def _effects(machine: Machine, component: str, axis: str, rows: list[list[float]]) -> list[Effect]:
-    i = machine.index(axis)
+def _effects(source: Source, component: str, axis: str, rows: list[list[float]]) -> list[Effect]:
+    moved = source.machine.axes[source.machine.index(axis)]
     nodes, forward, backward = (tuple(column) for column in zip(*rows, strict=True))
     if forward == backward:
         if len(nodes) < 2:
             raise UserError(f"E_{component}{axis}: an error motion needs at least two positions")
-        return [ErrorMotion(cast(Component, component), axis, BSpline(nodes, 1), forward, u=(0.0,) * len(nodes))]
+        return [source.motion(component, axis, nodes, forward)]
     if component != OWN.get(axis[0], axis[0]):
         raise UserError(f"E_{component}{axis}: only positioning errors can depend on the direction")
-    along = machine.axes[i].error_frame[:, "XYZABC".index(component) % 3] @ machine.axes[i].unit_direction
+    along = moved.error_frame[:, "XYZABC".index(component) % 3] @ moved.unit_direction
     directions = ((1, forward), (-1, backward))
     return [
         ControlTable(axis, (axis,), (nodes,), tuple(v if along > 0 else -v for v in values), cast(Any, direction))

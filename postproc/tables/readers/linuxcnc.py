@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import configparser
-
 from kinematics.effects import Effect
 from kinematics.user_error import UserError
-from postproc.tables.readers.source import Source, increasing, numbers, refusal
+from postproc.tables.readers.source import Source, increasing, numbers, read_ini, refusal
 
 MOST = 256
 
@@ -14,29 +12,22 @@ MOST = 256
 def read(source: Source) -> list[Effect]:
     """The table of every joint; lines that LinuxCNC would ignore without a message are refused."""
     found: list[Effect] = []
-    inis = [name for name in source.files if name.lower().endswith(".ini")]
-    if len(inis) != 1:
-        raise UserError("LinuxCNC tables: expected one INI file among the files: it assigns the tables to joints")
-    ini = configparser.ConfigParser(strict=False, interpolation=None, comment_prefixes=("#", ";"))
-    try:
-        ini.read_string(source.files[inis[0]])
-    except configparser.Error as fault:
-        raise UserError(f"{inis[0]}: {fault}") from None
-    named = [a.name for a in sorted(source.machine.axes, key=lambda a: "XYZABCUVW".index(a.name[0]))]
-    joints = list(source.setting("joints", "")) or named
+    ini_file = source.only(".ini", "LinuxCNC", "the assignment of the tables to joints")
+    ini = read_ini(ini_file, source.files[ini_file], comment_prefixes=("#", ";"))
+    joints = list(source.setting("joints", "")) or source.lettered
     for section in ini.sections():
         file = ini.get(section, "COMP_FILE", fallback="")
         if not section.startswith("JOINT_") or not file:
             continue
         joint = section.removeprefix("JOINT_")
         if joint not in map(str, range(len(joints))):
-            raise UserError(f"{inis[0]}: [{section}] is not one of the joints {' '.join(joints)}")
+            raise UserError(f"{ini_file}: [{section}] is not one of the joints {' '.join(joints)}")
         name = file.rsplit("/", 1)[-1]
         if name not in source.files:
-            raise UserError(f"{inis[0]}: [{section}] names {file}, which is not among the files")
+            raise UserError(f"{ini_file}: [{section}] names {file}, which is not among the files")
         kind = ini.get(section, "COMP_FILE_TYPE", fallback="0").strip()
         if kind not in ("0", "1"):
-            raise UserError(f"{inis[0]}: [{section}] COMP_FILE_TYPE {kind}: expected 0 or 1")
+            raise UserError(f"{ini_file}: [{section}] COMP_FILE_TYPE {kind}: expected 0 or 1")
         rows = _rows(name, source.files[name])
         if kind == "0":
             rows = [[nominal, nominal - up, nominal - down] for nominal, up, down in rows]

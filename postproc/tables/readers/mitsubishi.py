@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 from kinematics.effects import Effect
 from kinematics.user_error import UserError
 from postproc.tables.readers.source import Source, numbers, refusal
@@ -12,10 +14,10 @@ def read(source: Source) -> list[Effect]:
     for needed in ("parameters.csv", "error_data.csv"):
         if needed not in source.files:
             raise UserError(f"Mitsubishi tables: expected {needed} among the files")
-    (unit,) = numbers([source.setting("unit_um", "1.0")], "--set", 1, "unit_um")
-    parameters = {words[0]: words[1:] for _, words in _rows(source, "parameters.csv", 4)}
+    unit = source.number("unit_um", "1.0")
+    parameters = {words[0]: words[1:] for _, words in source.rows("parameters.csv", 4)}
     values: dict[str, list[float]] = {}
-    for line, words in _rows(source, "error_data.csv", 4):
+    for line, words in source.rows("error_data.csv", 4):
         point, _, value = numbers(words[1:], "error_data.csv", line, ",".join(words))
         known = values.setdefault(words[0], [])
         if point != len(known):
@@ -32,20 +34,8 @@ def read(source: Source) -> list[Effect]:
         if not 0 <= r < len(steps):
             raise UserError(f"parameters.csv: axis {axis}: the reference point {r} is outside 0 ... {len(steps) - 1}")
         home = source.machine.axes[source.machine.index(axis)].home
-        sums = [0.0]
-        for step in steps[1:]:
-            sums.append(sums[-1] + step)
+        sums = [0.0, *accumulate(steps[1:])]
         size = unit * 1e-3 * scale / 2.0
-        rows = [(home + (k - r) * interval, size * (s - sums[r]), size * (s - sums[r])) for k, s in enumerate(sums)]
+        rows = [(home + (k - r) * interval, *[size * (s - sums[r])] * 2) for k, s in enumerate(sums)]
         found += source.own(axis, rows)
-    return found
-
-
-def _rows(source: Source, name: str, columns: int) -> list[tuple[int, list[str]]]:
-    found = []
-    for line, row in enumerate(source.files[name].splitlines()[1:], 2):
-        words = row.split(",")
-        if len(words) != columns:
-            raise refusal(name, line, row, f"expected {columns} columns")
-        found.append((line, words))
     return found

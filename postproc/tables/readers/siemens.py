@@ -20,15 +20,15 @@ class _Table:
 
     name: str
     values: dict[int, float] = field(default_factory=dict)
-    said: dict[str, float] = field(default_factory=dict)
+    entries: dict[str, float] = field(default_factory=dict)
     axes: dict[str, str] = field(default_factory=dict)
 
     def points(self) -> list[tuple[float, float]]:
         """Positions and values; UserError where the control would fill in or leave out some."""
-        lacking = [what for what in _NEEDED if what not in self.said]
+        lacking = [what for what in _NEEDED if what not in self.entries]
         if lacking:
             raise UserError(f"{self.name}: {', '.join(lacking)} missing")
-        step, low, high = (self.said[what] for what in _NEEDED)
+        step, low, high = (self.entries[what] for what in _NEEDED)
         if step <= 0 or high <= low:
             raise UserError(
                 f"{self.name}: expected MIN below MAX and STEP above 0, found {low:g}, {high:g} and {step:g}"
@@ -48,7 +48,7 @@ def read_eec(source: Source) -> list[Effect]:
         if system != source.setting("system", "0"):
             raise UserError(f"{table.name}: measuring system {system}; give --set system={system}")
         name = _axis(source, axis)
-        sign = 1.0 if source.value_is == "correction" else -1.0
+        sign = source.sign("correction")
         points = table.points()
         found += source.own(name, [(x, sign * v, sign * v) for x, v in _modulo(source, name, table, points)])
     return found
@@ -57,27 +57,27 @@ def read_eec(source: Source) -> list[Effect]:
 def read_cec(source: Source) -> list[Effect]:
     """Cross error compensation: tables, and products of two."""
     tables = {int(key[0]): table for key, table in _gathered(source, _CEC).items()}
-    factors = {int(table.said.get("_MULT_BY_TABLE", 0)) - 1 for table in tables.values()} - {-1}
-    sign = 1.0 if source.value_is == "correction" else -1.0
+    factors = {int(table.entries.get("_MULT_BY_TABLE", 0)) - 1 for table in tables.values()} - {-1}
+    sign = source.sign("correction")
     found: list[Effect] = []
     for index, table in sorted(tables.items()):
         if index in factors:
             continue
         output, of, points = _cross(source, table)
-        direction = int(table.said.get("_DIRECTION", 0))
+        direction = int(table.entries.get("_DIRECTION", 0))
         if direction not in (-1, 0, 1):
             raise UserError(f"{table.name}: DIRECTION {direction}: expected -1, 0 or 1")
         nodes, values = zip(*points, strict=True)
-        second = int(table.said.get("_MULT_BY_TABLE", 0)) - 1
+        second = int(table.entries.get("_MULT_BY_TABLE", 0)) - 1
         if second < 0:
             found.append(source.table(output, (of,), (nodes,), [sign * v for v in values], direction))
             continue
         if second not in tables or second == index:
             raise UserError(f"{table.name}: MULT_BY_TABLE names the table {second}, which is missing")
         _, other, more = _cross(source, tables[second])
-        places, shares = zip(*more, strict=True)
+        second_nodes, shares = zip(*more, strict=True)
         products = [sign * v * share for v in values for share in shares]
-        found.append(source.table(output, (of, other), (nodes, places), products, direction))
+        found.append(source.table(output, (of, other), (nodes, second_nodes), products, direction))
     return found
 
 
@@ -91,7 +91,7 @@ def _cross(source: Source, table: _Table) -> tuple[str, str, list[tuple[float, f
 
 def _modulo(source: Source, axis: str, table: _Table, points: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """The points; UserError for a modulo table that is not one turn, or of an axis that does not turn without end."""
-    if table.said.get("_IS_MODULO", 0) == 0:
+    if table.entries.get("_IS_MODULO", 0) == 0:
         return points
     if not source.machine.axes[source.machine.index(axis)].rotary or abs(points[-1][0] - points[0][0] - 360) > 1e-9:
         raise UserError(f"{table.name}: IS_MODULO needs a rotary axis and a turn of 360 degrees")
@@ -126,7 +126,7 @@ def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...],
                 continue
             (value,) = numbers([right], name, line, row)
             if what:
-                table.said[what] = value
+                table.entries[what] = value
                 continue
             point = int(index[1])
             if point in table.values:
@@ -137,15 +137,11 @@ def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...],
 
 def _axis(source: Source, name: str) -> str:
     """The machine's axis by its name in the control: as given with names=X:X1, X1 for X, or AX1 for the first."""
-    said = {own: letter for letter, _, own in (p.partition(":") for p in source.setting("names", "").split(",")) if own}
-    if name in said:
-        return said[name]
-    lettered = sorted((a.name for a in source.machine.axes), key=lambda a: "XYZABCUVW".index(a[0]))
+    pairs = (pair.partition(":") for pair in source.setting("names", "").split(","))
+    given = {own: letter for letter, _, own in pairs if own}
+    by_name = {name: axis for axis in source.lettered for name in (axis, f"{axis}1")} | given
+    if name in by_name:
+        return by_name[name]
     if name.startswith("AX") and name[2:].isdigit():
-        if not 1 <= int(name[2:]) <= len(lettered):
-            raise UserError(f"axis {name} does not exist: the machine has {len(lettered)} axes")
-        return lettered[int(name[2:]) - 1]
-    for axis in lettered:
-        if name in (axis, f"{axis}1"):
-            return axis
-    raise UserError(f"axis {name} is not one of {' '.join(lettered)}; give --set names=AXIS:{name}")
+        return source.numbered(int(name[2:]), f"axis {name}")
+    raise UserError(f"axis {name} is not one of {' '.join(source.lettered)}; give --set names=AXIS:{name}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import configparser
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -66,6 +67,40 @@ class Source:
         """The settings of the user by --set."""
         return self.settings.get(name, default)
 
+    def number(self, name: str, default: str) -> float:
+        """A setting of the user that is a number."""
+        return numbers([self.setting(name, default)], "--set", 1, name)[0]
+
+    def sign(self, kind: str) -> float:
+        """1 if the values of the files are of this kind, `error` or `correction`, otherwise -1."""
+        return 1.0 if self.value_is == kind else -1.0
+
+    @property
+    def lettered(self) -> list[str]:
+        """Names of the axes in the order X Y Z A B C U V W, in which controls number them."""
+        return sorted(self.machine.names, key=lambda name: "XYZABCUVW".index(name[0]))
+
+    def numbered(self, k: int, what: str) -> str:
+        """The axis with the number k of a control, from 1; UserError, beginning with `what`, if there is none."""
+        if not 1 <= k <= len(self.lettered):
+            raise UserError(f"{what} does not exist: the machine has {len(self.lettered)} axes")
+        return self.lettered[k - 1]
+
+    def only(self, suffix: str, control: str, content: str) -> str:
+        """Name of the only file with this suffix; UserError unless there is exactly one."""
+        names = [name for name in self.files if name.lower().endswith(suffix)]
+        if len(names) != 1:
+            raise UserError(f"{control} tables: expected one file *{suffix} with {content}, found {len(names)}")
+        return names[0]
+
+    def rows(self, name: str, columns: int) -> list[tuple[int, list[str]]]:
+        """Line and values of each row of a CSV file after its heading; UserError for another number of columns."""
+        found = [(line, row.split(",")) for line, row in enumerate(self.files[name].splitlines()[1:], 2)]
+        for line, words in found:
+            if len(words) != columns:
+                raise refusal(name, line, ",".join(words), f"expected {columns} columns")
+        return found
+
 
 def refusal(name: str, line: int, text: str, why: str) -> UserError:
     """A refusal with its location."""
@@ -85,6 +120,16 @@ def numbers(words: Sequence[str], name: str, line: int, text: str) -> list[float
     if not all(abs(number) <= LARGEST for number in found):
         raise refusal(name, line, text, f"a number is not finite, or beyond {LARGEST:g}")
     return found
+
+
+def read_ini(name: str, text: str, **options: Any) -> configparser.ConfigParser:
+    """The sections of a configuration file; UserError for a text that is not one."""
+    ini = configparser.ConfigParser(strict=False, interpolation=None, **options)
+    try:
+        ini.read_string(text)
+    except configparser.Error as fault:
+        raise UserError(f"{name}: {fault}") from None
+    return ini
 
 
 def increasing(rows: Sequence[tuple[int, Sequence[float]]], name: str) -> None:
