@@ -21,7 +21,7 @@ from postproc.text.block import Refusal
 from postproc.text.notes import Notes
 from postproc.text.source import Source
 
-PIECE_DEG = 0.1
+SEGMENT_DEG = 0.1
 """Largest angle, degrees, of a segment of a circle or of a move with TCP: straight within 0.2 um at 500 mm."""
 RAPID = re.compile(r"G0*0(?![0-9.])|G28|G30|FMAX", re.IGNORECASE)
 FEED = re.compile(r"G0*1(?![0-9.])", re.IGNORECASE)
@@ -32,7 +32,7 @@ class ProgramPath(NamedTuple):
 
     positions: Array
     """Axis positions `(m, axes)`, mm and rad."""
-    way: Array
+    length: Array
     """Programmed path length `(m,)` from 0, as the feed counts it: mm; degrees if rotary axes move alone."""
     counts: np.ndarray
     """True `(m,)` where the move to the vertex is a feed move."""
@@ -67,9 +67,9 @@ def program_path(source: Source, dialect: Dialect, machine: Machine, setup: Setu
             lengths.append(np.zeros(1))
             counts.append(np.ones(1, bool))
             motions, feeds = motions.take(np.arange(1, len(motions))), feeds[1:]
-        for places, ways, row in _in_pieces(motions):
-            positions.append(places)
-            lengths.append(ways)
+        for positions_here, lengths_here, row in _in_segments(motions):
+            positions.append(positions_here)
+            lengths.append(lengths_here)
             counts.append(feeds[row])
     if not positions or len(np.concatenate(lengths)) < 2:
         raise UserError(f"{source.name}: the program has no path: expected at least two positions of all linear axes")
@@ -108,39 +108,38 @@ def _feeds(motions: Motions, rapid: bool) -> tuple[np.ndarray, bool]:
     return found, rapid
 
 
-def _in_pieces(motions: Motions) -> Iterator[tuple[Array, Array, np.ndarray]]:
+def _in_segments(motions: Motions) -> Iterator[tuple[Array, Array, np.ndarray]]:
     """Axis positions at the ends of all segments, their lengths as the feed counts them, and their rows, in order.
 
     Axis positions are straight along a segment. Consecutive moves that need no cut are returned together.
     """
-    number = _pieces(motions)
+    number = _segment_counts(motions)
     rows = np.arange(len(motions))
     cuts = np.flatnonzero(np.append(True, (number[1:] > 1) | (number[:-1] > 1))) if len(rows) else rows
     for group in np.split(rows, cuts[1:]):
         if not len(group):
             continue
-        some, pieces = motions.take(group), int(number[group[0]])
-        before, places, lengths = some.start, [], []
-        for k in range(1, pieces + 1):
-            along = some.along(k / pieces)
-            places.append(some.in_machine(along))
+        some, count = motions.take(group), int(number[group[0]])
+        before, positions_here, lengths = some.start, [], []
+        for k in range(1, count + 1):
+            along = some.along(k / count)
+            positions_here.append(some.in_machine(along))
             lengths.append(_length(motions, along - before))
             before = along
-        yield np.concatenate(places), np.concatenate(lengths), np.repeat(group, pieces) if pieces > 1 else group
+        yield np.concatenate(positions_here), np.concatenate(lengths), np.repeat(group, count) if count > 1 else group
 
 
-def _pieces(motions: Motions) -> np.ndarray:
+def _segment_counts(motions: Motions) -> np.ndarray:
     """Number of segments `(n,)` of each move."""
     turned = np.zeros(len(motions))
-    tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
     rotary = motions.machine.rotary
-    turned[tcp] = np.abs(motions.target - motions.start)[tcp][:, rotary].max(axis=1, initial=0.0)
+    turned[motions.tcp] = np.abs(motions.target - motions.start)[motions.tcp][:, rotary].max(axis=1, initial=0.0)
     for row, arc in motions.arcs.items():
         i, j, _ = arc.plane
         start, end = motions.start[row].tolist(), motions.target[row].tolist()
         angle = sweep((start[i], start[j]), (end[i], end[j]), arc.centre, arc.sense, arc.full)
         turned[row] = max(turned[row], abs(np.degrees(angle)))
-    return np.maximum(np.ceil(turned / PIECE_DEG - 1e-9), 1).astype(int)
+    return np.maximum(np.ceil(turned / SEGMENT_DEG - 1e-9), 1).astype(int)
 
 
 def _length(motions: Motions, moves: Array) -> Array:

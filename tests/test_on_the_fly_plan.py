@@ -165,7 +165,7 @@ def test_the_path_of_a_program_is_that_it_was_made_of(tmp_path):
         found = read_back(program(made), FIXED, tmp_path)
         np.testing.assert_allclose(found.positions, made.positions, atol=1e-6)
         np.testing.assert_array_equal(found.counts[1:], made.counts[1:])
-        np.testing.assert_allclose(found.way, made.way, atol=1e-4)
+        np.testing.assert_allclose(found.length, made.way, atol=1e-4)
 
 
 def test_circles_and_tcp_are_cut_into_straight_pieces(tmp_path):
@@ -175,7 +175,7 @@ def test_circles_and_tcp_are_cut_into_straight_pieces(tmp_path):
     inside = (x > 100.0) & (x < 300.0)
     np.testing.assert_allclose(np.hypot(x - 200.0, y - 300.0)[inside], 100.0, atol=1e-9)
     assert np.count_nonzero(inside) > 1000
-    assert found.way[-1] == pytest.approx(np.pi * 100.0 + 100.0, rel=1e-6)
+    assert found.length[-1] == pytest.approx(np.pi * 100.0 + 100.0, rel=1e-6)
     tcp = "G21 G90\nG0 X0 Y0 Z100 B0 C0\nG43.4 H1\nG1 X0 Y0 Z50 B0 C0 F500\nG1 X50 Y20 Z50 B30 C40\nM30\n"
     found = read_back(tcp, machines.load("dmu50"), tmp_path)
     steps = np.abs(np.diff(found.positions[:, :2], axis=0)).max()

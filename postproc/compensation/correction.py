@@ -110,7 +110,7 @@ class PoseErrors(NamedTuple):
     axis_urad: Array
     absolute_um: Array
     """Absolute error, um: distance from the nominal tool point of the true work offset."""
-    wanted: Array
+    nominal: Array
     """Nominal tool points `(n, 3)`, mm, workpiece frame."""
     apart: Array
     """The absolute error as a vector `(n, 3)`, mm."""
@@ -130,10 +130,10 @@ def pose_errors(
     By the exact matrix product. tool `(n, 3)`, mm. shift `(n, 3)`, mm, workpiece frame: displacement of the part from
     its nominal position (`datum_shifts`).
     """
-    actual, wanted = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
-    there = wanted.apply(tool)
+    actual, aim = forward(machine, q, model.errors(machine, states(q))), forward(machine, nominal)
+    there = aim.apply(tool)
     apart = actual.apply(tool) - there
-    leaning = np.linalg.norm(actual.rotation[:, :, 2] - wanted.rotation[:, :, 2], axis=1)
+    leaning = np.linalg.norm(actual.rotation[:, :, 2] - aim.rotation[:, :, 2], axis=1)
     point, absolute = (np.linalg.norm(vector, axis=1) for vector in (apart - shift, apart))
     return PoseErrors(point * 1e3, leaning * 1e6, absolute * 1e3, there, apart)
 

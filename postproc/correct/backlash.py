@@ -39,8 +39,6 @@ PRECISION = 0.1
 """Last step of the iteration that finds the directions of moves, as a fraction of the dead band."""
 NOT_READY = "its block changes the frame, moves rotary axes only, is polar, has locked axes, or has no F under G93"
 
-TAKEN_UP_ALONG = "the backlash of {} is taken up along a feed move and not before it"
-
 
 class Directed(NamedTuple):
     """Moves, and the direction `(n, axes)`, -1, 0, 1, of each at its end; None if no error depends on a direction."""
@@ -114,10 +112,12 @@ class BacklashTakeUps:
             positions = np.concatenate([inner, positions], axis=1)
         starts = motions.in_machine(motions.start) + before
         found = self._directions.follow_moves(motions, positions, starts, certain)
-        self._note_returned(motions, found[:, 0])
+        after_cycle = (self._directions.returned * found[:, 0] < 0.0) & feeds(motions)[:, None]
+        self._note_along(motions, after_cycle, "a canned cycle ends at its start")
         if winding.any():
             found[~winding] = found[~winding, -1:]
-            self._note_inside(motions, found, winding & feeds(motions))
+            reverses = (found[:, 1:] != found[:, :-1]).any(axis=1) & (winding & feeds(motions))[:, None]
+            self._note_along(motions, reverses, "the axis reverses within the move")
         self._shift = shifts[-1]
         return found[:, 0], found[:, -1]
 
@@ -131,50 +131,29 @@ class BacklashTakeUps:
         # here a machine axis depends on several programmed ones: all of them move, or none
         together = coupled[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
         wanted = (asked & linear) | together
-        said = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
-        ready = (
-            motions.frame_unchanged
-            & ~motions.rotary_only
-            & ~np.array([b.no_insertion for b in motions.blocks], bool)[motions.block]
-        )
+        programmed = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
+        closed = np.array([block.no_insertion for block in motions.blocks], bool)[motions.block]
+        ready = motions.frame_unchanged & ~motions.rotary_only & ~closed
         ready[[*motions.cutter_compensated, *motions.polars, *motions.locked_axes]] = False
         for row in np.flatnonzero(motions.timed & wanted.any(axis=1)):
             ready[row] &= _has_feed(motions.blocks[motions.block[row]])
-        possible = wanted & said & ready[:, None]
+        possible = wanted & programmed & ready[:, None]
         possible[coupled & (wanted & ~possible).any(axis=1)] = False
-        for row, axis in np.argwhere((asked & linear & ~possible) | others):
-            block = motions.blocks[motions.block[row]]
-            why = (
-                "ncomp does not correct this axis"
-                if others[row, axis]
-                else NO_INSERTION
-                if block.no_insertion
-                else NOT_READY
-                if not ready[row]
-                else "the program has not given the position of the axis"
-            )
-            name = self.machine.names[axis]
-            self._note(TAKEN_UP_ALONG.format(name), why, block)
+        self._note_along(motions, others, "ncomp does not correct this axis")
+        missing = asked & linear & ~possible
+        self._note_along(motions, missing & closed[:, None], NO_INSERTION)
+        self._note_along(motions, missing & ~(closed | ready)[:, None], NOT_READY)
+        self._note_along(motions, missing & ready[:, None], "the program has not given the position of the axis")
         rows = np.flatnonzero(possible.any(axis=1))
         taken_up = np.where(possible & asked, first, before)[rows]
         approach = np.insert(last, rows, taken_up, axis=0)
         return Directed(with_backlash_take_ups(motions, rows, possible[rows]), approach)
 
-    def _note_inside(self, motions: Motions, found: Array, winding: NDArrayBool) -> None:
-        turns = winding[:, None] & (found[:, 1:] != found[:, :-1]).any(axis=1)
-        for row, axis in np.argwhere(turns):
-            block = motions.blocks[motions.block[row]]
-            name = self.machine.names[axis]
-            self._note(TAKEN_UP_ALONG.format(name), "the axis reverses within the move", block)
-
-    def _note_returned(self, motions: Motions, first: Array) -> None:
-        """Note the feed moves at whose start an axis reverses after the return of a canned cycle."""
-        returned = self._directions.returned
-        turns = (returned * first < 0.0) & feeds(motions)[:, None]
-        for row, axis in np.argwhere(turns):
-            name = self.machine.names[axis]
-            block = motions.blocks[motions.block[row]]
-            self._note(TAKEN_UP_ALONG.format(name), "a canned cycle ends at its start", block)
+    def _note_along(self, motions: Motions, cells: NDArrayBool, why: str) -> None:
+        """Note the moves and axes, true in `cells` `(n, axes)`, whose backlash is taken up along the move."""
+        for row, axis in np.argwhere(cells):
+            what = f"the backlash of {self.machine.names[axis]} is taken up along a feed move and not before it"
+            self._note(what, why, motions.blocks[motions.block[row]])
 
     def _note_unknown(self, motions: Motions, approach: Array) -> None:
         """Note the axes that are assumed in the middle of their backlash."""

@@ -88,9 +88,9 @@ class Findings:
         """Note moves outside the travel: each line once for each axis, however often it runs."""
         known = {(line, reason.split()[0]) for line, _, reason in self.refused}
         for refusal in refusals:
-            place = refusal.line, refusal.reason.split()[0]
-            if place not in known:
-                known.add(place)
+            axis_line = refusal.line, refusal.reason.split()[0]
+            if axis_line not in known:
+                known.add(axis_line)
                 self.refuse(refusal)
 
     def refuse(self, refusal: Refusal) -> None:

@@ -85,8 +85,7 @@ class CorrectedPaths:
     @cached_property
     def turned(self) -> NDArrayBool:
         """True `(n,)` for moves along which rotary axes turn without TCP."""
-        tcp = np.array([frame.tcp for frame in self.motions.frames], bool)[self.motions.frame]
-        return np.asarray((self.extents[:, self.motions.machine.rotary] > 0.0).any(axis=1) & ~tcp)
+        return np.asarray((self.extents[:, self.motions.machine.rotary] > 0.0).any(axis=1) & ~self.motions.tcp)
 
     @cached_property
     def weights(self) -> Array:
@@ -158,8 +157,7 @@ class CorrectedPaths:
             return None
         motions = self.motions
         heading = np.sign(motions.machine_target - motions.in_machine(motions.start))
-        tcp = np.array([frame.tcp for frame in motions.frames], bool)[motions.frame]
-        heading[tcp | (motions.kind != Kind.LINE)] = 0.0
+        heading[motions.tcp | (motions.kind != Kind.LINE)] = 0.0
         return np.asarray(heading)
 
 

@@ -57,8 +57,8 @@ def mark_line(dialect: Dialect, machine: Machine, mark: Mark, source: Source, ac
     name = _PLAIN.sub("_", machine.name.upper())[:NAME_LENGTH]
     text = f"NCOMP {version('ncomp')} MACHINE {name} CALIBRATION {mark.calibration} PROGRAM {source.hash.upper()}"
     named = "".join(f" {what} {value}" for what, value in (("SETUP", mark.setup), ("DATUM", mark.datum)) if value)
-    said = ",".join(sorted(accepted)).upper()
-    return dialect.comment.format(text + named + (f" ACCEPTED {said}" if said else "")) + source.line_end
+    names = ",".join(sorted(accepted)).upper()
+    return dialect.comment.format(text + named + (f" ACCEPTED {names}" if names else "")) + source.line_end
 
 
 def mark_in(text: str) -> Mark | None:

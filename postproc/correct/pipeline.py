@@ -198,9 +198,9 @@ class Pipeline:
         if job.dialect.name == "iso":
             refuse_lengthened(job.machine.control, blocks, texts)
         numbered = (self._numbers.renumbered(block, text) for block, text in zip(blocks, texts, strict=True))
-        place = mark_index(job.dialect, blocks) if self.model.effects and not out.has_room else None
-        if place is not None:
-            out.write(itertools.islice(numbered, place))
+        index = mark_index(job.dialect, blocks) if self.model.effects and not out.has_room else None
+        if index is not None:
+            out.write(itertools.islice(numbered, index))
             out.leave_room(self._numbers.next_number())
         out.write(numbered)
 
@@ -230,7 +230,7 @@ class Pipeline:
         else:
             note_outside(motions, correction.corrected, self.notes)
         written = self.writer.write(motions, correction, part.indices)
-        self._judge(motions, correction, written)
+        self._evaluate(motions, correction, written)
         report.added_blocks += written.added
         return written.texts
 
@@ -250,32 +250,32 @@ class Pipeline:
                 )
             self.notes.add(f"already corrected (calibration {calibration}) and corrected again", block.line)
 
-    def _judge(self, motions: Motions, correction: Correction, written: Written) -> None:
+    def _evaluate(self, motions: Motions, correction: Correction, written: Written) -> None:
         """Add the corrections, and the errors that the exact model predicts before and after them, to the report."""
         job, report, own = self.job, self.report, ~motions.intermediate
         machine, evaluated, correctable = job.machine, motions.evaluated, motions.programmed & own
-        moved, said = written.ends - motions.target, motions.correctable & correctable[:, None]
-        report.corrected += int(((moved != 0.0) & said).any(axis=1).sum())
+        moved, programmed = written.ends - motions.target, motions.correctable & correctable[:, None]
+        report.corrected += int(((moved != 0.0) & programmed).any(axis=1).sum())
         report.not_judged += int((~evaluated & own).sum())
         for i in machine.translators:
-            report.correction.setdefault(machine.names[i], Statistic()).add(moved[said[:, i], i] * 1e3)
+            report.correction.setdefault(machine.names[i], Statistic()).add(moved[programmed[:, i], i] * 1e3)
         for i in np.flatnonzero(machine.rotary).tolist() if self.orientation else ():
-            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[said[:, i], i]) * 1e6)
+            report.turning.setdefault(machine.names[i], Statistic()).add(np.deg2rad(moved[programmed[:, i], i]) * 1e6)
         self._note_assumed(motions, correctable)
         self._note_left(motions)
         commanded = written.moves(motions)
         errors = np.full((len(motions), 2), np.nan)
-        errors[evaluated] = self._judge_ends(motions, commanded, correction.nominal, evaluated)
+        errors[evaluated] = self._evaluate_ends(motions, commanded, correction.nominal, evaluated)
         self.guard.check_ends(motions, np.flatnonzero(evaluated), errors[evaluated])
-        self._judge_between(motions, commanded, errors[:, 0])
+        self._evaluate_between(motions, commanded, errors[:, 0])
         if evaluated.any():
             self._note_rotary_only(motions, correction, written)
             self._flat_arcs.take(motions, correction, written.ends)
         if self.trace is not None:
-            self.trace.add(motions, correctable, np.where(said, moved, np.nan), errors)
+            self.trace.add(motions, correctable, np.where(programmed, moved, np.nan), errors)
             self.trace.add_paths(motions, self.before)
 
-    def _judge_ends(self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool) -> Array:
+    def _evaluate_ends(self, motions: Motions, commanded: Motions, nominal: Array, evaluated: NDArrayBool) -> Array:
         """Errors `(judged, 2)`, um, before and after at the ends of evaluated rows; nominal `(n, axes)`, mm and rad."""
         job, report, tool = self.job, self.report, motions.tool[evaluated]
         machine = job.machine
@@ -327,25 +327,25 @@ class Pipeline:
             line = motions.blocks[motions.block[row]].line
             self.notes.add(ROTARY_ONLY, line)
 
-    def _judge_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
+    def _evaluate_between(self, motions: Motions, commanded: Motions, before: Array) -> None:
         """Evaluate feed moves between their ends; before `(n,)`: errors in the input at the ends of all rows, um."""
         rows = motions.known_paths
         if not rows.any():
             return
         evaluated = motions.evaluated_paths[rows]
         if self.trace is not None:
-            self.trace.between_before.add(self._strayed(motions, motions, self.before, rows)[evaluated])
-        strayed = self._strayed(motions, commanded, self.after, rows)
-        self.report.between_ends.add(strayed[evaluated])
-        self._guard_between(motions, commanded, before, np.flatnonzero(rows)[evaluated], strayed[evaluated])
-        beyond, turning = strayed > self.job.tolerance_um, motions.rotary_only
-        for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), strayed[beyond].tolist(), strict=True):
+            self.trace.between_before.add(self._errors_between(motions, motions, self.before, rows)[evaluated])
+        errors_between = self._errors_between(motions, commanded, self.after, rows)
+        self.report.between_ends.add(errors_between[evaluated])
+        self._guard_between(motions, commanded, before, np.flatnonzero(rows)[evaluated], errors_between[evaluated])
+        beyond, rotary_only = errors_between > self.job.tolerance_um, motions.rotary_only
+        for row, size in zip(np.flatnonzero(rows)[beyond].tolist(), errors_between[beyond].tolist(), strict=True):
             block = int(motions.block[row])
-            reason = ROTARY_ONLY if turning[row] else self.splitter.whole.get(block, ERROR_JUMPS)
+            reason = ROTARY_ONLY if rotary_only[row] else self.splitter.unsplit.get(block, ERROR_JUMPS)
             self.report.straying.setdefault(reason, Straying()).add(motions.blocks[block].line, size)
 
     def _guard_between(
-        self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, strayed: Array
+        self, motions: Motions, commanded: Motions, before: Array, rows: np.ndarray, errors_between: Array
     ) -> None:
         """Compare programmed moves between their ends with the input; strayed `(rows,)`: errors of their segments, um.
 
@@ -355,36 +355,36 @@ class Pipeline:
         ends = np.flatnonzero(~motions.intermediate)
         move = np.searchsorted(ends, rows)
         doubtful = np.zeros(len(ends), bool)
-        doubtful[move[~(strayed <= before[ends[move]])]] = True
-        uneven = np.isin(motions.block[ends], list(self.splitter.uneven))
-        chosen = (doubtful | uneven)[move]
+        doubtful[move[~(errors_between <= before[ends[move]])]] = True
+        suspect = np.isin(motions.block[ends], list(self.splitter.suspect))
+        chosen = (doubtful | suspect)[move]
         if not chosen.any():
             return
         rows, move = rows[chosen], move[chosen]
         errors = np.zeros((len(ends), 2))
-        for column, (moves, judge) in enumerate(((motions, self.before), (commanded, self.after))):
-            np.maximum.at(errors[:, column], move, self._strayed(motions, moves, judge, rows, CLOSELY))
+        for column, (moves, machine_states) in enumerate(((motions, self.before), (commanded, self.after))):
+            np.maximum.at(errors[:, column], move, self._errors_between(motions, moves, machine_states, rows, CLOSELY))
         found = np.unique(move)
-        self.guard.check_paths(motions, ends[found], errors[found], self.splitter.whole, ERROR_JUMPS)
+        self.guard.check_paths(motions, ends[found], errors[found], self.splitter.unsplit, ERROR_JUMPS)
 
-    def _strayed(
+    def _errors_between(
         self,
         motions: Motions,
         commanded: Motions,
-        judge: MachineStates,
+        machine_states: MachineStates,
         rows: np.ndarray,
         shares: Iterable[float] = BETWEEN,
     ) -> Array:
         """Largest errors `(rows,)`, um, of commanded moves between their ends; rows as a mask or by their numbers."""
-        tool, shift = motions.tool[rows], judge.datum_shifts(motions)[rows]
-        strayed = np.zeros(len(tool))
+        tool, shift = motions.tool[rows], machine_states.datum_shifts(motions)[rows]
+        errors_between = np.zeros(len(tool))
         for share in shares:
-            states = judge.last_states(rows, share)
+            states = machine_states.last_states(rows, share)
             nominal = motions.in_machine(motions.along(share))[rows]
             actual = motions.in_machine(commanded.along(share))[rows]
             here = pose_errors(self.job.machine, self.model, actual, nominal, tool, states, shift).point_um
-            strayed = np.maximum(strayed, here)
-        return strayed
+            errors_between = np.maximum(errors_between, here)
+        return errors_between
 
 
 def _new_report(job: Job) -> Report:

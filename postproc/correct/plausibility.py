@@ -303,4 +303,4 @@ def _evenly(n: int, dimensions: int) -> Array:
 def _corners(axes: int) -> Array:
     """Corners of the travel as shares, with approach in both directions `(2 ** (axes + 1), 2 * axes)`."""
     ends = np.array(list(itertools.product((0.0, 1.0), repeat=axes)))
-    return np.vstack([np.hstack([ends, np.full_like(ends, way)]) for way in (0.0, 1.0)])
+    return np.vstack([np.hstack([ends, np.full_like(ends, direction)]) for direction in (0.0, 1.0)])

@@ -40,9 +40,9 @@ class Splitter:
     """True if moves may become worse than in the input, so that this is no reason to split them."""
 
     def __post_init__(self) -> None:
-        self.whole: dict[int, str] = {}
+        self.unsplit: dict[int, str] = {}
         """Reason why a move beyond the tolerance is not split, by block of the last chunk."""
-        self.uneven: Set[int] = set()
+        self.suspect: Set[int] = set()
         """Blocks of the last chunk whose moves may exceed their limits."""
         self.moves = 0
         """Number of moves that were split."""
@@ -56,18 +56,18 @@ class Splitter:
 
     def prepare(self, motions: Motions, varied: frozenset[int]) -> Motions:
         """The moves of a chunk, split where necessary; `varied`: blocks that run several times with different moves."""
-        self.whole, self.uneven = {}, set()
+        self.unsplit, self.suspect = {}, set()
         rows = np.flatnonzero(motions.known_paths & ~motions.rotary_only)
         if not rows.size or not self.models[0].effects:
             return motions
         paths = CorrectedPaths(motions, self.models, self.conditions)
-        uneven = beyond_limits(paths, rows, self.limits)
-        reasons = {row: _obstacle(motions, row, paths, varied) for row in uneven.tolist()}
-        self.whole = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
+        suspect = beyond_limits(paths, rows, self.limits)
+        reasons = {row: _obstacle(motions, row, paths, varied) for row in suspect.tolist()}
+        self.unsplit = {int(motions.block[row]): reason for row, reason in reasons.items() if reason}
         runs = _runs_by_move(motions, [row for row, reason in reasons.items() if not reason])
         found = find_cuts(paths, np.array(list(runs), int), self.limits)
         steep = [row for segment in found.steep for row in runs[segment.row]]
-        self.uneven = self.whole.keys() | set(motions.block[steep].tolist())
+        self.suspect = self.unsplit.keys() | set(motions.block[steep].tolist())
         cuts = {row: _quarters(motions, row, shares) for first, shares in found.shares.items() for row in runs[first]}
         self.moves += len(cuts)
         return _with_round_angles(split(motions, cuts)) if cuts else motions
@@ -159,11 +159,11 @@ def _with_round_angles(motions: Motions) -> Motions:
     if not columns.size or not (motions.target != motions.start)[inner][:, columns].any():
         return motions
     part = motions.bare.take(inner)
-    place = motions.start[inner]
-    rounded = place.copy()
+    unrounded = motions.start[inner]
+    rounded = unrounded.copy()
     for i in columns.tolist():
-        rounded[:, i] = np.round(place[:, i], decimals_for(machine.axes[i].resolution))
-    q, turned = part.in_machine(place), part.in_machine(rounded)
+        rounded[:, i] = np.round(unrounded[:, i], decimals_for(machine.axes[i].resolution))
+    q, turned = part.in_machine(unrounded), part.in_machine(rounded)
     turned = linear_positions(machine, turned, tool_point(machine, q, part.tool), part.tool)
     result = part.in_program(turned)
     result[:, columns] = rounded[:, columns]

@@ -37,7 +37,7 @@ class Bins:
         self.width, self.moves = 1, 0
         self._largest = np.full((BINS, 2), np.nan)
         self._squares = np.zeros((BINS, 2))
-        self._judged = np.zeros(BINS)
+        self._evaluated = np.zeros(BINS)
         self._high, self._low = np.full((2, BINS, axes), np.nan)
 
     def add(self, errors: Array, corrections: Array) -> None:
@@ -48,7 +48,7 @@ class Bins:
         rows = np.arange(self.moves, end) // self.width
         np.fmax.at(self._largest, rows, errors)
         np.add.at(self._squares, rows, np.nan_to_num(errors) ** 2)
-        np.add.at(self._judged, rows, ~np.isnan(errors[:, 0]))
+        np.add.at(self._evaluated, rows, ~np.isnan(errors[:, 0]))
         np.fmax.at(self._high, rows, corrections)
         np.fmin.at(self._low, rows, corrections)
         self.moves = end
@@ -58,7 +58,7 @@ class Bins:
         self.width *= 2
         self._largest, self._high = _halved(self._largest, np.fmax), _halved(self._high, np.fmax)
         self._low = _halved(self._low, np.fmin)
-        self._squares, self._judged = _halved(self._squares, np.add, 0.0), _halved(self._judged, np.add, 0.0)
+        self._squares, self._evaluated = _halved(self._squares, np.add, 0.0), _halved(self._evaluated, np.add, 0.0)
 
     def __len__(self) -> int:
         return (self.moves + self.width - 1) // self.width
@@ -76,7 +76,7 @@ class Bins:
     @property
     def rms(self) -> Array:
         """RMS errors before and after `(bins, 2)`; nan without evaluated moves."""
-        count = np.where(self._judged > 0, self._judged, np.nan)[: len(self), None]
+        count = np.where(self._evaluated > 0, self._evaluated, np.nan)[: len(self), None]
         return np.asarray(np.sqrt(self._squares[: len(self)] / count))
 
     @property
@@ -152,8 +152,8 @@ class Trace:
         for which, known in enumerate(self.worst):
             known[:] = _worst(known, motions, errors, which)
 
-    def add_paths(self, motions: Motions, judge: MachineStates) -> None:
-        """Add some feed moves of a chunk, in the last states of `judge`, which follows the uncorrected program."""
+    def add_paths(self, motions: Motions, machine_states: MachineStates) -> None:
+        """Add some feed moves of a chunk, by `machine_states`, which follows the uncorrected text."""
         rows = self.paths.rows(np.flatnonzero(motions.evaluated_paths))
         if not len(rows):
             return
@@ -161,7 +161,7 @@ class Trace:
         shares = np.tile(np.linspace(0.0, 1.0, SEGMENTS + 1), len(rows))
         nominal = motions.bare.take(points).in_machine(positions_along(motions, points, shares))
         tool = motions.tool[points]
-        states, shift = judge.last_states(points), judge.datum_shifts(motions)[points]
+        states, shift = machine_states.last_states(points), machine_states.datum_shifts(motions)[points]
         errors = pose_errors(self.machine, self._model, nominal, nominal, tool, states, shift).point_um
         tips = tool_point(self.machine, nominal, tool)
         self.paths.add(tips.reshape(len(rows), -1, 3), errors.reshape(len(rows), -1))

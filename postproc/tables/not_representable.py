@@ -95,10 +95,10 @@ def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: i
 
 def _by_a_rotary_table(target: Target, column: int, terms: Sequence[Term]) -> bool:
     """True of the positioning error of a rotary axis that has a table of its own."""
-    place, component = divmod(column, 6)
-    if place >= len(target.machine.axes):
+    column_of_axis, component = divmod(column, 6)
+    if column_of_axis >= len(target.machine.axes):
         return False
-    axis = target.machine.axes[place]
+    axis = target.machine.axes[column_of_axis]
     own = axis.rotary and own_component(axis.name) == COMPONENTS[component]
     return own and any(term.output == axis.name and term.inputs == (axis.name,) for term in terms)
 

@@ -66,9 +66,9 @@ def _across(machine: Machine, axis: Axis, format: Format, settings: Settings) ->
         positions, others = positions[:1], others[:1]
         term = Term(axis.name, (Curve(others[0].name, positions[0], peak),))
     content = Content(machine, settings, "correction", terms=(term,))
-    stand = ", ".join(f"{other.name} {at[1]:g}" for other, at in zip(others, positions, strict=True))
+    peak_at = ", ".join(f"{other.name} {at[1]:g}" for other, at in zip(others, positions, strict=True))
     away = ", ".join(f"{other.name} {at[0]:g}" for other, at in zip(others, positions, strict=True))
-    return {**format.write(content), "probe.md": _told(axis, f"at {stand}", f"at {away}", f"{stand}", format)}
+    return {**format.write(content), "probe.md": _text(axis, f"at {peak_at}", f"at {away}", f"{peak_at}", format)}
 
 
 def _nodes(axis: Axis, limits: Limits, beside: int) -> tuple[Array, Array]:
@@ -89,10 +89,10 @@ def _nodes(axis: Axis, limits: Limits, beside: int) -> tuple[Array, Array]:
 def _instructions(axis: Axis, nodes: Array, peak: int, beside: int, format: Format) -> str:
     at = f"{axis.name} {nodes[peak]:g}"
     low, high = (f"{axis.name} {nodes[k]:g}" for k in (peak - beside, peak + beside))
-    return _told(axis, f"at {at}", f"from {low} and {high} on", f"{at}, coming from either side,", format)
+    return _text(axis, f"at {at}", f"from {low} and {high} on", f"{at}, coming from either side,", format)
 
 
-def _told(axis: Axis, at: str, away: str, where: str, format: Format) -> str:
+def _text(axis: Axis, at: str, away: str, where: str, format: Format) -> str:
     unit = axis.unit
     return f"""# Probe of {format.title}, axis {axis.name}
 

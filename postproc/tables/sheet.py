@@ -39,8 +39,8 @@ def _lines(exported: Exported, left: Iterable[Unrepresented], volume: dict[str, 
     if warning:
         yield from ["", f"**Zero shift: {warning}.**"]
     meant = "the error (actual minus commanded)" if exported.content.sign == "error" else "the correction (added)"
-    told = "known for this format" if form.sign else "as given by --sign; no source confirms it"
-    yield from ["", "## Meaning of the numbers", "", f"Values are {meant}: {told}.", "", form.meaning]
+    origin = "known for this format" if form.sign else "as given by --sign; no source confirms it"
+    yield from ["", "## Meaning of the numbers", "", f"Values are {meant}: {origin}.", "", form.meaning]
     yield from ["", "## How to load them", "", form.loading, "", "## How certain this is", "", form.certainty]
     yield from ["", "## Tables", "", "| table | points | from | to | largest value |", "|---|---|---|---|---|"]
     yield from (

@@ -115,7 +115,7 @@ class Target:
     def mean(self, axes: Sequence[int], positions: Sequence[Array], direction: int = 0) -> Array:
         """Mean corrections over all other axes, on the grid of these: `(k, ..., axes)`, mm and degrees.
 
-        axes: columns, with positions of each, mm and degrees; way: the direction of approach of the first of them.
+        axes: columns, with positions of each, mm and degrees; direction: of approach of the first of them.
         """
         others = [i for i in range(len(self.machine.axes)) if i not in axes]
         low, high = self.bounds[others].T
@@ -148,12 +148,12 @@ class Target:
         for effect in self.model.effects:
             if isinstance(effect, ErrorMotion) and effect.axis == machine.names[column]:
                 kinks.update(effect.basis.nodes if isinstance(effect.basis, BSpline) else effect.basis.interval)
-        stands = np.array(sorted(kinks))
+        actual = np.array(sorted(kinks))
         if machine.axes[column].turns_fully:
-            stands = self.bounds[column, 0] + np.mod(stands - self.bounds[column, 0], TURN)
-        q = np.tile(self.bounds.mean(axis=1), (len(stands), 1))
-        q[:, column] = stands
-        commands = stands - self.correction(q * machine.scale)[:, column] / machine.scale[column]
+            actual = self.bounds[column, 0] + np.mod(actual - self.bounds[column, 0], TURN)
+        q = np.tile(self.bounds.mean(axis=1), (len(actual), 1))
+        q[:, column] = actual
+        commands = actual - self.correction(q * machine.scale)[:, column] / machine.scale[column]
         low, high = self.bounds[column]
         inside = commands[(commands > low) & (commands < high)]
         return np.unique(np.concatenate([self.evenly(column, n), inside]).round(9))

@@ -111,8 +111,8 @@ def _read_data(lists: _Lists, words: dict[str, str]) -> None:
     name = f"G54.1P{number}" if kind == 20 else _OFFSETS.get(number) if kind == 2 else None
     if name is None or not words.keys() <= set("XYZABCUVW"):
         raise ValueError("this kind of data is unknown: expected L2, L20 with axes, or L10 to L13 with R")
-    places = {axis: float(value) * (1.0 if axis in _ROTARY else lists.unit) for axis, value in words.items()}
-    lists.work_offsets.setdefault(name, {}).update(places)
+    positions = {axis: float(value) * (1.0 if axis in _ROTARY else lists.unit) for axis, value in words.items()}
+    lists.work_offsets.setdefault(name, {}).update(positions)
 
 
 def _count(text: str) -> int:

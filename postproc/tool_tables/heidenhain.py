@@ -49,7 +49,7 @@ class _Line:
         """A length in a column, mm."""
         return self.value(column, self.unit)
 
-    def places(self) -> dict[str, float]:
+    def positions(self) -> dict[str, float]:
         """The values of the columns named for axes, mm or degrees."""
         return {axis: self.value(axis, 1.0 if axis in "ABC" else self.unit) for axis in _AXES if self.fields.get(axis)}
 
@@ -67,11 +67,11 @@ def read(path: Path, text: str) -> ToolTable:
     lines = dict(_lines(path, text.splitlines(), _KEYS[kind], unit))
     if kind == "T":
         return _tools(lines)
-    places = {key: line.places() for key, line in lines.items()}
+    positions = {key: line.positions() for key, line in lines.items()}
     if kind == "D":
-        return ToolTable(datums=places)
+        return ToolTable(datums=positions)
     turns = {key: _turn(line) for key, line in lines.items()}
-    return ToolTable(work_offsets=places, turned={key: turn for key, turn in turns.items() if any(turn)})
+    return ToolTable(work_offsets=positions, turned={key: turn for key, turn in turns.items() if any(turn)})
 
 
 def _turn(line: _Line) -> tuple[float, float, float]:

@@ -134,7 +134,7 @@ def verify(
     ends: list[Array] = [np.empty((0, len(machine.axes)))]
     starts = np.flatnonzero(~matched.added)[::CHUNK]  # segments of one move stay together
     for rows in np.split(np.arange(len(matched)), starts[1:]):
-        _judge((matched.take(rows), commanded.take(rows)), (before, after), model, conditions, verdict)
+        _evaluate((matched.take(rows), commanded.take(rows)), (before, after), model, conditions, verdict)
         if before.approach is not None:
             ends.append(before.approach)
     evaluated = matched.evaluated
@@ -145,9 +145,9 @@ def verify(
     return verdict
 
 
-def _judge(
+def _evaluate(
     texts: tuple[Motions, Motions],
-    judges: tuple[MachineStates, MachineStates],
+    tracked: tuple[MachineStates, MachineStates],
     model: ErrorModel,
     conditions: Conditions,
     verdict: Verdict,
@@ -156,22 +156,22 @@ def _judge(
     nominal, _ = texts
     machine, tool, absolute = nominal.machine, nominal.tool, verdict.absolute
     shift = datum_shifts(nominal, model, conditions)
-    directions = [judge.along(motions) for judge, motions in zip(judges, texts, strict=True)]
+    directions = [machine_states.along(motions) for machine_states, motions in zip(tracked, texts, strict=True)]
     feed = nominal.evaluated_paths
     along = ((verdict.path_before, absolute.path_before), (verdict.path_after, absolute.path_after))
     ends = ((verdict.before, absolute.before), (verdict.after, absolute.after))
-    places = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.evaluated, ends)]
-    for share, i, rows, statistics in places:
-        wanted = nominal.in_machine(nominal.along(share))[rows]
+    evaluations = [*((share, i, feed, along) for i, share in enumerate(INNER)), (1.0, -1, nominal.evaluated, ends)]
+    for share, i, rows, statistics in evaluations:
+        nominal_q = nominal.in_machine(nominal.along(share))[rows]
         columns = zip(texts, directions, statistics, verdict.best_fit, strict=True)
         for motions, approach, (relative, from_offset), best_fit in columns:
             q = motions.in_machine(motions.along(share))[rows]
             states = conditions.states(directions_at(approach, i, rows))
-            found = pose_errors(machine, model, q, wanted, tool[rows], states, shift[rows])
+            found = pose_errors(machine, model, q, nominal_q, tool[rows], states, shift[rows])
             relative.add(found.point_um)
             from_offset.add(found.absolute_um)
             if i >= 0:
-                best_fit.add(found.wanted, found.apart)
+                best_fit.add(found.nominal, found.apart)
 
 
 def _contributions(

@@ -31,13 +31,13 @@ class Models(NamedTuple):
     """Model of the true errors; None for `calibration`."""
 
     @property
-    def judge(self) -> ErrorModel:
+    def evaluated(self) -> ErrorModel:
         """The model of the evaluated errors."""
         return self.true or self.calibration
 
     def by_key(self) -> dict[str, tuple[ErrorModel, str]]:
         """Each model by its key in the results, with the name of its option; the key of the first is empty."""
-        found = {"": (self.judge, "--align" if self.true else "")}
+        found = {"": (self.evaluated, "--align" if self.true else "")}
         if self.true:
             found["by_calibration"] = (self.calibration, "--calibration")
         if self.earlier:
@@ -90,7 +90,7 @@ def verify_programs(
     two programs with different moves, and for a mark of another set-up that is not accepted.
     """
     accepted = parse_accepted(accept, PARTS)
-    notes = model_notes(models.judge, conditions)
+    notes = model_notes(models.evaluated, conditions)
     motions, states = [], []
     for source in programs:
         language = find_dialect(dialect, source.name, source.text_head)
@@ -106,13 +106,13 @@ def verify_programs(
     }
     datums = UsedDatums(setup)
     datums.add(motions[0])
-    datums.predict(machine, models.judge.part(in_a_program), conditions)
+    datums.predict(machine, models.evaluated.part(in_a_program), conditions)
     return Verification(
         models,
         setup,
         verdicts,
         datums,
-        class_table(motions[0], models.judge, conditions) if classes else [],
+        class_table(motions[0], models.evaluated, conditions) if classes else [],
         tuple(dict.fromkeys(state.assumption() for state in states)),
         [*notes, *datums.notes()],
     )

@@ -107,10 +107,13 @@ class AddedBlock:
     """Iterations of the block beside it, if that may run several times."""
     number: int = 0
     """Number among the blocks added beside the same block, from 0."""
-    _modes: list[str] = field(default_factory=list)
+    modes: list[str] = field(default_factory=list)
+    """Words for distances, feed and unit."""
+    feed: list[str] = field(default_factory=list)
+    """Feed words."""
+    functions: list[str] = field(default_factory=list)
+    """Words that take effect at the end of the move."""
     _words: list[tuple[str, str]] = field(default_factory=list)
-    _feed: list[str] = field(default_factory=list)
-    _functions: list[str] = field(default_factory=list)
 
     @property
     def klartext(self) -> bool:
@@ -149,22 +152,10 @@ class AddedBlock:
         """Add a word."""
         self._words.append((address, self.layout.numbers.write(value, decimals)))
 
-    def modes(self, *texts: str) -> None:
-        """Add words for distances, feed and unit."""
-        self._modes += texts
-
-    def feed(self, *texts: str) -> None:
-        """Add feed words."""
-        self._feed += texts
-
-    def functions(self, *texts: str) -> None:
-        """Add words that take effect at the end of the move."""
-        self._functions += texts
-
     def feed_of(self, value: float) -> None:
         """Add an F word with this value, with six digits."""
         digits = max(0, 6 - len(f"{value:.0f}"))
-        self._feed.append(f"F{self.layout.numbers.write(value, max(1, digits)).lstrip('+')}")
+        self.feed.append(f"F{self.layout.numbers.write(value, max(1, digits)).lstrip('+')}")
 
     def centre_before(self, words: list[tuple[str, float]], decimals: int) -> None:
         """Klartext: put the pole of an arc before the block."""
@@ -186,7 +177,7 @@ class AddedBlock:
         else:
             head = "G1" if not self.sense else "G3" if self.sense > 0 else "G2"
         blank = " " if self.klartext or self.layout.blank else ""
-        said = blank.join([*self._modes, head, *ordered, *self._feed, *self._functions])
+        words = blank.join([*self.modes, head, *ordered, *self.feed, *self.functions])
         lower = self.beside.words and self.beside.text[self.beside.words[0].at].islower()
-        line = f"{said.lower() if lower else said}{blank}{comment.format(self.tag)}"
+        line = f"{words.lower() if lower else words}{blank}{comment.format(self.tag)}"
         return [self.preface, line] if self.preface else [line]

@@ -109,16 +109,16 @@ class CircleWriter:
     ) -> Point:
         """Write the centre relative to `base`; returns the written centre."""
         written = []
-        for axis, index, origin, place in zip(arc.plane, arc.words, base, centre, strict=False):
+        for axis, index, origin, coordinate in zip(arc.plane, arc.words, base, centre, strict=False):
             decimals = decimals_for(self.machine.axes[axis].resolution / unit)
-            value = round((place - origin) / unit, decimals)
+            value = round((coordinate - origin) / unit, decimals)
             if isinstance(editor, WordEditor) and index is not None:
-                value = editor.set(index, (place - origin) / unit, decimals)
+                value = editor.set(index, (coordinate - origin) / unit, decimals)
             elif isinstance(editor, AddedBlock):
                 value = editor.agreed(self._centre_letter(axis), value, decimals)
                 editor.insert(self._centre_letter(axis), value, decimals)
             else:
-                value = editor.add(self._centre_letter(axis), (place - origin) / unit, 0.0, decimals)
+                value = editor.add(self._centre_letter(axis), (coordinate - origin) / unit, 0.0, decimals)
             written.append(origin + value * unit)
         return written[0], written[1]
 
@@ -145,9 +145,9 @@ class CircleWriter:
             return by_radius
         index = arc.words[0]
         assert index is not None
-        said = editor.block.words[index].value or 0.0
+        programmed = editor.block.words[index].value or 0.0
         # a segment of an arc of more than half a turn may itself be below half a turn
-        signed = math.copysign(radius, said if abs(turned) > math.pi - HALF else 1.0)
+        signed = math.copysign(radius, programmed if abs(turned) > math.pi - HALF else 1.0)
         by_radius = centre_from_radius(start, end, editor.rounded(index, signed, decimals) * unit, arc.sense)
         if by_radius is not None and _middle_deviation(start, end, centre, by_radius, arc.sense) < LARGEST_DEVIATION:
             editor.set(index, signed, decimals)

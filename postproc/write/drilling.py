@@ -55,7 +55,9 @@ class HoleWriter:
         wanted = {"R": cycle.clear + depth.wanted - depth.nominal, "depth": depth.wanted}
         incremental = cycle.incremental != cycle.switched
         above = self._level if incremental else 0.0
-        both = (incremental or cycle.switched) and self._differ(wanted, unit, decimals)
+        both = (incremental or cycle.switched) and any(
+            self._differs(what, value, unit, decimals) for what, value in wanted.items()
+        )
         scale = Scale(unit, decimals, depth.programmed, both)
         clear = self._write_word(editor, cycle.retract_word, ("R", "R"), wanted["R"], above, scale)
         bottom = self._write_word(
@@ -63,11 +65,8 @@ class HoleWriter:
         )
         return bottom, clear if cycle.to_retract else self._level
 
-    def _differ(self, wanted: dict[str, float], unit: float, decimals: int) -> bool:
-        """True if one of the positions differs from the value on the control."""
-        return any(self._differs(what, value, unit, decimals) for what, value in wanted.items())
-
     def _differs(self, what: str, wanted: float, unit: float, decimals: int) -> bool:
+        """True if a position, mm, differs from the value on the control."""
         return what not in self._held or round((wanted - self._held[what]) / unit, decimals) != 0
 
     def _write_word(
@@ -79,8 +78,8 @@ class HoleWriter:
         """
         (address, what), number = name, (wanted - base) / scale.unit
         if index is not None:
-            stands = editor.block.words[index].value or 0.0
-            programmed = editor.set(index, number, scale.decimals) if scale.corrected else stands
+            present = editor.block.words[index].value or 0.0
+            programmed = editor.set(index, number, scale.decimals) if scale.corrected else present
         elif scale.corrected and (scale.both or self._differs(what, wanted, scale.unit, scale.decimals)):
             programmed = editor.agreed(address, round(number, scale.decimals), scale.decimals)
             editor.insert(address, programmed, scale.decimals)

@@ -31,27 +31,27 @@ def write_inverse_time(motions: Motions, row: int, editor: WordEditor) -> None:
     editor.set(index, _per_minute(motions, row, _extent) / max(_extent(motions, row), SAME), 3)
 
 
-def _per_minute(motions: Motions, row: int, way: Callable[[Motions, int], float]) -> float:
-    """Under G93: length per minute of the programmed move of a row; `way`: length of one segment."""
+def _per_minute(motions: Motions, row: int, length: Callable[[Motions, int], float]) -> float:
+    """Under G93: length per minute of the programmed move of a row; `length`: length of one segment."""
     block = motions.blocks[motions.block[row]]
     index = feed_index(block)
     assert index is not None
     rows = np.flatnonzero((motions.block == motions.block[row]) & (motions.kind != Kind.TAKE_UP))
-    return (block.words[index].value or 0.0) * sum(way(motions, int(i)) for i in rows)
+    return (block.words[index].value or 0.0) * sum(length(motions, int(i)) for i in rows)
 
 
 def _extent(motions: Motions, row: int) -> float:
     """Length of a segment, in a measure common to all segments of its move."""
-    way = motions.target[row] - motions.start[row]
-    return _length(motions, row) if row in motions.arcs else float(np.linalg.norm(way))
+    length = motions.target[row] - motions.start[row]
+    return _length(motions, row) if row in motions.arcs else float(np.linalg.norm(length))
 
 
 def _length(motions: Motions, row: int) -> float:
     """Length of a move, mm, nominal."""
     arc = motions.arcs.get(row)
     linear = list(motions.machine.translators)
-    way: Array = (motions.target - motions.start)[row]
+    length: Array = (motions.target - motions.start)[row]
     if arc is None:
-        return float(np.linalg.norm(way[linear]))
+        return float(np.linalg.norm(length[linear]))
     start, _ = arc_ends(motions, row)
-    return math.hypot(math.dist(start, arc.centre) * arc_turned(motions, row), float(way[arc.plane[2]]))
+    return math.hypot(math.dist(start, arc.centre) * arc_turned(motions, row), float(length[arc.plane[2]]))

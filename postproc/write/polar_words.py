@@ -128,12 +128,12 @@ def _programmed_angle(editor: WordEditor, polar: PolarEnd) -> float:
 def _set_angle(editor: WordEditor, polar: PolarEnd, angles: tuple[float, float], turned: float, decimals: int) -> float:
     """Write the angle of the end, degrees, in the turn that the block gives; returns the written angle."""
     begun, ended = angles
-    said = _programmed_angle(editor, polar)
+    turn = _programmed_angle(editor, polar)
     if polar.angle is None:
-        said = begun
+        turn = begun
     elif editor.block.words[polar.angle].address.startswith("I"):
-        said = begun + turned
-    return _set(editor, ("PA", polar.angle), begun, said + math.remainder(ended - said, 360.0), decimals)
+        turn = begun + turned
+    return _set(editor, ("PA", polar.angle), begun, turn + math.remainder(ended - turn, 360.0), decimals)
 
 
 def _set(editor: WordEditor, word: tuple[str, int | None], before: float, wanted: float, decimals: int) -> float:

@@ -89,9 +89,9 @@ class PoleWriter:
     def _write_pole(self, editor: WordEditor, arc: Arc, unit: float) -> Point:
         """Write the pole into a CC of the program; returns the written pole, mm."""
         programmed = []
-        for axis, index, place in zip(arc.plane, arc.words, arc.centre, strict=False):
+        for axis, index, coordinate in zip(arc.plane, arc.words, arc.centre, strict=False):
             assert index is not None
-            programmed.append(editor.set(index, place / unit, self._decimals(axis, unit)) * unit)
+            programmed.append(editor.set(index, coordinate / unit, self._decimals(axis, unit)) * unit)
         return programmed[0], programmed[1]
 
     def _add_pole(
@@ -101,8 +101,8 @@ class PoleWriter:
         names = [self.machine.names[axis] for axis in plane[:2]]
         decimals = self._decimals(plane[0], unit)
         values = [
-            editor.agreed(f"pole {name}", round(place / unit, decimals), decimals)
-            for name, place in zip(names, pole, strict=True)
+            editor.agreed(f"pole {name}", round(coordinate / unit, decimals), decimals)
+            for name, coordinate in zip(names, pole, strict=True)
         ]
         editor.centre_before(list(zip(names, values, strict=True)), decimals)
         return values[0] * unit, values[1] * unit

@@ -106,7 +106,7 @@ class Writer:
         return ORDER.index(self.machine.names[axis][0])
 
     def write(self, motions: Motions, correction: Correction, indices: Sequence[int] | None = None) -> Written:
-        """Edit the blocks of a chunk; places: their indices in a program if blocks may run several times."""
+        """Edit the blocks of a chunk; indices: theirs in a program if blocks may run several times."""
         self._indices = indices
         self._editors, self._begun, self._arcs, self._at_end, self._added = {}, set(), {}, {}, 0
         starts, ends = np.empty_like(motions.target), np.empty_like(motions.target)
@@ -338,7 +338,7 @@ class Writer:
         assert isinstance(editor, WordEditor)  # no block is added beside polar coordinates
         polar = motions.polars[row]
         i, j = polar.axes
-        place = (
+        position = (
             (wanted[i], wanted[j])
             if self._programmed[row][i] and self._programmed[row][j]
             else motions.target[row, [i, j]]
@@ -346,7 +346,7 @@ class Writer:
         names = self.machine.names[i], self.machine.names[j]
         resolution = self.machine.axes[i].resolution
         unit = float(motions.unit[row])
-        held[i], held[j] = self._polar.write(editor, polar, names, (place[0], place[1]), unit, resolution)
+        held[i], held[j] = self._polar.write(editor, polar, names, (position[0], position[1]), unit, resolution)
         return i, j
 
     def _write_depth(
@@ -399,14 +399,14 @@ class Writer:
         block = int(motions.block[row])
         begun = block in self._begun
         if not begun:
-            added.modes(*mode_words(added.beside))
+            added.modes += mode_words(added.beside)
         if motions.timed[row]:
             add_inverse_time(motions, row, added, moved)
         elif not begun:
-            added.feed(*feed_words(added.beside))
+            added.feed += feed_words(added.beside)
         editor = self._editor(motions, block)
         if not self._inner[row]:
-            added.functions(*self._at_end.pop(block, ()))
+            added.functions += self._at_end.pop(block, ())
         lines = added.lines(self.comment)
         (editor.lines_after if begun else editor.lines_before)(lines)
         self._added += len(lines)

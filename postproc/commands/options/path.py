@@ -85,7 +85,7 @@ def read_path(program: str, machine: Machine, setup: Setup, dialect: str = "auto
     found = program_path(source, find_dialect(dialect, source.name, source.text_head), machine, setup)
     for note in found.notes:
         say("note", note)
-    return NominalPath(machine, found.positions, found.way, found.counts, source.name, source.hash)
+    return NominalPath(machine, found.positions, found.length, found.counts, source.name, source.hash)
 
 
 def moving_summary(found: Calibration, taken: OnTheFly | None) -> dict[str, Any]:
