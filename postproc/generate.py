@@ -184,12 +184,10 @@ class _Iso:
     """P counts in s on LinuxCNC and in ms on Fanuc, where X counts in s."""
 
     def head(self, remarks: Sequence[str]) -> list[str]:
-        """See `ProgramFormat`."""
         offset = [self.settings.offset[0]] if self.settings.offset else []
         return ["%", *(f"({_plain(text)})" for text in remarks), "G21 G17 G90 G94", "G40 G49 G80", *offset, "M5"]
 
     def move(self, words: Mapping[str, float], remark: str) -> str:
-        """See `ProgramFormat`."""
         code = "G0" if self.settings.rapid else "G1"
         frame = "" if self.settings.offset else "G53 "
         targets = " ".join(f"{name}{value:.4f}" for name, value in words.items())
@@ -197,15 +195,12 @@ class _Iso:
         return f"{frame}{code} {targets}{feed}" + (f" ({_plain(remark)})" if remark else "")
 
     def dwell(self) -> list[str]:
-        """See `ProgramFormat`."""
         return [f"G4 {self.dwell_word}{_number(self.settings.dwell_s)}"]
 
     def stop(self, code: str, remark: str) -> list[str]:
-        """See `ProgramFormat`."""
         return [f"({_plain(remark)})", code]
 
     def end(self) -> list[str]:
-        """See `ProgramFormat`."""
         return ["M30", "%"]
 
 
@@ -218,7 +213,6 @@ class _Klartext:
     block: int = -1
 
     def head(self, remarks: Sequence[str]) -> list[str]:
-        """See `ProgramFormat`."""
         start = [
             self._numbered(f"BEGIN PGM {self.name} MM"),
             *(self._numbered(f"; {_plain(text)}") for text in remarks),
@@ -231,25 +225,21 @@ class _Klartext:
         return [*start, self._numbered("M5")]
 
     def move(self, words: Mapping[str, float], remark: str) -> str:
-        """See `ProgramFormat`."""
         targets = " ".join(f"{name}{value:+.4f}" for name, value in words.items())
         feed = "FMAX" if self.settings.rapid else f"F{self.settings.feed:g}"
         frame = "" if self.settings.offset else " M91"
         return self._numbered(f"L {targets} R0 {feed}{frame}" + (f" ; {_plain(remark)}" if remark else ""))
 
     def dwell(self) -> list[str]:
-        """See `ProgramFormat`."""
         return [
             self._numbered("CYCL DEF 9.0 DWELL TIME"),
             self._numbered(f"CYCL DEF 9.1 DWELL {_number(self.settings.dwell_s)}"),
         ]
 
     def stop(self, code: str, remark: str) -> list[str]:
-        """See `ProgramFormat`."""
         return [self._numbered(f"; {_plain(remark)}"), self._numbered("STOP" if code == "M0" else code)]
 
     def end(self) -> list[str]:
-        """See `ProgramFormat`."""
         return [self._numbered("M30"), self._numbered(f"END PGM {self.name} MM")]
 
     def _numbered(self, text: str) -> str:

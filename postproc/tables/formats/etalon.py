@@ -34,7 +34,6 @@ FORMAT = Format(
     settings=EtalonSettings,
     limits=lambda settings: Limits(points=settings.points, resolution=1e-7),
     write=write,
-    sign=None,
     parameters="isg",
     meaning="""\
 Error motions EXX ... ECC over the position of their own axis, mm and rad, positions in mm and degrees; squareness

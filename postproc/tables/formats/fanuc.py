@@ -156,7 +156,6 @@ FORMAT = Format(
     limits=_limits,
     capabilities=lambda s: Capabilities(bidirectional=s.bidirectional, cross=s.straightness),
     write=write,
-    sign=None,
     parameters="fanuc",
     meaning="""\
 The value of point n is the increment of the correction (or error, by --sign) over the section that ends at point n, in

@@ -183,7 +183,6 @@ COM = Format(
     limits=_limits,
     capabilities=lambda settings: Capabilities(cross=True, bidirectional=settings.backlash),
     write=write,
-    sign=None,
     parameters="heidenhain",
     meaning="""\
 A table named in column Y of config.cma holds functions of the position of Y; a value in its column Z is for axis
@@ -206,7 +205,6 @@ KINEMATICS = Format(
     settings=KinematicsSettings,
     limits=_limits,
     write=write_kinematics,
-    sign=None,
     parameters="heidenhain",
     meaning="""\
 Columns C1 ... C6 of the table of an axis are its error motions X Y Z A B C by ISO 230-1, mm and degrees; its

@@ -194,7 +194,6 @@ CROSS = Format(
     limits=_cross_limits,
     capabilities=lambda s: Capabilities(own=False, cross=not s.planes, surfaces="XYZUVW" if s.planes else ""),
     write=write_cross,
-    sign=None,
     parameters="isg",
     meaning="""\
 kw.crosscomp2 (plane): the correction (or, by --sign, the error) of the slave, whose list it is in, by the
@@ -214,7 +213,6 @@ VOLUMETRIC = Format(
     settings=VolumetricSettings,
     limits=_volumetric_limits,
     write=check_axes,
-    sign=None,
     parameters="isg",
     meaning="""\
 EXX ... ECC by ISO 230-1 of each axis over its own position; squareness and positions of rotary axes are in them as

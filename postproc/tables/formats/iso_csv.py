@@ -41,7 +41,6 @@ FORMAT = Format(
     title="error motions by ISO 230-1 as CSV",
     settings=CsvSettings,
     limits=lambda settings: Limits(points=settings.points, resolution=1e-7, spacing_step=1e-6),
-    capabilities=None,
     write=write,
     sign="error",
     meaning="""\

@@ -184,7 +184,6 @@ CEC = Format(
     limits=_limits,
     capabilities=lambda s: Capabilities(own=s.own, cross=True, bidirectional=s.own, products=s.products),
     write=write_cec,
-    sign=None,
     parameters="siemens",
     meaning="""\
 Table t adds to the OUTPUT axis by the programmed position of the INPUT axis, mm or degrees; all tables of an axis
