@@ -86,7 +86,7 @@ BAD_OPTIONS = {
     "calibration that is none": (["in.nc", "--machine", "gantry", "-c", "other.json"], "other.json: no ncomp calibration"),
     "binary calibration": (["in.nc", "--machine", "gantry", "-c", "binary.json"], "calibration binary.json"),
     "later calibration": (["in.nc", "--machine", "gantry", "-c", "later.json"], "later.json: version 2"),
-    "calibration off by mm": (["in.nc", "--machine", "gantry", "-c", "huge.json", *TRUE], "is this the calibration of this machine"),
+    "calibration off by mm": (["in.nc", "--machine", "gantry", "-c", "huge.json", *TRUE], "check calibration, machine and set-up"),
     "unknown dialect": (["in.nc", *GANTRY, "--dialect", "pascal"], "--dialect pascal: expected one of auto, iso"),
     "work offset of too few values": (["in.nc", *GANTRY, "--work-offset", "G54=1"], "G54=1: expected G54=x,y,z, got 1 of 3"),
     "time before zero": (["in.nc", *GANTRY, "--elapsed", "-5"], "--elapsed -5: negative"),

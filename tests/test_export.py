@@ -47,9 +47,9 @@ def test_export_writes_tables_sheet_rest_and_json(command, calibration, tmp_path
         assert point["after_tables_and_nc_correction_of_the_rest"]["max"] < 0.02
     sheet = (tmp_path / "out" / "sheet.md").read_text()
     assert "9.0000 um/m/K of sensor spindle" in sheet
-    assert "play of X | 15.000 um" in sheet
+    assert "backlash of X | 15.000 um" in sheet
     assert [
-        line.endswith("| yes: do not enter it as well |") for line in sheet.splitlines() if "| play of" in line
+        line.endswith("| yes: do not enter it as well |") for line in sheet.splitlines() if "| backlash of" in line
     ] == [True, True]
     assert [table["name"] for table in told["tables"]][:2] == ["X(X) forward", "X(X) backward"]
     assert f"| with these tables | {told['errors']['volume']['tool_point_um']['after_tables']['rms']:.3f} |" in sheet
@@ -123,7 +123,7 @@ def test_export_of_the_calibration_with_tables_active_is_of_the_whole_machine(co
         (("--format", "linuxcnc", "--rest", "cal.json"), "it would be overwritten"),
         (("--format", "linuxcnc", "--rest", "no/rest.json"), "No such file or directory"),
         (("--format", "linuxcnc", "--program", "empty.nc"), "nothing to tell errors of"),
-        (("--format", "linuxcnc", "--set", "joints=XY"), "Z has a table and is no joint"),
+        (("--format", "linuxcnc", "--set", "joints=XY"), "Z has a table; expected its letter among the joints"),
     ],
 )
 def test_what_cant_be_done_is_refused_and_leaves_nothing(command, calibration, tmp_path, arguments, said):

@@ -163,7 +163,7 @@ def test_a_reversal_of_play_within_a_modal_call_is_taken_up_on_the_way():
     result = correct(HEAD + "G66 P7 Z5.\n" + moves + "G67\n" + body, machine, model, travel_check=False)
     assert "TAKE-UP" not in result.text
     assert "X-5.0150" in result.text
-    assert any("the play of X is taken up along a feed move" in note for note in result.report.notes)
+    assert any("the backlash of X is taken up along a feed move" in note for note in result.report.notes)
 
 
 @given(st.lists(st.tuples(st.integers(1, 400), st.booleans()), min_size=1, max_size=6), st.integers(1, 3))

@@ -184,8 +184,8 @@ def test_circles_and_tcp_are_cut_into_straight_pieces(tmp_path):
 
 REFUSED = {
     "a canned cycle": "G21 G90\nG0 X10 Y10 Z100\nG81 X20 Y20 Z50 R60 F100\nM30\n",
-    "does not say here": "G21 G90\nG0 X10 Y10 Z100\nG1 X20 F100\nT1 M6\nG1 X30\nM30\n",
-    "says no path": "G21 G90\nG0 X10 Y10\nM30\n",
+    "the position of a linear axis is unknown here": "G21 G90\nG0 X10 Y10 Z100\nG1 X20 F100\nT1 M6\nG1 X30\nM30\n",
+    "the program has no path": "G21 G90\nG0 X10 Y10\nM30\n",
 }
 
 

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 
 from kinematics.user_error import UserError
 from postproc.tables.limits import Limits
-from postproc.tables.nodes import choose_nodes, fitted, left_over
+from postproc.tables.nodes import choose_nodes, fitted, squared_residual
 
 X = np.linspace(0.0, 500.0, 201)
 FINE = {"resolution": 1e-7, "finest": 1e-9}
 
 
 def left(curves, nodes):
-    return left_over(X, curves, nodes, fitted(X, curves, nodes))
+    return squared_residual(X, curves, nodes, fitted(X, curves, nodes))
 
 
 @given(st.lists(st.integers(1, 199), min_size=1, max_size=6, unique=True), st.integers(0, 10_000))
@@ -58,9 +58,9 @@ def test_fitted_values_are_least_squares(seed, points):
     curves = rng.normal(size=(201, 2))
     nodes = np.unique(np.concatenate([[0.0, 500.0], rng.choice(X, points)]))
     values = fitted(X, curves, nodes)
-    best = left_over(X, curves, nodes, values)
+    best = squared_residual(X, curves, nodes, values)
     for _ in range(3):
-        assert left_over(X, curves, nodes, values + rng.normal(size=values.shape) * 1e-3) >= best
+        assert squared_residual(X, curves, nodes, values + rng.normal(size=values.shape) * 1e-3) >= best
 
 
 def test_few_nodes_where_few_are_enough():

@@ -392,4 +392,4 @@ def test_a_correction_of_millimetres_is_refused():
     model = model_of(
         GANTRY, ErrorMotion("C", "X", tall, (1e4, 1e4), u=(1.0, 1.0)), ErrorMotion("X", "X", tall, (9e3, 9e3), u=(1, 1))
     )
-    assert "is this the calibration of this machine" in refusal("G0 X1000 Y100\n", model=model)
+    assert "check calibration, machine and set-up" in refusal("G0 X1000 Y100\n", model=model)

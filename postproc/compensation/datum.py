@@ -42,8 +42,10 @@ def poses(machine: Machine, touch_offs: Sequence[TouchOff]) -> Poses:
     X Y Z of a touch-off are the coordinates of the tip in the directions of the machine; for a probe of length 0, of
     the tool reference point. The position of a rotary table does not change them.
     """
-    given = np.array([there.position for there in touch_offs], float).reshape(-1, len(machine.axes)) * machine.scale
-    tool = np.array([(0.0, 0.0, -there.length) for there in touch_offs]).reshape(-1, 3)
+    given = (
+        np.array([touch_off.position for touch_off in touch_offs], float).reshape(-1, len(machine.axes)) * machine.scale
+    )
+    tool = np.array([(0.0, 0.0, -touch_off.length) for touch_off in touch_offs]).reshape(-1, 3)
     tables = np.array([axis.rotary and axis.side == "workpiece" for axis in machine.axes])
     upright = np.where(tables, 0.0, given)
     placed = linear_positions(machine, upright, given[:, cartesian(machine)], tool)

@@ -60,29 +60,32 @@ class UsedDatum:
 
     def facts(self) -> list[tuple[str, str]]:
         """Texts for the user: how the offset was obtained, and the true datum."""
-        there = self.touch_off
+        touch_off, name = self.touch_off, self.touch_off.name
         order = sorted(range(len(self.machine.names)), key=lambda i: (self.machine.rotary[i], self.machine.names[i]))
-        position = " ".join(f"{self.machine.names[i]} {there.position[i]:g}" for i in order)
-        probe = f"{there.length:g} mm" + ("" if self.given.probe is not None else ", the length of the first tool")
+        position = " ".join(f"{self.machine.names[i]} {touch_off.position[i]:g}" for i in order)
+        probe = f"{touch_off.length:g} mm" + ("" if self.given.probe is not None else ", the length of the first tool")
         default = " (default)" if self.by_default else ""
-        touched = ("datum", f"{there.name}: probed{default} at {position}; probe {probe}")
+        touched = ("datum", f"{name}: probed{default} at {position}; probe {probe}")
         if self.shift is None:
             return [touched]
         x, y, z = (f"{1e3 * value:+.1f}" for value in self.shift)
         new = ", ".join(f"{axis} {value:.4f}" for axis, value in zip("XYZ", self.instead, strict=True))
         return [
             touched,
-            ("true datum", f"{there.name} {x} {y} {z} um in x, y, z; with --datum {there.name}=true enter {new}"),
+            (
+                "true datum",
+                f"{touch_off.name} {x} {y} {z} um in x, y, z; with --datum {touch_off.name}=true enter {new}",
+            ),
         ]
 
     def json(self) -> dict[str, Any]:
         """The machine-readable form."""
-        there = self.touch_off
+        touch_off = self.touch_off
         return {
-            "work_offset": there.name,
+            "work_offset": touch_off.name,
             "obtained": "probed",
-            "position": dict(zip(self.machine.names, there.position, strict=True)),
-            "probe_mm": there.length,
+            "position": dict(zip(self.machine.names, touch_off.position, strict=True)),
+            "probe_mm": touch_off.length,
             "probe_given": self.given.probe is not None,
             "true_datum_minus_offset_um": None if self.shift is None else np.round(self.shift * 1e3, 4).tolist(),
             "true_offset_mm": dict(zip("XYZ", np.round(self.instead, 7).tolist(), strict=True)),
@@ -106,30 +109,30 @@ class UsedDatums:
         self._compare_rotary_positions(motions)
         for index in dict.fromkeys(motions.frame[motions.programmed].tolist()):
             frame = motions.frames[index]
-            there = frame.touch_off
-            if there is None or there in self._known:
+            touch_off = frame.touch_off
+            if touch_off is None or touch_off in self._known:
                 continue
-            self._known.add(there)
-            given, by_default = self.setup.datum(there.name), self.setup.datum_by_default(there.name)
-            self.used.append(UsedDatum(there, motions.machine, frame.tcp, given, by_default))
+            self._known.add(touch_off)
+            given, by_default = self.setup.datum(touch_off.name), self.setup.datum_by_default(touch_off.name)
+            self.used.append(UsedDatum(touch_off, motions.machine, frame.tcp, given, by_default))
 
     def _compare_rotary_positions(self, motions: Motions) -> None:
         """Compare the rotary positions in the first move of each work offset with its assumed touch-off."""
         machine, evaluated = motions.machine, np.flatnonzero(motions.evaluated)
         for index in dict.fromkeys(motions.frame[evaluated].tolist()):
             frame = motions.frames[index]
-            there = frame.touch_off
-            if there is None or there.name in self._turned_notes:
+            touch_off = frame.touch_off
+            if touch_off is None or touch_off.name in self._turned_notes:
                 continue
             row = evaluated[motions.frame[evaluated] == index][0]
-            positions = np.array(there.position)
+            positions = np.array(touch_off.position)
             known = (motions.known[row] == Known.PROGRAM) & machine.rotary
             q = np.where(known, motions.target[row] + frame.offset, positions)
             away = np.flatnonzero(np.abs(q - positions) > TURNED)
-            given = any(machine.names[i] in self.setup.datum(there.name).at for i in np.flatnonzero(machine.rotary))
+            given = any(machine.names[i] in self.setup.datum(touch_off.name).at for i in np.flatnonzero(machine.rotary))
             at = ",".join(f"{machine.names[i]}{q[i]:g}" for i in away)
-            self._turned_notes[there.name] = (
-                "" if given or frame.tcp or not at else NOTE_TURNED.format(name=there.name, at=at)
+            self._turned_notes[touch_off.name] = (
+                "" if given or frame.tcp or not at else NOTE_TURNED.format(name=touch_off.name, at=at)
             )
 
     def notes(self) -> list[str]:
@@ -142,40 +145,40 @@ class UsedDatums:
         A touch-off without a length, from moves before the first tool, is dropped if one of the same work offset has a
         length.
         """
-        lengths = {there.touch_off.name for there in self.used if there.touch_off.probe is not None}
+        lengths = {used.touch_off.name for used in self.used if used.touch_off.probe is not None}
         self.used = [u for u in self.used if u.touch_off.probe is not None or u.touch_off.name not in lengths]
         if model.effects:
-            shifts = deviations(machine, model, [there.touch_off for there in self.used], conditions)
-            self.used = [replace(there, shift=shift) for there, shift in zip(self.used, shifts, strict=True)]
-            for there in self.used[:LISTED]:
-                self._look_outside(machine, model, there.touch_off, conditions)
+            shifts = deviations(machine, model, [used.touch_off for used in self.used], conditions)
+            self.used = [replace(used, shift=shift) for used, shift in zip(self.used, shifts, strict=True)]
+            for used in self.used[:LISTED]:
+                self._look_outside(machine, model, used.touch_off, conditions)
 
-    def _look_outside(self, machine: Machine, model: ErrorModel, there: TouchOff, conditions: Conditions) -> None:
-        q, _ = poses(machine, [there])
+    def _look_outside(self, machine: Machine, model: ErrorModel, touch_off: TouchOff, conditions: Conditions) -> None:
+        q, _ = poses(machine, [touch_off])
         for axis, value in zip(machine.axes, q[0] / machine.scale, strict=True):
             low, high = axis.travel
             if not low - TURNED <= value <= high + TURNED:
                 self._outside.append(
-                    f"the touch-off of {there.name} takes {axis.name} to {value:.4g} {axis.unit}, outside its travel "
-                    f"{low:g}..{high:g} {axis.unit}: check the work offset and the length of the probe"
+                    f"the touch-off of {touch_off.name} takes {axis.name} to {value:.4g} {axis.unit}, outside its "
+                    f"travel {low:g}..{high:g} {axis.unit}: check the work offset and the length of the probe"
                 )
         beyond = model.outside(machine, conditions.state(q, np.zeros_like(q)))
         self._outside += [
-            f"at the touch-off of {there.name} {name} is used {excess:.4g} {unit} beyond its calibrated range; its end "
-            "value is held there"
+            f"at the touch-off of {touch_off.name} {name} is used {excess:.4g} {unit} beyond its calibrated range; its "
+            "end value is held there"
             for (name, unit), excess in sorted(beyond.items())
         ]
 
     def facts(self, offsets: Iterable[str]) -> list[tuple[str, str]]:
         """Texts for the user: all touch-offs, and those work offsets of `offsets` that are true."""
-        rows = [fact for there in self.used[:LISTED] for fact in there.facts()]
+        rows = [fact for used in self.used[:LISTED] for fact in used.facts()]
         if len(self.used) > LISTED:
             rows.append(("datum", f"{len(self.used) - LISTED} more are not listed"))
         return [*rows, *(("datum", f"{name}: true") for name in self._true(offsets))]
 
     def json(self, offsets: Iterable[str]) -> list[dict[str, Any]]:
         """The machine-readable form of `facts`."""
-        listed = [there.json() for there in self.used[:LISTED]]
+        listed = [used.json() for used in self.used[:LISTED]]
         return [*listed, *({"work_offset": name, "obtained": "true"} for name in self._true(offsets))]
 
     def _true(self, offsets: Iterable[str]) -> list[str]:

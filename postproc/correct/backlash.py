@@ -130,15 +130,15 @@ class BacklashTakeUps:
         coupled = motions.coupled
         # here a machine axis depends on several programmed ones: all of them move, or none
         together = coupled[:, None] & linear & (asked & linear).any(axis=1, keepdims=True)
-        wanted = (asked & linear) | together
+        reversing = (asked & linear) | together
         programmed = (motions.known_start == Known.PROGRAM) & (motions.known == Known.PROGRAM)
         closed = np.array([block.no_insertion for block in motions.blocks], bool)[motions.block]
         ready = motions.frame_unchanged & ~motions.rotary_only & ~closed
         ready[[*motions.cutter_compensated, *motions.polars, *motions.locked_axes]] = False
-        for row in np.flatnonzero(motions.timed & wanted.any(axis=1)):
+        for row in np.flatnonzero(motions.timed & reversing.any(axis=1)):
             ready[row] &= _has_feed(motions.blocks[motions.block[row]])
-        possible = wanted & programmed & ready[:, None]
-        possible[coupled & (wanted & ~possible).any(axis=1)] = False
+        possible = reversing & programmed & ready[:, None]
+        possible[coupled & (reversing & ~possible).any(axis=1)] = False
         self._note_along(motions, others, "ncomp does not correct this axis")
         missing = asked & linear & ~possible
         self._note_along(motions, missing & closed[:, None], NO_INSERTION)

@@ -73,12 +73,12 @@ class CorrectedPaths:
         bare, machine = self._bare.take(rows), self.motions.machine
         q = bare.in_machine(positions_along(self.motions, rows, shares))
         states = self.conditions.states(None if self._heading is None else self._heading[rows])
-        wanted = tool_point(machine, q, bare.tool)
-        errors = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - wanted
+        aim = tool_point(machine, q, bare.tool)
+        errors = tool_point(machine, q, bare.tool, self.models[0].errors(machine, states(q))) - aim
         errors -= self._datum[rows]
         turned = self.turned[rows]
         if turned.any():
-            there = linear_positions(machine, q[turned], wanted[turned] + errors[turned], bare.tool[turned])
+            there = linear_positions(machine, q[turned], aim[turned] + errors[turned], bare.tool[turned])
             errors[turned] = (there - q[turned])[:, machine.translators]
         return np.asarray(errors)
 
@@ -255,8 +255,8 @@ def _cross(shares: list[float], jump: float, length: float) -> None:
 def _batches(paths: CorrectedPaths, segments: list[Segment]) -> Iterator[list[tuple[Segment, Array]]]:
     """The segments with the shifts `(steps + 1, axes)` along them, in batches."""
     rows, low, high = (np.array(column) for column in zip(*segments, strict=True))
-    wanted = np.maximum(paths.steps[rows] * (high - low) / STEPS, 1.0)
-    steps = np.minimum(STEPS * 2 ** np.ceil(np.log2(wanted)), MOST_STEPS).astype(int)
+    aim = np.maximum(paths.steps[rows] * (high - low) / STEPS, 1.0)
+    steps = np.minimum(STEPS * 2 ** np.ceil(np.log2(aim)), MOST_STEPS).astype(int)
     ends = np.cumsum(steps + 1)
     for batch in np.split(np.arange(len(segments)), np.flatnonzero(np.diff(ends // BATCH)) + 1):
         counts = steps[batch] + 1
@@ -312,11 +312,13 @@ def deviations(paths: CorrectedPaths, segment: Segment, shifts: Array) -> tuple[
         plane = _arc_deviation(paths.motions, segment, arc, shifts[:, i] + 1j * shifts[:, j])
         deviation[:, i], deviation[:, j] = plane.real, plane.imag
     deviation *= paths.weights[segment.row]
-    bends = np.linalg.norm(np.diff(deviation, 2, axis=0), axis=1)
-    bends = np.concatenate([3.0 * bends[:1], bends, 3.0 * bends[-1:]])  # an end has no second difference of its own
+    curvature = np.linalg.norm(np.diff(deviation, 2, axis=0), axis=1)
+    curvature = np.concatenate(
+        [3.0 * curvature[:1], curvature, 3.0 * curvature[-1:]]
+    )  # an end has no second difference of its own
     sizes = np.linalg.norm(deviation, axis=1)
-    sizes, bends = np.maximum(sizes[:-1], sizes[1:]), bends[:-1] + bends[1:]
-    return float((sizes + bends / 4.0).max()), float((sizes + bends / 16.0).max())
+    sizes, curvature = np.maximum(sizes[:-1], sizes[1:]), curvature[:-1] + curvature[1:]
+    return float((sizes + curvature / 4.0).max()), float((sizes + curvature / 16.0).max())
 
 
 def _arc_deviation(motions: Motions, segment: Segment, arc: Arc, shifts: np.ndarray) -> np.ndarray:

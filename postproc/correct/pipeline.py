@@ -321,7 +321,7 @@ class Pipeline:
             self.report.left.setdefault(names, []).append(motions.blocks[motions.block[row]].line)
 
     def _note_rotary_only(self, motions: Motions, correction: Correction, written: Written) -> None:
-        """Note the feed moves of rotary axes alone with a residual error that the next move corrects."""
+        """Note the feed moves of rotary axes only with a residual error that the next move corrects."""
         behind = np.abs(written.ends - correction.target)[:, self.job.machine.translators].max(axis=1, initial=0.0)
         for row in np.flatnonzero(motions.rotary_only & (behind * 1e3 > self.job.tolerance_um)):
             line = motions.blocks[motions.block[row]].line

@@ -1,4 +1,4 @@
-"""Feed moves of rotary axes alone: the linear axes keep their positions and the correction of the position before.
+"""Feed moves of rotary axes only: the linear axes keep their positions and the correction of the position before.
 
 During the move this correction may become wrong, up to twice the error. If such a move would be worse than in the
 input, the position before it is not corrected either.
@@ -32,7 +32,7 @@ def uncorrected_before_rotary_moves(
     approach: Array | None,
     notes: Notes,
 ) -> Correction:
-    """The correction, removed at positions before feed moves of rotary axes alone that would become worse by it.
+    """The correction, removed at positions before feed moves of rotary axes only that would become worse by it.
 
     approach `(n, axes)`: direction of each axis at the end of each move.
     """

@@ -142,10 +142,10 @@ def _quarters(motions: Motions, row: int, shares: list[float]) -> list[float]:
     turned, found = abs(arc_turned(motions, row)), [0.0, *shares, 1.0]
     longest = QUARTER if arc.form.startswith("radius") else HALF_TURN + 2e-6
     while True:
-        halves = [(a + b) / 2 for a, b in pairwise(found) if (b - a) * turned > longest]
-        if not halves:
+        middles = [(a + b) / 2 for a, b in pairwise(found) if (b - a) * turned > longest]
+        if not middles:
             return found[1:-1]
-        found = sorted(found + halves)
+        found = sorted(found + middles)
 
 
 def _with_round_angles(motions: Motions) -> Motions:

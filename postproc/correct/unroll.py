@@ -170,13 +170,13 @@ def _literal(block: Block, word: Word) -> list[Edit]:
     return [Edit(word.start, word.end, plus + text)]
 
 
-def _same(found: Motions, wanted: Motions) -> bool:
+def _same(found: Motions, expected: Motions) -> bool:
     """True if the moves are equal, except for the rounding of the written numbers."""
-    if not np.array_equal(found.kind, wanted.kind) or found.arcs.keys() != wanted.arcs.keys():
+    if not np.array_equal(found.kind, expected.kind) or found.arcs.keys() != expected.arcs.keys():
         return False
-    same = bool(np.abs(found.machine_target - wanted.machine_target).max(initial=0.0) < SAME)
-    same &= bool((found.known == wanted.known).all())
-    for row, arc in wanted.arcs.items():
+    same = bool(np.abs(found.machine_target - expected.machine_target).max(initial=0.0) < SAME)
+    same &= bool((found.known == expected.known).all())
+    for row, arc in expected.arcs.items():
         other = found.arcs[row]
         same &= (arc.plane, arc.sense, arc.full, arc.turns) == (other.plane, other.sense, other.full, other.turns)
         same &= bool(np.allclose(arc.centre, other.centre, rtol=0.0, atol=1e-4))

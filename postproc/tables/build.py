@@ -133,18 +133,18 @@ def _of_two_axes(target: Target, outputs: Sequence[int], capabilities: Capabilit
         means = {pair[0]: both.mean(axis=1, keepdims=True), pair[1]: both.mean(axis=0, keepdims=True)}
         middle = both.mean(axis=(0, 1))
         for i in (i for i in outputs if axes[i].name[0] in capabilities.surface_outputs):
-            alone = both[:, :, i] - middle[i]
+            interaction = both[:, :, i] - middle[i]
             for k in pair:
                 if capabilities.own if k == i else capabilities.adds(axes[i].name, axes[k].name):
-                    alone = alone - (means[k][:, :, i] - middle[i])
-            improvement = float(np.mean(alone**2))
+                    interaction = interaction - (means[k][:, :, i] - middle[i])
+            improvement = float(np.mean(interaction**2))
             if improvement >= WORTH**2:
-                found.append(_Part(i, pair, positions, alone, 1 if capabilities.surfaces else 2, improvement))
+                found.append(_Part(i, pair, positions, interaction, 1 if capabilities.surfaces else 2, improvement))
     return found
 
 
 def _best(parts: Iterable[_Part], limits: Limits) -> list[_Part]:
-    """Those that take away most for each table they need, as many as the control holds."""
+    """The parts with the largest improvement for each table that they need, as many as the control holds."""
     kept: list[_Part] = []
     left = float("inf") if limits.tables is None else limits.tables
     for part in sorted(parts, key=lambda part: -part.improvement / part.tables):
@@ -187,8 +187,8 @@ class _Writer:
         cross = parts[0].sources != (parts[0].output,)
         limits = self._limits.cross if cross and self._limits.cross is not None else self._limits
         x = parts[0].positions[0]
-        wanted = [part.values - self._means_of_products(part)[:, None] for part in parts]
-        together = [(part, curves) for part, curves in zip(parts, wanted, strict=True) if _visible(curves, limits)]
+        required = [part.values - self._means_of_products(part)[:, None] for part in parts]
+        together = [(part, curves) for part, curves in zip(parts, required, strict=True) if _visible(curves, limits)]
         if not together:
             return
         closing = source.turns_fully
@@ -225,15 +225,15 @@ class _Writer:
         machine = self._target.machine
         q = self._target.volume(BALANCE) * machine.scale
         step = self._limits.resolution
-        wanted = self._target.correction(q)
-        left = (wanted - added(self.terms, machine, q)).mean(axis=0) / machine.scale
+        required = self._target.correction(q)
+        left = (required - added(self.terms, machine, q)).mean(axis=0) / machine.scale
         for k, term in enumerate(self.terms):
             curve = term.factors[0]
             if term.inputs == (term.output,) and isinstance(curve, Curve) and not self._limits.zero_at_home:
                 shift = np.round(left[machine.index(term.output)] / step) * step
                 values = np.round(curve.values + shift, 12)
                 self.terms[k] = replace(term, factors=(replace(curve, values=values),))
-        left = (wanted - added(self.terms, machine, q)).mean(axis=0) / machine.scale
+        left = (required - added(self.terms, machine, q)).mean(axis=0) / machine.scale
         outputs = {term.output for term in self.terms}
         seen = [i for i, name in enumerate(machine.names) if name in outputs and abs(left[i]) >= step]
         self.datum = {machine.names[i]: float(left[i]) for i in seen}
@@ -310,7 +310,7 @@ def written_out(nodes: Array, values: Array, turns: range) -> tuple[Array, Array
 
 
 def _along(factor: Curve | Surface, x: Array) -> Array:
-    """A function of one axis at positions of it."""
+    """Values of a function of one axis at its positions `(n,)`."""
     return factor.at(lambda _: x)
 
 

@@ -39,7 +39,7 @@ class Exported:
     """The calibration."""
     files: dict[str, str]
     taken: ErrorModel
-    """The errors that the tables take away."""
+    """The errors that the tables correct."""
     datum: dict[str, float] = field(default_factory=dict)
     """Constants by axis, mm or degrees, that the tables must not hold."""
 

@@ -56,7 +56,7 @@ def fitted(x: Array, curves: Array, nodes: Array) -> Array:
     return np.asarray(solveh_banded(banded, np.stack(right, axis=1) + ridge * sampled))
 
 
-def left_over(x: Array, curves: Array, nodes: Array, values: Array) -> float:
+def squared_residual(x: Array, curves: Array, nodes: Array, values: Array) -> float:
     """Sum of squares of the interpolation error."""
     approximations = np.stack([np.interp(x, nodes, column) for column in values.T], axis=1)
     return float(np.sum((curves - approximations) ** 2))
@@ -130,9 +130,9 @@ def _equidistant(x: Array, curves: Array, limits: Limits, home: float | None, en
         values = fitted(x, curves, nodes)
         if np.abs(np.diff(values, axis=0)).max() > limits.steepest - limits.resolution / 2:
             continue
-        left = left_over(x, curves, nodes, values)
-        if left < least * (1 - 1e-6) - 1e-30:
-            best, least = nodes, left
+        residual = squared_residual(x, curves, nodes, values)
+        if residual < least * (1 - 1e-6) - 1e-30:
+            best, least = nodes, residual
         if least <= enough:
             break
     if best is None:

@@ -32,7 +32,7 @@ WORTH = 0.05
 
 
 class Unrepresented(NamedTuple):
-    """An error that stays."""
+    """A remaining error."""
 
     name: str
     rms_um: float
@@ -41,7 +41,7 @@ class Unrepresented(NamedTuple):
 
 
 def not_representable(target: Target, whole: ErrorModel, terms: Sequence[Term] | None) -> list[Unrepresented]:
-    """The errors that stay, the largest first; those that depend on more than positions and directions at the end.
+    """The remaining errors, the largest first; those that depend on more than positions and directions at the end.
 
     Without `terms`, of tables of error motions: dependences on other axes than their own.
     """
@@ -59,11 +59,11 @@ def not_representable(target: Target, whole: ErrorModel, terms: Sequence[Term] |
         if not errors[:, k].any() or _by_a_rotary_table(target, k, terms):
             continue
         aim = nominal - transform[:, :, k] * errors[:, [k]]
-        wanted = (linear_positions(machine, q, aim, target.tool) - q).reshape(*(n,) * len(axes), -1)
-        left = float(np.sqrt(np.mean(np.sum(_beside_tables(target, wanted, terms) ** 2, axis=-1)))) * 1e3
-        if left > WORTH:
-            found.append(Unrepresented(name, round(left, 4), _reason(name)))
-    return [*sorted(found, key=lambda left: -left.rms_um), *_reversals(target, terms), *_beyond(whole)]
+        required = (linear_positions(machine, q, aim, target.tool) - q).reshape(*(n,) * len(axes), -1)
+        residual = float(np.sqrt(np.mean(np.sum(_beside_tables(target, required, terms) ** 2, axis=-1)))) * 1e3
+        if residual > WORTH:
+            found.append(Unrepresented(name, round(residual, 4), _reason(name)))
+    return [*sorted(found, key=lambda residual: -residual.rms_um), *_reversals(target, terms), *_beyond(whole)]
 
 
 def short_waves(target: Target, points: int) -> list[Unrepresented]:
@@ -87,10 +87,10 @@ def _not_of_their_own_axis(target: Target, errors: Array, transform: Array, n: i
         grid = errors[:, k].reshape((n,) * count)
         others = tuple(j for j in range(count) if j != k // 6)
         beside = (grid - grid.mean(axis=others, keepdims=True) if k // 6 < count else grid).reshape(-1, 1)
-        left = float(np.sqrt(np.mean(np.sum((transform[:, :, k] * beside) ** 2, axis=1)))) * 1e3
-        if left > WORTH:
-            found.append(Unrepresented(name, round(left, 4), "depends on other axes as well"))
-    return sorted(found, key=lambda left: -left.rms_um)
+        residual = float(np.sqrt(np.mean(np.sum((transform[:, :, k] * beside) ** 2, axis=1)))) * 1e3
+        if residual > WORTH:
+            found.append(Unrepresented(name, round(residual, 4), "depends on other axes as well"))
+    return sorted(found, key=lambda residual: -residual.rms_um)
 
 
 def _by_a_rotary_table(target: Target, column: int, terms: Sequence[Term]) -> bool:
@@ -103,9 +103,9 @@ def _by_a_rotary_table(target: Target, column: int, terms: Sequence[Term]) -> bo
     return own and any(term.output == axis.name and term.inputs == (axis.name,) for term in terms)
 
 
-def _beside_tables(target: Target, wanted: Array, terms: Sequence[Term]) -> Array:
+def _beside_tables(target: Target, required: Array, terms: Sequence[Term]) -> Array:
     """Residual of a correction after the means that the tables can hold, on the grid `(n, ..., axes)`."""
-    axes, left = target.machine.axes, wanted.copy()
+    axes, residual = target.machine.axes, required.copy()
     every = tuple(range(len(axes)))
     for i, axis in enumerate(axes):
         sources: set[tuple[int, ...]] = set()
@@ -116,8 +116,8 @@ def _beside_tables(target: Target, wanted: Array, terms: Sequence[Term]) -> Arra
                 sources |= {(column,) for column in columns}
         for source in sorted(sources, key=len):
             rest = tuple(j for j in every if j not in source)
-            left[..., i] = left[..., i] - left[..., i].mean(axis=rest, keepdims=True)
-    return left
+            residual[..., i] = residual[..., i] - residual[..., i].mean(axis=rest, keepdims=True)
+    return residual
 
 
 def _reason(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Values for parameters of a control instead of tables: play, thermal growth, positions of rotary axes.
+"""Values for parameters of a control instead of tables: backlash, thermal growth, positions of rotary axes.
 
 Names of parameters are marked as in the sheet: [manual] read in a maker's manual, [common] common knowledge that no
 source was found for. None of them is written into a control by ncomp.
@@ -33,38 +33,38 @@ CONSTANT = "its constant part, with the constants of the tables: do not enter it
 
 CONTROL_PARAMETERS: Mapping[str, Mapping[str, str]] = {
     "linuxcnc": {
-        "play": "[JOINT_n] BACKLASH [manual]; ignored where the joint has a COMP_FILE",
+        "backlash": "[JOINT_n] BACKLASH [manual]; ignored where the joint has a COMP_FILE",
         "growth": "no parameter: external offset by a HAL component [common]",
         "rotary": "x-offset, y-offset, z-offset and *-rot-point pins of xyzac/xyzbc-trt-kins [manual]",
     },
     "siemens": {
-        "play": "MD32450 $MA_BACKLASH [common]; only where no table holds both directions",
+        "backlash": "MD32450 $MA_BACKLASH [common]; only where no table holds both directions",
         "growth": "MD32750 TEMP_COMP_TYPE, SD43900 ... SD43920 temperature compensation [common]",
         "rotary": "TRAORI: MD24500, MD24550, MD24558, MD24560 offsets, MD24570/24572 axis vectors; "
         "swivel data $TC_CARR1..20, fine offsets $TC_CARR41..60 [manual]",
     },
     "heidenhain": {
-        "play": "MP_backLash; MP750.x on older controls [manual]; only where no table has a BACKLASH column",
+        "backlash": "MP_backLash; MP750.x on older controls [manual]; only where no table has a BACKLASH column",
         "growth": "no public description found",
         "rotary": "COORD of the Trans rows before the MachAxis row in the kinematics description [manual]",
     },
     "fanuc": {
-        "play": "1851 backlash, 1852 in rapid traverse, detection units [common]; 0 with bidirectional tables",
+        "backlash": "1851 backlash, 1852 in rapid traverse, detection units [common]; 0 with bidirectional tables",
         "growth": "thermal growth compensation along the tool: an option [common]",
         "rotary": "19700 ... 19755 offsets of the five-axis kinematics [common]",
     },
     "isg": {
-        "play": "lr_param.backlash [common]; included in tables with bilateral 1 [manual]",
+        "backlash": "lr_param.backlash [common]; included in tables with bilateral 1 [manual]",
         "growth": "temperature compensation, keyword TEMP of COMP ON [manual: existence only]",
         "rotary": "kinematic parameters of the channel; X0C ... of the volumetric compensation [manual]",
     },
     "mitsubishi": {
-        "play": "#2011 and #2012 backlash compensation [common]",
+        "backlash": "#2011 and #2012 backlash compensation [common]",
         "growth": "no source found",
         "rotary": "rotary axis configuration parameters [common]",
     },
     "firmware": {
-        "play": "M425 on Marlin; none on Klipper and RepRapFirmware [common]",
+        "backlash": "M425 on Marlin; none on Klipper and RepRapFirmware [common]",
         "growth": "none",
         "rotary": "none",
     },
@@ -84,7 +84,7 @@ def parameter_rows(model: ErrorModel, content: Content, family: str) -> list[Row
             windup = "" if effect.windup is None else f", and {effect.windup:.3f} {effect.quantities()[1].unit}"
             value = f"{effect.width:.3f} {unit}{windup} (forward minus backward: {-effect.width:.3f} {unit})"
             held = HELD if effect.axis in bidirectional else NOT_HELD
-            rows.append(Row(f"play of {effect.axis}", value, control_parameters.get("play", ""), held))
+            rows.append(Row(f"backlash of {effect.axis}", value, control_parameters.get("backlash", ""), held))
         elif isinstance(effect, GrowthWithSensor):
             value = f"{effect.coefficient:.4f} um/m/K of sensor {effect.sensor}, fixed at {effect.fixed_point:g}"
             rows.append(Row(f"growth of {effect.axis}", value, control_parameters.get("growth", ""), NOT_HELD))
@@ -98,7 +98,7 @@ def parameter_rows(model: ErrorModel, content: Content, family: str) -> list[Row
 
 
 def _line(effect: LocationError, machine: Machine) -> str:
-    """Where the line of a rotary axis really lies: at the value in the head, at minus the value in a table."""
+    """Actual line of a rotary axis: at the value for an axis of the head, at minus the value for one of the table."""
     axis = machine.axes[machine.index(effect.axis)]
     if effect.component in "ABC":
         tilt = effect.value if axis.side == "tool" else -effect.value

@@ -24,12 +24,12 @@ GRID = 4096
 SEED = 230
 
 Move = Callable[[Array, Array], Array]
-"""Where the control sends the axes `(n, axes)` for commands `(n, axes)`, mm and rad, come to in directions."""
+"""Actual axis positions `(n, axes)` for commands `(n, axes)`, mm and rad, and their directions of approach."""
 
 
 @dataclass(frozen=True)
 class EvaluationPoints:
-    """Where errors are looked at: commands `(n, axes)`, mm and rad, directions `(n, axes)`, tools `(n, 3)`, mm."""
+    """Points of an evaluation: commands `(n, axes)`, mm and rad, directions `(n, axes)`, tools `(n, 3)`, mm."""
 
     q: Array
     approach: Array
@@ -37,7 +37,7 @@ class EvaluationPoints:
 
 
 def volume_points(target: Target) -> EvaluationPoints:
-    """Spread evenly over the travels of all axes, come to from either side."""
+    """Points evenly spread over the travels of all axes, approached from either side."""
     q = target.volume(GRID) * target.machine.scale
     approach = np.random.default_rng(SEED).choice([-1.0, 1.0], q.shape)
     return EvaluationPoints(q, approach, np.broadcast_to(target.tool, (len(q), 3)))

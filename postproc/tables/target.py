@@ -68,15 +68,15 @@ def bounds(axis: Axis) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Target:
-    """One machine with its errors, and the tool it is to be right for."""
+    """One machine with its errors, and the tool for which it is corrected."""
 
     machine: Machine
     model: ErrorModel
-    """A state for errors at rest."""
+    """Effects of positions and directions only."""
     tool: Array
     """`(3,)`, mm, from the tool reference point."""
     rotary: bool = True
-    """False when nothing may be added to rotary axes."""
+    """False if rotary axes cannot be corrected."""
 
     def correction(self, q: Array, approach: Array | None = None) -> Array:
         """Corrections of commands q `(n, axes)`, mm and rad, that bring the tool point to its nominal position.
@@ -159,7 +159,7 @@ class Target:
         return np.unique(np.concatenate([self.evenly(column, n), inside]).round(9))
 
     def depends_on_direction(self, column: int) -> bool:
-        """True when errors depend on the direction this axis comes from."""
+        """True when errors depend on the direction of approach of this axis."""
         name = self.machine.names[column]
         return any("approach" in effect.needs and name in effect.axes for effect in self.model.effects)
 

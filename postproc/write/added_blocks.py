@@ -138,11 +138,11 @@ class AddedBlock:
         own = f"{self.number} {name}"
         return number if self.iterations is None else self.iterations.agreed(own, number, decimals)
 
-    def add(self, address: str, wanted: float, held: float, decimals: int) -> float:
-        """Add a word if the rounded wanted value differs from the held one; returns the value on the control then."""
-        number = None if round(wanted - held, decimals) == 0.0 else round(wanted, decimals)
+    def add(self, address: str, target: float, held: float, decimals: int) -> float:
+        """Add a word if the rounded target differs from the held value; returns the value on the control then."""
+        number = None if round(target - held, decimals) == 0.0 else round(target, decimals)
         if self.iterations is not None:
-            number = self.iterations.added(f"{self.number} {address}", number, wanted, held, decimals)
+            number = self.iterations.added(f"{self.number} {address}", number, target, held, decimals)
         if number is None:
             return held
         self.insert(address, number, decimals)

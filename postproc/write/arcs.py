@@ -162,14 +162,14 @@ class CircleWriter:
         return base[0] + values[0] * unit, base[1] + values[1] * unit
 
 
-def round_off(motions: Motions, row: int, start: list[float], wanted: list[float], shift: Array) -> None:
-    """Move the wanted end of an arc radially if the difference of its radii would change by more than OUT_OF_ROUND / 2.
+def round_off(motions: Motions, row: int, start: list[float], end: list[float], shift: Array) -> None:
+    """Move the end of an arc radially if the difference of its radii would change by more than OUT_OF_ROUND / 2.
 
     This occurs on nearly full circles: their ends are close together, but may have different corrections.
     """
     arc = motions.arcs[row]
     i, j, _ = arc.plane
-    first, last = (start[i], start[j]), (wanted[i], wanted[j])
+    first, last = (start[i], start[j]), (end[i], end[j])
     before, after = arc_ends(motions, row)
     centre = _new_centre(motions, row, first, last, shift)
     radius = math.dist(last, centre)
@@ -177,8 +177,8 @@ def round_off(motions: Motions, row: int, start: list[float], wanted: list[float
     excess = abs(fault) - OUT_OF_ROUND / 2
     if excess > 0.0:
         share = math.copysign(excess, fault) / radius
-        wanted[i] += share * (last[0] - centre[0])
-        wanted[j] += share * (last[1] - centre[1])
+        end[i] += share * (last[0] - centre[0])
+        end[j] += share * (last[1] - centre[1])
 
 
 def _new_centre(motions: Motions, row: int, start: Point, end: Point, middle_shift: Array) -> Point:

@@ -11,7 +11,7 @@ from postproc.text.editing import WordEditor
 class Depth(NamedTuple):
     """Bottom of a hole along the drilling axis, corrected and nominal; mm, programmed coordinates."""
 
-    wanted: float
+    corrected: float
     nominal: float
     programmed: bool
     """True if the program has given the position of the axis, so that it is corrected."""
@@ -52,38 +52,38 @@ class HoleWriter:
         if cycle.first:
             self._level = held
             self._held.clear()
-        wanted = {"R": cycle.clear + depth.wanted - depth.nominal, "depth": depth.wanted}
+        corrected = {"R": cycle.clear + depth.corrected - depth.nominal, "depth": depth.corrected}
         incremental = cycle.incremental != cycle.switched
         above = self._level if incremental else 0.0
         both = (incremental or cycle.switched) and any(
-            self._differs(what, value, unit, decimals) for what, value in wanted.items()
+            self._differs(what, value, unit, decimals) for what, value in corrected.items()
         )
         scale = Scale(unit, decimals, depth.programmed, both)
-        clear = self._write_word(editor, cycle.retract_word, ("R", "R"), wanted["R"], above, scale)
+        clear = self._write_word(editor, cycle.retract_word, ("R", "R"), corrected["R"], above, scale)
         bottom = self._write_word(
-            editor, cycle.word, (name, "depth"), wanted["depth"], clear if incremental else 0.0, scale
+            editor, cycle.word, (name, "depth"), corrected["depth"], clear if incremental else 0.0, scale
         )
         return bottom, clear if cycle.to_retract else self._level
 
-    def _differs(self, what: str, wanted: float, unit: float, decimals: int) -> bool:
+    def _differs(self, what: str, corrected: float, unit: float, decimals: int) -> bool:
         """True if a position, mm, differs from the value on the control."""
-        return what not in self._held or round((wanted - self._held[what]) / unit, decimals) != 0
+        return what not in self._held or round((corrected - self._held[what]) / unit, decimals) != 0
 
     def _write_word(
-        self, editor: WordEditor, index: int | None, name: tuple[str, str], wanted: float, base: float, scale: Scale
+        self, editor: WordEditor, index: int | None, name: tuple[str, str], corrected: float, base: float, scale: Scale
     ) -> float:
         """Write one word; returns its position, mm, unchanged if the axis is not corrected.
 
         `name`: its address and its quantity; `base`: origin of its value, mm.
         """
-        (address, what), number = name, (wanted - base) / scale.unit
+        (address, what), number = name, (corrected - base) / scale.unit
         if index is not None:
             present = editor.block.words[index].value or 0.0
             programmed = editor.set(index, number, scale.decimals) if scale.corrected else present
-        elif scale.corrected and (scale.both or self._differs(what, wanted, scale.unit, scale.decimals)):
+        elif scale.corrected and (scale.both or self._differs(what, corrected, scale.unit, scale.decimals)):
             programmed = editor.agreed(address, round(number, scale.decimals), scale.decimals)
             editor.insert(address, programmed, scale.decimals)
         else:
-            return self._held.get(what, wanted)
+            return self._held.get(what, corrected)
         self._held[what] = base + scale.unit * programmed
         return self._held[what]

@@ -23,8 +23,8 @@ def axes_across(motions: Motions, row: int, moved: Iterable[int]) -> list[int]:
     if arc is None or motions.blocks[motions.block[row]].kind == "words":
         return []
     named = {word.axis for word in motions.words[row]}.union(arc.plane[:2])
-    still = motions.target[row] == motions.start[row]
-    return [axis for axis in moved if axis not in named and still[axis]]
+    unmoved = motions.target[row] == motions.start[row]
+    return [axis for axis in moved if axis not in named and unmoved[axis]]
 
 
 def replaced_by_angle(

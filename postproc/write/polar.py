@@ -19,15 +19,15 @@ class PolarWriter:
         """Last written radius, mm, and angle, degrees."""
 
     def write(
-        self, editor: WordEditor, polar: Polar, names: tuple[str, str], wanted: Position, unit: float, resolution: float
+        self, editor: WordEditor, polar: Polar, names: tuple[str, str], target: Position, unit: float, resolution: float
     ) -> Position:
-        """Write the position `wanted`, mm, in the plane; returns the written position, mm.
+        """Write the position `target`, mm, in the plane; returns the written position, mm.
 
         resolution: of the position, mm; the angle gets the decimals that this requires at the radius.
         """
         sign = math.copysign(1.0, polar.radius)
-        radius = sign * math.hypot(*wanted)
-        angle = math.degrees(math.atan2(sign * wanted[1], sign * wanted[0]))
+        radius = sign * math.hypot(*target)
+        angle = math.degrees(math.atan2(sign * target[1], sign * target[0]))
         angle += 360.0 * round((polar.angle - angle) / 360.0)
         if radius == 0.0:
             angle = polar.angle
@@ -42,12 +42,12 @@ class PolarWriter:
         editor: WordEditor, index: int | None, name: str, values: tuple[float, float], steps: tuple[float, float]
     ) -> float:
         """Write one word; returns its value. `values`: wanted and held; `steps`: unit and resolution."""
-        (wanted, held), (unit, resolution) = values, steps
+        (target, held), (unit, resolution) = values, steps
         decimals = decimals_for(resolution / unit)
         if index is not None:
-            return editor.set(index, wanted / unit, decimals) * unit
-        if abs(wanted - held) < 0.5 * resolution:
+            return editor.set(index, target / unit, decimals) * unit
+        if abs(target - held) < 0.5 * resolution:
             return held
-        number = round(wanted / unit, decimals)
+        number = round(target / unit, decimals)
         editor.insert(name, number, decimals)
         return number * unit

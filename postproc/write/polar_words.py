@@ -136,10 +136,10 @@ def _set_angle(editor: WordEditor, polar: PolarEnd, angles: tuple[float, float],
     return _set(editor, ("PA", polar.angle), begun, turn + math.remainder(ended - turn, 360.0), decimals)
 
 
-def _set(editor: WordEditor, word: tuple[str, int | None], before: float, wanted: float, decimals: int) -> float:
+def _set(editor: WordEditor, word: tuple[str, int | None], before: float, target: float, decimals: int) -> float:
     """Write a polar coordinate, as an increment if its word is one, or omit it if it stays; returns its value."""
     name, index = word
     if index is None:
-        return editor.add(name, wanted, before, decimals)
+        return editor.add(name, target, before, decimals)
     base = before if editor.block.words[index].address.startswith("I") else 0.0
-    return base + editor.set(index, wanted - base, decimals)
+    return base + editor.set(index, target - base, decimals)

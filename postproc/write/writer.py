@@ -247,24 +247,24 @@ class Writer:
         start = list(held)
         arc = motions.arcs.get(row)
         kept = self._kept(motions, row, rotary_only)
-        wanted = _wanted(motions, correction, row, start, kept)
+        corrected = _corrected_end(motions, correction, row, start, kept)
         linear_unit = float(motions.unit[row])
         programmed = self._programmed[row]
         named = set()
         # a segment ends at a position without words in the program: all moving axes are written
         written = self._all_by_letter if self._inner[row] or self._ours[row] else self._by_letter
         exact = {*written} - {*self._by_letter} | {*kept}
-        dropped = self._keep_in_plane(motions, row, editor, wanted, start)
+        dropped = self._keep_in_plane(motions, row, editor, corrected, start)
         for axis, index, incremental in motions.words[row]:
             named.add(axis)
             if not programmed[axis]:
                 held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
             elif index < 0:
-                held[axis] = wanted[axis]
+                held[axis] = corrected[axis]
             elif axis in written and index not in dropped:
                 unit = 1.0 if self.machine.rotary[axis] else linear_unit
                 base = start[axis] if incremental else 0.0
-                number = (wanted[axis] - base) / unit
+                number = (corrected[axis] - base) / unit
                 decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
                 assert isinstance(editor, WordEditor)  # an added block has no axis words yet
                 held[axis] = base + editor.set(index, number, decimals) * unit
@@ -272,17 +272,17 @@ class Writer:
                 held[axis] = float(motions.target[row, axis])
         for axis in motions.arcs[row].plane[:2] if dropped else ():
             named.add(axis)
-            held[axis] = wanted[axis]
+            held[axis] = corrected[axis]
         for axis in (axis for axis in self._turned_by_vector if axis not in named and not programmed[axis]):
             held[axis] += float(motions.target[row, axis] - motions.start[row, axis])
         if row in motions.polars:
-            named.update(self._write_polar(motions, row, wanted, held, editor))
+            named.update(self._write_polar(motions, row, corrected, held, editor))
         elif arc is None and isinstance(editor, WordEditor) and int(motions.block[row]) in motions.polar_ends:
             self._poles.write_line(motions, row, (start, held), programmed, editor)
         for axis in (axis for axis in written if axis not in named and programmed[axis]):
             unit = 1.0 if self.machine.rotary[axis] else linear_unit
             base = held[axis] if motions.incremental[row] else 0.0
-            number = (wanted[axis] - base) / unit
+            number = (corrected[axis] - base) / unit
             decimals = max(self._decimals(axis, unit), decimals_holding(number) if axis in exact else 0)
             held[axis] = self._insert(editor, axis, held[axis], base, number, unit, decimals)
         if arc is not None:
@@ -302,7 +302,7 @@ class Writer:
             check_turned(motions.blocks[motions.block[row]], before, after)
 
     def _keep_in_plane(
-        self, motions: Motions, row: int, editor: WordEditor | AddedBlock, wanted: list[float], start: list[float]
+        self, motions: Motions, row: int, editor: WordEditor | AddedBlock, corrected: list[float], start: list[float]
     ) -> list[int]:
         """Klartext arcs: axes across the plane keep their positions if the block cannot name them.
 
@@ -314,32 +314,32 @@ class Writer:
         moved = [
             axis
             for axis in (self._all_by_letter if inner else self._by_letter)
-            if programmed[axis] and abs(wanted[axis] - start[axis]) >= 0.5 * 10.0 ** -self._decimals(axis, 1.0)
+            if programmed[axis] and abs(corrected[axis] - start[axis]) >= 0.5 * 10.0 ** -self._decimals(axis, 1.0)
         ]
         across = axes_across(motions, row, moved)
         dropped = replaced_by_angle(motions, row, across, editor) if across else []
         for axis in across if dropped is None else ():
-            wanted[axis] = start[axis]
+            corrected[axis] = start[axis]
         return dropped or []
 
     def _kept(self, motions: Motions, row: int, rotary_only: bool) -> tuple[int, ...]:
         """Columns of the axes whose end must equal their start to the last digit."""
-        arc, still = motions.arcs.get(row), motions.locked_axes.get(row, ())
+        arc, locked = motions.arcs.get(row), motions.locked_axes.get(row, ())
         if rotary_only:
-            return (*self.machine.translators, *still)
+            return (*self.machine.translators, *locked)
         if arc is not None and arc.full:
-            return (*arc.plane[:2], *still)
-        return (motions.cycles[row].axis, *still) if row in motions.cycles else still
+            return (*arc.plane[:2], *locked)
+        return (motions.cycles[row].axis, *locked) if row in motions.cycles else locked
 
     def _write_polar(
-        self, motions: Motions, row: int, wanted: list[float], held: list[float], editor: WordEditor | AddedBlock
+        self, motions: Motions, row: int, corrected: list[float], held: list[float], editor: WordEditor | AddedBlock
     ) -> tuple[int, int]:
         """Write a position by radius and angle; returns the columns of the two axes."""
         assert isinstance(editor, WordEditor)  # no block is added beside polar coordinates
         polar = motions.polars[row]
         i, j = polar.axes
         position = (
-            (wanted[i], wanted[j])
+            (corrected[i], corrected[j])
             if self._programmed[row][i] and self._programmed[row][j]
             else motions.target[row, [i, j]]
         )
@@ -413,14 +413,14 @@ class Writer:
         self._straight = added.tag is Tag.TAKE_UP
 
 
-def _wanted(
+def _corrected_end(
     motions: Motions, correction: Correction, row: int, start: list[float], kept: tuple[int, ...]
 ) -> list[float]:
     """Corrected end of a move, mm and degrees, with `kept` axes at its start; for an arc, after `round_off`."""
-    wanted: list[float] = correction.target[row].tolist()
+    corrected: list[float] = correction.target[row].tolist()
     for axis in kept:
         # exactly: a full circle with the smallest gap would be, for the control, an arc across this gap
-        wanted[axis] = start[axis]
+        corrected[axis] = start[axis]
     if row in motions.arcs and not motions.arcs[row].full:
-        round_off(motions, row, start, wanted, correction.middle_shift[row])
-    return wanted
+        round_off(motions, row, start, corrected, correction.middle_shift[row])
+    return corrected

@@ -92,7 +92,7 @@ def _parameters(content: Content, axis: Axis, own: Own, first: int) -> dict[str,
 
 
 def _reference(axis: Axis, nodes: Array, interval: float) -> int:
-    """Index of the point at the reference position; UserError where none, or not the first of a turn, lies there."""
+    """Index of the point at the reference position; UserError without one, or if a turn does not begin there."""
     share = (axis.home - float(nodes[0])) / interval
     if abs(share - round(share)) > 1e-6 or (axis.turns_fully and round(share) != 0):
         raise UserError(

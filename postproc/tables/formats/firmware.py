@@ -99,7 +99,7 @@ def _limits(grid: int, resolution: float, step: float) -> Limits:
     )
 
 
-def _carries(_: MeshSettings) -> Capabilities:
+def _capabilities(_: MeshSettings) -> Capabilities:
     return Capabilities(outputs="XYZ", own=False, cross=True, pairs=SKEWS, surfaces="XY", surface_outputs="Z")
 
 
@@ -108,7 +108,7 @@ KLIPPER = Format(
     title="Klipper skew_correction and bed_mesh",
     settings=MeshSettings,
     limits=lambda settings: _limits(settings.grid, 1e-6, 1e-4),
-    capabilities=_carries,
+    capabilities=_capabilities,
     write=write_klipper,
     sign="correction",
     parameters="firmware",
@@ -128,7 +128,7 @@ REPRAP = Format(
     title="RepRapFirmware height map and M556 skew",
     settings=MeshSettings,
     limits=lambda settings: _limits(settings.grid, 1e-3, 1e-2),
-    capabilities=_carries,
+    capabilities=_capabilities,
     write=write_reprap,
     sign="correction",
     parameters="firmware",

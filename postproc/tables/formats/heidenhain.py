@@ -142,7 +142,7 @@ def errors_before(axis: Axis) -> bool:
 
 
 def _rows(axis: Axis, tables: Sequence[MotionTable]) -> list[str]:
-    """The rows of an axis, with its errors on their side of it."""
+    """The rows of an axis, with its errors before or after its motion."""
     moved = [f"{'':<18}{'MachAxis':<10}{axis.name:<6}"]
     errors = []
     for table in tables:

@@ -1,6 +1,6 @@
 """Readers of controller tables, one for each format; they share no code with the writers.
 
-A reader gives the errors that the tables take away, as effects of an error model.
+A reader gives the errors that the tables correct, as effects of an error model.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ READERS: dict[str, Callable[[Source], list[Effect]]] = {
 
 
 def read_tables(format: str, source: Source) -> list[Effect]:
-    """The errors that tables take away; UserError for an unknown format, or files without any table."""
+    """The errors that tables correct; UserError for an unknown format, or files without any table."""
     if format not in READERS:
         raise UserError(f"--format {format}: expected one of {', '.join(READERS)}")
     found = READERS[format](source)

@@ -44,7 +44,7 @@ class _Table:
 def read_eec(source: Source) -> list[Effect]:
     """Encoder compensation of all axes."""
     found: list[Effect] = []
-    for (system, axis), table in _gathered(source, _EEC).items():
+    for (system, axis), table in _tables(source, _EEC).items():
         if system != source.setting("system", "0"):
             raise UserError(f"{table.name}: measuring system {system}; give --set system={system}")
         name = _axis(source, axis)
@@ -56,7 +56,7 @@ def read_eec(source: Source) -> list[Effect]:
 
 def read_cec(source: Source) -> list[Effect]:
     """Cross error compensation: tables, and products of two."""
-    tables = {int(key[0]): table for key, table in _gathered(source, _CEC).items()}
+    tables = {int(key[0]): table for key, table in _tables(source, _CEC).items()}
     factors = {int(table.entries.get("_MULT_BY_TABLE", 0)) - 1 for table in tables.values()} - {-1}
     sign = source.sign("correction")
     found: list[Effect] = []
@@ -100,7 +100,7 @@ def _modulo(source: Source, axis: str, table: _Table, points: list[tuple[float, 
     return points
 
 
-def _gathered(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...], _Table]:
+def _tables(source: Source, pattern: re.Pattern[str]) -> dict[tuple[str, ...], _Table]:
     """All tables of the files by index; other assignments, comments and checksums are passed over."""
     found: dict[tuple[str, ...], _Table] = {}
     for name, text in source.files.items():
